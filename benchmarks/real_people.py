@@ -18,6 +18,7 @@ from benchmarks.lib.mark_sheets import write_sheet
 from benchmarks.lib.marked_recording import FrameOutput, MarkedRecording, marked, run
 from benchmarks.lib.peers import PeerRun, PeerSequence, run_peers
 from benchmarks.lib.table import markdown, write
+from common.geometry.boxes import iou_xyxy
 from evaluation.methods import Method, read_method
 from evaluation.recordings.hand_annotations import FPS, crossing_camera
 from evaluation.recordings.hand_marks import HIDDEN, read_files, read_frames
@@ -30,12 +31,14 @@ from evaluation.recordings.mark_scores import (
     TrackedPerson,
     figures,
 )
+from people4d.messages import F64
 from services.camera.config import CameraConfig
 from services.detector.config import shipped_model
 
 ROOT = Path(__file__).resolve().parents[1]
 OUT = ROOT / "out" / "real_people"
 MARKS = Path(__file__).with_name("real_people_marks")
+SAME_BOX = 0.5  # least overlap of a track's box with that of its detection
 HALF_FRAME = 54  # frames before it choose, the others test
 HALVES = {"first half": range(HALF_FRAME), "second half": range(HALF_FRAME, 10_000)}
 DEFAULT = "MoveNet, appearance (default)"
@@ -131,10 +134,11 @@ def peer_results(
         for d in one.detections.detections
     ]
     sequence = PeerSequence(np.array(rows, np.float64), len(outputs), FPS)
+    detected = recording.detected(outputs)
     for tracker, runs in run_peers(python, {"filinha": sequence}, {}).items():
         results = {}
         for number, one in runs.items():
-            tracks = boxes_by_frame(one)
+            tracks = boxes_by_frame(one, detected)
             settings = "own settings" if number == 0 else one.settings.partition(": ")[2]
             label = f"{name}, {tracker}: {settings}"
             results[number] = Result(
@@ -146,13 +150,27 @@ def peer_results(
             yield results[best]
 
 
-def boxes_by_frame(one: PeerRun) -> dict[int, list[TrackedPerson]]:
-    """Return the tracks of another package, frames from 0."""
+def boxes_by_frame(
+    one: PeerRun, detected: Mapping[int, Sequence[TrackedPerson]]
+) -> dict[int, list[TrackedPerson]]:
+    """Return the tracks of another package, frames from 0, with positions of detections."""
     tracks = dict[int, list[TrackedPerson]]()
     for number, identity, *corners in one.rows["filinha"].tolist():
-        person = TrackedPerson(int(identity), np.array(corners))
-        tracks.setdefault(int(number) - 1, []).append(person)
+        frame, box = int(number) - 1, np.array(corners)
+        position_m = position_in(box, detected[frame])
+        tracks.setdefault(frame, []).append(
+            TrackedPerson(int(identity), box, detected_m=position_m)
+        )
     return tracks
+
+
+def position_in(box_xyxy_px: F64, detected: Sequence[TrackedPerson]) -> F64 | None:
+    """Return the position of the detection with the most of its box in common; None without."""
+    if not detected:
+        return None
+    overlaps = iou_xyxy(box_xyxy_px, [one.box_xyxy_px for one in detected])[0]
+    best = int(overlaps.argmax())
+    return detected[best].position_m if overlaps[best] >= SAME_BOX else None
 
 
 def first_half_owned(one: Result) -> int:
@@ -243,7 +261,9 @@ SUMMARY_NOTE = (
     "108 RGB-D frames of six people who walk a loop through a room and hide each other; 10 frames "
     "a second are assumed. In {frames} of them all people are marked by eye in the images alone: "
     "{marks} marks, {no} of people who are not hidden, {partly} partly and {mostly} mostly. A "
-    "track is on a mark if its box holds the mark, one to one; tracks with a detection come first. "
+    "track is on a mark if its box holds the mark or its position is within 0.5 m of the surface "
+    "there, one to one; tracks with a detection come first, then the nearest on the ground (tracks "
+    "of boxes count as where the detection in the box is), without depth in the image. "
     "`Right identity`: each person has one track over the recording, for the most marks. `First "
     "identity right`: the track is the person's first, and was no other's before. `Identity "
     "changes`: of people to another track; `taken over`: of tracks to another person. `Invented`: "

@@ -1,7 +1,9 @@
 """Scores of tracks against marks made by hand: identities, positions and facing at each mark.
 
-A track is on a mark if its box in the image holds the mark; each has one partner at most, and
-tracks with a detection come before predicted ones.
+A track is on a mark if its box in the image holds the mark, or its position is near the surface at
+the mark (the box of a head does not hold the torso). Each has one partner at most: tracks with a
+detection come before predicted ones, and where a box holds several marks those near its position
+before others.
 """
 
 import math
@@ -23,6 +25,8 @@ from services.tracker.sort3d.association import assign
 
 TORSO_HEIGHT = 0.35  # of a box, from its top: the torso of an upright person
 PREDICTED_PX = 10_000.0  # cost of a predicted track, above all distances in an image
+PX_PER_M = 250.0  # cost of a distance on the ground: its size in the image about two metres away
+UNKNOWN_M = 1e6  # coordinates of what has no known position
 INVENTED_FRAMES = 3  # more frames than that on no marked person: an invented track
 FAR_M = 0.5  # a position farther from the mark is wrong
 FACING_RAD = math.radians(45)
@@ -36,6 +40,7 @@ class TrackedPerson:
     box_xyxy_px: F64  # 4, of the detection; of a predicted track, around its projected torso
     predicted: bool = False  # without a detection in this frame
     position_m: F64 | None = None  # 3, in the map; None: the tracker has boxes only
+    detected_m: F64 | None = None  # 3, in the map: that of the detection in the box, if known
     yaw_rad: float | None = None  # in the map
 
 
@@ -212,10 +217,14 @@ class MarkScores:
             truth=GroundTruth(
                 ids=tuple(m.person for m in marks),
                 boxes_xyxy_px=np.array(points, np.float64).reshape(-1, 4),
+                positions_m=_rows([truth.point_m for truth in self._truth[frame]]),
             ),
             hypotheses=Hypotheses(
                 ids=tuple(t.id for t in tracks),
                 boxes_xyxy_px=boxes,
+                positions_m=_rows(
+                    [t.detected_m if t.position_m is None else t.position_m for t in tracks]
+                ),
                 predicted=np.array([t.predicted for t in tracks], np.bool_),
             ),
         )
@@ -232,11 +241,29 @@ def on_marks(truth: GroundTruth, tracked: Hypotheses) -> F64:
     corners = tracked.boxes_xyxy_px[None]
     low, high = corners[..., :2], corners[..., 2:]
     torsos = low + (high - low) * (0.5, TORSO_HEIGHT)
-    cost = np.linalg.norm(points - torsos, axis=-1) + PREDICTED_PX * tracked.was_predicted
-    cost[~((points >= low) & (points <= high)).all(axis=-1)] = np.inf
-    for i, j in assign(cost):
+    apart_px, distances_m = np.linalg.norm(points - torsos, axis=-1), _distances(truth, tracked)
+    cost = np.where(np.isfinite(distances_m), PX_PER_M * distances_m, apart_px)
+    holds = ((points >= low) & (points <= high)).all(axis=-1)
+    cost[~holds & ~(distances_m <= FAR_M)] = np.inf
+    for i, j in assign(cost + PREDICTED_PX * tracked.was_predicted):
         similarity[i, j] = 1.0
     return similarity
+
+
+def _distances(truth: GroundTruth, tracked: Hypotheses) -> F64:
+    """Return the distances on the ground (NxM) from marks to tracks; NaN where one is unknown."""
+    if truth.positions_m is None or tracked.positions_m is None:
+        return np.full((len(truth.ids), len(tracked.ids)), np.nan)
+    marks_m, tracks_m = truth.positions_m[:, None, :2], tracked.positions_m[None, :, :2]
+    unknown = (marks_m == UNKNOWN_M) | (tracks_m == UNKNOWN_M)
+    distances_m: F64 = np.linalg.norm(np.where(unknown, np.nan, marks_m - tracks_m), axis=-1)
+    return distances_m
+
+
+def _rows(positions_m: Sequence[F64 | None]) -> F64:
+    """Return positions (Nx3), those that are not known as UNKNOWN_M."""
+    unknown = np.full(3, UNKNOWN_M)
+    return np.array([unknown if p is None else p for p in positions_m]).reshape(-1, 3)
 
 
 def _owners(pairs: Mapping[tuple[int, str], TrackedPerson]) -> dict[str, int]:

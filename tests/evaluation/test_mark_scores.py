@@ -1,6 +1,7 @@
 """Scores against marks made by hand, on a worked miniature."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -60,6 +61,39 @@ def test_detected_track_comes_before_a_predicted_one_that_is_nearer() -> None:
     outcome = MarkScores({0: (truth("A", 100.0),)}, tracks, rate_hz=10.0).outcomes[0]
     assert outcome.track is not None
     assert outcome.track.id == 2
+
+
+def at_position(track: TrackedPerson, x_m: float) -> TrackedPerson:
+    """Return a track with a position on the x axis."""
+    return replace(track, position_m=np.array([x_m, 0.0, 1.0]))
+
+
+def test_where_a_box_holds_two_marks_the_one_at_its_position_counts() -> None:
+    """A at 1 m hides B at 2 m; both boxes hold both marks, and B's is centred on A's mark."""
+    marks = [
+        replace(truth(person, u_px), point_m=np.array([x_m, 0.0, 1.2]))
+        for person, u_px, x_m in (("A", 100.0, 1.0), ("B", 105.0, 2.0))
+    ]
+    tracks = [at_position(tracked(1, 105.0), 1.1), at_position(tracked(2, 100.0), 2.1)]
+    outcomes = MarkScores({0: marks}, {0: tracks}, rate_hz=10.0).outcomes
+    assert [o.track and o.track.id for o in outcomes] == [1, 2]
+    boxes_only = [replace(t, position_m=None, detected_m=t.position_m) for t in tracks]
+    outcomes = MarkScores({0: marks}, {0: boxes_only}, rate_hz=10.0).outcomes
+    assert [o.track and o.track.id for o in outcomes] == [1, 2]
+    unknown = [replace(t, position_m=None) for t in tracks]
+    outcomes = MarkScores({0: marks}, {0: unknown}, rate_hz=10.0).outcomes
+    assert [o.track and o.track.id for o in outcomes] == [2, 1]
+
+
+@pytest.mark.parametrize(("x_m", "is_found"), [(1.4, True), (1.6, False)])
+def test_track_of_a_head_is_on_the_mark_of_the_torso_below(x_m: float, is_found: bool) -> None:
+    """The box ends above the mark; the position is 0.4 or 0.6 m from the surface there."""
+    mark = replace(truth("A", 100.0), point_m=np.array([1.0, 0.0, 1.2]))
+    head = replace(
+        at_position(tracked(1, 100.0), x_m), box_xyxy_px=np.array([80.0, 20.0, 120.0, 60.0])
+    )
+    outcome = MarkScores({0: (mark,)}, {0: [head]}, rate_hz=10.0).outcomes[0]
+    assert (outcome.track is not None) == is_found
 
 
 @pytest.mark.parametrize(("yaw_deg", "expected_rad"), [(0, 0.0), (90, math.pi / 2), (180, math.pi)])
