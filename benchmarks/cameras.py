@@ -22,10 +22,10 @@ from benchmarks.lib.fusion.changes import Change, covered, dead, knocked, late_c
 from benchmarks.lib.fusion.delays import late_cases
 from benchmarks.lib.fusion.gains import gains
 from benchmarks.lib.fusion.methods import compare_methods
+from benchmarks.lib.fusion.played_detections import RATE_HZ, cost
 from benchmarks.lib.fusion.run import Statement, age_ms, track
 from benchmarks.lib.fusion.scene import FusionScene, read_fusion_scene
 from benchmarks.lib.fusion.scores import FusionScore, matched, score_of, score_row
-from benchmarks.lib.played_detections import RATE_HZ, cost
 from benchmarks.lib.table import markdown, write
 from lab.random_scenario import random_scenario
 from lab.scenario import CapturePlan, Scenario

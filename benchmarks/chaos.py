@@ -29,12 +29,12 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.faults import NEAR_M, Ear, ReceivedTracks, wait_for_people
-from benchmarks.lib.chaos_actions import Saboteur
-from benchmarks.lib.chaos_plan import Disturbance, plan
-from benchmarks.lib.growth import slope, written_mb
-from benchmarks.lib.standing import CLOCK_VARIABLE
+from benchmarks.lib.chaos.actions import Saboteur
+from benchmarks.lib.chaos.plan import Disturbance, plan
+from benchmarks.lib.chaos.tcp_proxy import TcpProxy
+from benchmarks.lib.system.growth import slope, written_mb
+from benchmarks.lib.system.standing import CLOCK_VARIABLE
 from benchmarks.lib.table import markdown, spread, write
-from benchmarks.lib.tcp_proxy import TcpProxy
 from common.transport.ports import free_port
 from deploy.launcher.launcher import stop
 from deploy.launcher.state import State
@@ -162,7 +162,7 @@ def system(folder: Path) -> Iterator[tuple[State, str, Path]]:
     state, port, clock = State(folder / ROBOT), free_port(), folder / "clock"
     clock.write_text("0")
     command = [sys.executable, "-m", "deploy.cli", "up", "--detach", "--robot", ROBOT]
-    command += ["--port", str(port), "--source", "benchmarks.lib.standing:Standing"]
+    command += ["--port", str(port), "--source", "benchmarks.lib.system.standing:Standing"]
     command += ["--timeout", START_S]
     environment = {**os.environ, "PEOPLE4D_STATE": str(folder), "PYTHONPATH": str(ROOT)}
     environment[CLOCK_VARIABLE] = str(clock)

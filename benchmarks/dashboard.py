@@ -24,10 +24,10 @@ import numpy as np
 import psutil
 from playwright.sync_api import sync_playwright
 
-from benchmarks.lib.live_camera import DEMO
-from benchmarks.lib.system import Cluster, Listener, cluster
+from benchmarks.lib.system.live_camera import DEMO
+from benchmarks.lib.system.services import Cluster, Listener, cluster
+from benchmarks.lib.system.viewers import silent_viewer, viewers
 from benchmarks.lib.table import markdown, spread, write
-from benchmarks.lib.viewers import silent_viewer, viewers
 from common.transport.ports import free_port
 from people4d.client import Client
 from people4d.codec import encode
@@ -37,8 +37,8 @@ VIEWERS = (0, 1, 20)
 CPU_LIMITS = {0: 2.0, 1: 10.0}  # [%] of a core, wanted
 LATENCY_LIMIT_MS = 0.5  # wanted at most, added at p50 by twenty viewers
 PAGE_LIMIT_S = 3.0
-LIVE = "benchmarks.lib.live_camera:LiveDemo"
-STORED = "benchmarks.lib.live_camera:StoredDemo"
+LIVE = "benchmarks.lib.system.live_camera:LiveDemo"
+STORED = "benchmarks.lib.system.live_camera:StoredDemo"
 LONG_WAITS = ("embedding_wait_s=60.0", "reorder_wait_s=60.0")
 PIPELINE = ("detector", "reid", "tracker")
 SETTLE_S = 3.0

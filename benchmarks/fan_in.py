@@ -11,7 +11,7 @@ import numpy as np
 import psutil
 import zenoh
 
-from benchmarks.lib.system import Cluster
+from benchmarks.lib.system.services import Cluster
 from benchmarks.lib.table import markdown, write
 from benchmarks.message_sizes import SPAN, STAGES
 from common.transport.zenoh_bus import read_config

@@ -23,7 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.lib.standing import PEOPLE, RATE_HZ
+from benchmarks.lib.system.standing import PEOPLE, RATE_HZ
 from benchmarks.lib.table import markdown, spread, write
 from common.transport.ports import free_port
 from deploy.launcher.health import works
@@ -145,7 +145,7 @@ def measure(folder: Path, times: int) -> tuple[dict[tuple[str, str], list[Fault]
     """Start the system, break it again and again, and stop it."""
     state, port = State(folder / ROBOT), free_port()
     command = [sys.executable, "-m", "deploy.cli", "up", "--detach", "--robot", ROBOT]
-    command += ["--port", str(port), "--source", "benchmarks.lib.standing:Standing"]
+    command += ["--port", str(port), "--source", "benchmarks.lib.system.standing:Standing"]
     root = Path(__file__).resolve().parents[1]
     environment = {**os.environ, "PEOPLE4D_STATE": str(folder), "PYTHONPATH": str(root)}
     subprocess.run(command, env=environment, check=True, cwd=root)

@@ -16,7 +16,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from benchmarks.lib.site import ROOT, TIMEOUT_S, Heard, Log, Site
+from benchmarks.lib.system.site import ROOT, TIMEOUT_S, Heard, Log, Site
 from benchmarks.lib.table import markdown, quantiles, write
 from common.io.recording import open_recording
 from common.runtime.latency import merge_stages, segments

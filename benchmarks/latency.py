@@ -12,9 +12,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from benchmarks.lib.playback import INFERENCE, Playback, live, lockstep, play
+from benchmarks.lib.system.playback import INFERENCE, Playback, live, lockstep, play
+from benchmarks.lib.system.tracing_cost import cost_of_marks, tracing
 from benchmarks.lib.table import markdown, spread, write
-from benchmarks.lib.tracing_cost import cost_of_marks, tracing
 from common.runtime.latency import merge_stages, percentiles
 from common.runtime.monitor import FramePath
 from common.transport.trace import STAGES

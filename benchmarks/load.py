@@ -6,8 +6,8 @@ that the network finds. Cameras: live, 15 frames a second each, on one detector.
 
 import argparse
 
-from benchmarks.lib.crowd import Crowd
-from benchmarks.lib.playback import bare_hz, live, lockstep, play
+from benchmarks.lib.system.crowd import Crowd
+from benchmarks.lib.system.playback import bare_hz, live, lockstep, play
 from benchmarks.lib.table import markdown, write
 from common.runtime.latency import percentiles
 from services.detector.config import shipped_model

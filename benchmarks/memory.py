@@ -25,7 +25,7 @@ from deploy.launcher.supervisor import Supervisor
 
 ROBOT = "memory"
 ROOT = Path(__file__).resolve().parents[1]
-SOURCES = {"live": "benchmarks.lib.standing:Standing", "recording": str(DEMO)}
+SOURCES = {"live": "benchmarks.lib.system.standing:Standing", "recording": str(DEMO)}
 STARTS = {"executed": "off", "forked": "on"}
 FORMS = {"`up --detach` [s]": "{:.1f}"}
 SUPERVISORD, TOTAL, READY = "supervisord", "all", "`up --detach` [s]"

@@ -17,7 +17,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from benchmarks.lib.mot15 import HELD_OUT, TUNING, load_all, quality, score_tracks
+from benchmarks.lib.peers.mot15 import HELD_OUT, TUNING, load_all, quality, score_tracks
 from benchmarks.lib.rides import (
     FAULTS,
     Ride,

@@ -12,8 +12,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from itertools import count, islice
 from typing import TypeVar
 
-from benchmarks.lib.live_camera import StoredDemo
-from benchmarks.lib.playback import INFERENCE
+from benchmarks.lib.system.live_camera import StoredDemo
+from benchmarks.lib.system.playback import INFERENCE
 from benchmarks.lib.table import markdown, quantiles, write
 from common.inference.engines import open_session
 from common.inference.session import Array, Session

@@ -2,7 +2,7 @@
 
 Ultralytics' `track`, and trackers of other packages on boxes from onnxruntime, on the same network
 file; ours with the default network, too. `--peers` names the interpreter of their environment, see
-`lib/video_peers.py`; `--integers` the file that `people4d models quantize` made of the network.
+`lib/peers/video.py`; `--integers` the file that `people4d models quantize` made of the network.
 """
 
 import argparse
@@ -15,14 +15,22 @@ from pathlib import Path
 import numpy as np
 import onnx
 
-from benchmarks.lib.live_camera import StoredDemo
-from benchmarks.lib.playback import APART, TOGETHER, Arrangement, bare_hz, live, lockstep, play
+from benchmarks.lib.system.live_camera import StoredDemo
+from benchmarks.lib.system.playback import (
+    APART,
+    TOGETHER,
+    Arrangement,
+    bare_hz,
+    live,
+    lockstep,
+    play,
+)
 from benchmarks.lib.table import markdown, spread, write
 from benchmarks.real_inputs import ROOT
 from benchmarks.together import RATE_SHARE
 from common.runtime.latency import percentiles
 
-SCRIPT = Path(__file__).parent / "lib" / "video_peers.py"
+SCRIPT = Path(__file__).parent / "lib" / "peers" / "video.py"
 REFERENCE = "Ultralytics' track"
 # What Ultralytics writes into the files that it exports, and reads there
 PROPERTIES = {"task": "pose", "stride": "32", "batch": "1", "imgsz": "[640, 640]"}

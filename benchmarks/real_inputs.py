@@ -13,7 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from benchmarks.lib.published import published_tracker
+from benchmarks.lib.peers.published import published_tracker
 from benchmarks.lib.table import markdown, write
 from common.drawing.people import annotate
 from common.drawing.tiles import shrink

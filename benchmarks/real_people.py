@@ -3,7 +3,7 @@
 The marks are in `real_people_marks/`; the recordings show identifiable people and are not part of
 the repository: `--shared` names the folder that holds them. Sheets with marks and tracks go to
 out/real_people/ and stay there. `--peers` names Python interpreters of environments that have the
-packages to compare with; `lib/mot_peers.py` says how to make one.
+packages to compare with; `lib/peers/mot.py` says how to make one.
 """
 
 import argparse
@@ -14,9 +14,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from benchmarks.lib.mark_sheets import write_sheet
-from benchmarks.lib.marked_recording import FrameOutput, MarkedRecording, marked, run
-from benchmarks.lib.peers import PeerRun, PeerSequence, run_peers
+from benchmarks.lib.marks.recording import FrameOutput, MarkedRecording, marked, run
+from benchmarks.lib.marks.sheets import write_sheet
+from benchmarks.lib.peers.run import PeerRun, PeerSequence, run_peers
 from benchmarks.lib.table import markdown, write
 from common.geometry.boxes import iou_xyxy
 from evaluation.methods import Method, read_method
@@ -273,7 +273,7 @@ SUMMARY_NOTE = (
     "surface at the mark, where depths around it are of one body; yaws relative to the line of "
     "sight, of found people. Percentages are of the marks to which "
     "the figure applies. Trackers of other packages get the same boxes and "
-    "scores, and publish boxes only; their chosen settings (all of PEERS in mot_peers.py were "
+    "scores, and publish boxes only; their chosen settings (all of PEERS in peers/mot.py were "
     "run) have the most right identities in the first half. The thresholds of some are "
     "above most of MoveNet's scores. All others run as shipped. MoveNet is {movenet}, the default "
     "on this processor."

@@ -12,9 +12,8 @@ from pathlib import Path
 
 import cv2
 
-from benchmarks.lib.marked_recording import MarkedRecording, marked
-from benchmarks.lib.table import markdown, write
-from benchmarks.lib.varied_frames import (
+from benchmarks.lib.marks.recording import MarkedRecording, marked
+from benchmarks.lib.marks.variations import (
     IMAGES,
     ORDERS,
     ImageVariation,
@@ -25,6 +24,7 @@ from benchmarks.lib.varied_frames import (
     track,
     vary,
 )
+from benchmarks.lib.table import markdown, write
 from benchmarks.real_people import HALVES, MARKS, ROOT, Variant, variants
 from common.metrics.counts import ratio
 from evaluation.methods import Method

@@ -19,9 +19,9 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from benchmarks.lib.system import Cluster, Listener, cluster, running
+from benchmarks.lib.system.services import Cluster, Listener, cluster, running
+from benchmarks.lib.system.timeline import Event, Frame, draw, lost
 from benchmarks.lib.table import markdown, spread, write
-from benchmarks.lib.timeline import Event, Frame, draw, lost
 from common.inference.onnx import OnnxSession
 from common.io.weights import choose, find, folders, load_manifest
 from people4d.client import Client
@@ -31,7 +31,7 @@ from services.detector.config import ModelSettings
 from services.detector.models.network import ImageInput
 
 ROOT = Path(__file__).resolve().parents[1]
-SOURCE = "benchmarks.lib.live_camera:StoredDemo"  # a camera that costs nothing
+SOURCE = "benchmarks.lib.system.live_camera:StoredDemo"  # a camera that costs nothing
 YOLO = ROOT.parent / "shared" / "data" / "models" / "yolov8n-pose_640.onnx"
 FIGURE = ROOT / "docs" / "pictures" / "replicas.png"
 MOVENET_SIZE = (256, 320)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.lib.system import Listener, cluster
+from benchmarks.lib.system.services import Listener, cluster
 from benchmarks.lib.table import markdown, quantiles, spread, write
 from common.ros2 import types
 from common.ros2.config import Ros2Config

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment, minimize
 
 from benchmarks.lib.lab_frames import LabFrame, lab_frames
-from benchmarks.lib.marked_recording import read_images
+from benchmarks.lib.marks.recording import read_images
 from benchmarks.lib.table import markdown, write
 from benchmarks.real_people import HALF_FRAME, MARKS, ROOT
 from common.geometry.boxes import iou_xyxy

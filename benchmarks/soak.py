@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.lib.growth import Observer, ProcessSamples, after_warm_up, slope
-from benchmarks.lib.system import Cluster, Listener, cluster
+from benchmarks.lib.system.growth import Observer, ProcessSamples, after_warm_up, slope
+from benchmarks.lib.system.services import Cluster, Listener, cluster
 from benchmarks.lib.table import markdown, quantiles, write
 from benchmarks.replicas import RECORDED_HZ, SOURCE, TIMEOUT_S, play
 from people4d.client import Client

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from benchmarks.lib.playback import Arrangement, bare_hz, live, lockstep, play
+from benchmarks.lib.system.playback import Arrangement, bare_hz, live, lockstep, play
 from benchmarks.lib.table import markdown, spread, write
 from common.runtime.latency import percentiles
 

@@ -1,7 +1,7 @@
 """Trackers: time of one update by the number of people, and SORT in the image beside others.
 
 The second part needs the reference data (`--shared`). `--peers` names a Python interpreter that has
-the packages to compare with; `lib/mot_peers.py` tells how to make one. Without it they are left
+the packages to compare with; `lib/peers/mot.py` tells how to make one. Without it they are left
 out.
 """
 
@@ -16,7 +16,8 @@ from typing import TypeVar
 import msgspec
 import numpy as np
 
-from benchmarks.lib.mot15 import (
+from benchmarks.lib.peers.mot import PEERS
+from benchmarks.lib.peers.mot15 import (
     HELD_OUT,
     TUNING,
     MotSequence,
@@ -25,9 +26,8 @@ from benchmarks.lib.mot15 import (
     quality,
     score_tracks,
 )
-from benchmarks.lib.mot_peers import PEERS
-from benchmarks.lib.peers import PeerSequence, run_peers
-from benchmarks.lib.published import published_tracker
+from benchmarks.lib.peers.published import published_tracker
+from benchmarks.lib.peers.run import PeerSequence, run_peers
 from benchmarks.lib.table import markdown, spread, write
 from evaluation.methods import read_method
 from people4d.messages import F64
@@ -277,7 +277,7 @@ def main() -> None:
     if not arguments.peers:
         missing = "Packages of others are missing: see `--peers`."
     else:
-        missing = "Packages of others run in an environment of their own (mot_peers.py)."
+        missing = "Packages of others run in an environment of their own (peers/mot.py)."
     write(
         __file__,
         "Trackers: cost and quality",
@@ -286,7 +286,7 @@ def main() -> None:
         markdown(["tracker", *(f"{n} people" for n in PEOPLE)], cost),
         "## SORT in the image beside others\n\nPublic detections of MOT15, the same for all. Every "
         f"tracker's settings were chosen on {' and '.join(TUNING)} by the sum of MOTA, IDF1 and "
-        f"HOTA from 4 to 20 (choices here, PEERS in mot_peers.py). First figures: "
+        f"HOTA from 4 to 20 (choices here, PEERS in peers/mot.py). First figures: "
         f"{', '.join(HELD_OUT)}, on which nothing was chosen; but which choices ours has was "
         "narrowed down in trials that had seen all five. Differences below a point are chance. "
         "Frames per second over all five sequences, from arrays of boxes and scores to identities "

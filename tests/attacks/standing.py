@@ -1,6 +1,6 @@
 """The camera of the attacked system: three people who stand, few frames a second."""
 
-from benchmarks.lib.standing import Standing
+from benchmarks.lib.system.standing import Standing
 
 
 class StandingPeople(Standing):

@@ -5,8 +5,8 @@ import threading
 
 import pytest
 
-from benchmarks.lib.chaos_plan import CALM_S, KINDS, plan
-from benchmarks.lib.tcp_proxy import TcpProxy
+from benchmarks.lib.chaos.plan import CALM_S, KINDS, plan
+from benchmarks.lib.chaos.tcp_proxy import TcpProxy
 
 TIMEOUT_S = 10.0
 

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 import psutil
 
-from benchmarks.lib.live_camera import LiveDemo, StoredDemo
-from benchmarks.lib.system import running
+from benchmarks.lib.system.live_camera import LiveDemo, StoredDemo
+from benchmarks.lib.system.services import running
 from common.inference.cores import VARIABLE
 from common.inference.onnx import OnnxSession
 from common.io.weights import choose, find, folders, load_manifest

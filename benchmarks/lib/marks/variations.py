@@ -7,7 +7,7 @@ import cv2
 import msgspec
 import numpy as np
 
-from benchmarks.lib.marked_recording import FrameOutput, MarkedRecording
+from benchmarks.lib.marks.recording import FrameOutput, MarkedRecording
 from evaluation.methods import Method
 from evaluation.recordings.detection_cache import CachingModel, DetectionCache
 from evaluation.recordings.hand_marks import MarkView

@@ -3,7 +3,7 @@
     python -m venv .venv-video && .venv-video/bin/pip install torch==2.13.0 ultralytics==8.4.190 \
         lap==0.5.12 onnxruntime trackers==2.6.1
     .venv-video/bin/pip install --no-deps norfair==2.3.0 filterpy  # it asks for an older rich
-    .venv-video/bin/python -P benchmarks/lib/video_peers.py FRAMES.npy MODEL.onnx TIMES.json
+    .venv-video/bin/python -P benchmarks/lib/peers/video.py FRAMES.npy MODEL.onnx TIMES.json
 
 It needs nothing of this project; `benchmarks.peers` calls it. Input: frames (NxHxWx3, RGB, bytes)
 and a network of the layout of YOLOv8-pose, 1x56xK for an input of 640x640. All run in one thread.
@@ -79,16 +79,16 @@ def ultralytics(model: str) -> Track:
 
 
 def behind_onnxruntime(name: str) -> Callable[[str], Track]:
-    """A tracker of mot_peers.py on boxes of the network."""
+    """A tracker of peers/mot.py on boxes of the network."""
 
     def opened(model: str) -> Track:
-        path = Path(__file__).with_name("mot_peers.py")
-        spec = importlib.util.spec_from_file_location("mot_peers", path)
+        path = Path(__file__).with_name("mot.py")
+        spec = importlib.util.spec_from_file_location("mot", path)
         assert spec
         assert spec.loader
-        mot_peers = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(mot_peers)
-        _, make, settings = mot_peers.PEERS[name]
+        mot = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(mot)
+        _, make, settings = mot.PEERS[name]
         update = make(RATE_HZ, **settings[0])
         session = onnxruntime.InferenceSession(model, providers=["CPUExecutionProvider"])
 

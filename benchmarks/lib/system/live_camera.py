@@ -12,7 +12,7 @@ from pathlib import Path
 from services.camera.recording import RecordingOptions, RecordingSource
 from services.camera.source import Source, SourceFrame
 
-DEMO = Path(__file__).parents[2] / "deploy" / "demo" / "crossing.mcap"
+DEMO = Path(__file__).parents[3] / "deploy" / "demo" / "crossing.mcap"
 
 
 class LiveDemo(Source):

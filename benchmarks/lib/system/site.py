@@ -12,7 +12,7 @@ from pathlib import Path
 
 from scripts.namespaces import ADDRESSES, Hosts, stop
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 CONFIGS = ROOT / "deploy" / "hosts"
 ROUTER = f"tcp/{ADDRESSES['nuc']}:7447"
 PEOPLE4D = str(Path(sys.executable).with_name("people4d"))

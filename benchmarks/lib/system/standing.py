@@ -1,7 +1,7 @@
 """A live camera before which people stand.
 
-Its source is `benchmarks.lib.standing:Standing`. Its clock is wrong by the seconds in the file that
-$BENCHMARK_CLOCK names, if it does.
+Its source is `benchmarks.lib.system.standing:Standing`. Its clock is wrong by the seconds in the
+file that $BENCHMARK_CLOCK names, if it does.
 """
 
 import os

@@ -1,6 +1,6 @@
 """Disturbances of a running system, each undone after its time.
 
-`python -m benchmarks.lib.chaos_actions flood KIND` and `... read` are the processes of others.
+`python -m benchmarks.lib.chaos.actions flood KIND` and `... read` are the processes of others.
 """
 
 import contextlib
@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 import zenoh
 
-from benchmarks.lib.chaos_plan import Disturbance
-from benchmarks.lib.tcp_proxy import TcpProxy
+from benchmarks.lib.chaos.plan import Disturbance
+from benchmarks.lib.chaos.tcp_proxy import TcpProxy
 from common.transport.zenoh_bus import read_config
 from deploy.launcher.supervisor import Supervisor
 from people4d.codec import encode

@@ -4,7 +4,7 @@
     python -m uv pip install --python .venv-peers norfair==2.3.0 motrackers==0.1.1 trackers==2.6.1 \
         ioutrack-rs==0.4.0 --override benchmarks/peers-override.txt
     python -m venv .venv-boxmot && .venv-boxmot/bin/pip install boxmot==25.0.0 torch==2.13.0
-    .venv-peers/bin/python benchmarks/lib/mot_peers.py DETECTIONS.npz TRACKS.npz CHOSEN
+    .venv-peers/bin/python benchmarks/lib/peers/mot.py DETECTIONS.npz TRACKS.npz CHOSEN
 
 It needs nothing of this project; `benchmarks.trackers` and `benchmarks.real_people` call it.
 Input: for each sequence NAME an array NAME (frame, left, top, right, bottom, score) and NAME:info

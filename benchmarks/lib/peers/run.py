@@ -1,4 +1,4 @@
-"""Trackers of other packages, run by `mot_peers.py` in an environment of their own."""
+"""Trackers of other packages, run by `peers/mot.py` in an environment of their own."""
 
 import json
 import subprocess
@@ -11,7 +11,7 @@ import numpy as np
 
 from people4d.messages import F64
 
-SCRIPT = Path(__file__).with_name("mot_peers.py")
+SCRIPT = Path(__file__).with_name("mot.py")
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,1 @@
+"""Disturbances of a running system, and when they come."""

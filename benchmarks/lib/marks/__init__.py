@@ -1,0 +1,1 @@
+"""Recordings of real people with marks made by hand, and variations of them."""

@@ -1,0 +1,1 @@
+"""Trackers of others, and published configurations, on the same input."""

@@ -1,0 +1,1 @@
+"""Systems that run: services, cameras, viewers, and what is measured of them."""
