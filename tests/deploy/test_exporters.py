@@ -27,7 +27,7 @@ from deploy.exporters.prometheus import PrometheusExporter
 from people4d.client import Client
 from people4d.errors import ConfigError, People4dError
 from people4d.messages import Span
-from tests.deploy.test_top import talking
+from tests.deploy.cli.test_top import talking
 from tests.deploy.traces import BEGIN_NS, MS, healths, span, trace_of, tracks
 from tests.network import WAIT_S
 

@@ -13,7 +13,7 @@ from common.io.recording import RecordingWriter
 from deploy.chrome_trace import FrameTraces
 from deploy.cli import app
 from people4d.messages import Message
-from tests.deploy.test_top import talking
+from tests.deploy.cli.test_top import talking
 from tests.deploy.traces import detections, healths, tracks
 
 pytestmark = pytest.mark.network

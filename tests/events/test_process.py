@@ -15,7 +15,7 @@ from common.io.recording import RecordingWriter
 from people4d.messages import Event, Zone
 from services.events.zones import write_zones
 from tests.builders import track, tracks
-from tests.deploy.test_alone import (  # noqa: F401  # a fixture is one by its name
+from tests.deploy.launcher.test_alone import (  # noqa: F401  # a fixture is one by its name
     PEOPLE4D,
     TIMEOUT_S,
     ending,

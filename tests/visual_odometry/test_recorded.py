@@ -21,7 +21,7 @@ from people4d.messages import Detections, Message, Odometry, RgbdFrame
 from services.camera.config import CameraConfig
 from services.visual_odometry.config import VisualOdometryConfig
 from tests import builders
-from tests.deploy.test_alone import (  # noqa: F401  # a fixture is one by its name
+from tests.deploy.launcher.test_alone import (  # noqa: F401  # a fixture is one by its name
     SLOWLY,
     environment,
     people,

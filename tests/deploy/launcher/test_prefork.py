@@ -16,7 +16,7 @@ from deploy.launcher.launcher import stop
 from deploy.launcher.prefork import module_of, split
 from deploy.launcher.state import State
 from deploy.launcher.supervisor import Supervisor
-from tests.deploy.test_supervisor import service
+from tests.deploy.launcher.test_supervisor import service
 
 TIMEOUT_S = 40.0
 MAIN = """

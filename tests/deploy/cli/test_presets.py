@@ -25,7 +25,7 @@ from services.tracker.config import (
     TrackerConfig,
 )
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 T = TypeVar("T", bound=msgspec.Struct)
 
 
