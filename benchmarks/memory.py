@@ -18,7 +18,7 @@ import psutil
 
 from benchmarks.lib.table import markdown, spread, write
 from common.transport.ports import free_port
-from deploy.cli.system.up import DEMO
+from deploy.cli.system.demo import DEMO
 from deploy.launcher.launcher import stop
 from deploy.launcher.state import State
 from deploy.launcher.supervisor import Supervisor

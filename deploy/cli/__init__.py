@@ -15,7 +15,7 @@ from people4d.errors import People4dError
 # that help and completion stay fast.
 COMMANDS = (
     ("up", "system.up", "Start the system and supervise it; Ctrl-C stops it."),
-    ("demo", "system.up", "Run the pipeline on the shipped recording and write a report."),
+    ("demo", "system.demo", "Run the pipeline on the shipped recording and write a report."),
     ("down", "system.control", "Stop the system."),
     ("scale", "system.control", "Change the number of replicas of a service, live: detector=3."),
     ("ps", "system.ps", "Show processes: state, health, rates, drops."),

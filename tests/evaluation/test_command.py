@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from common.io.recording import open_recording
 from deploy.cli import app
-from deploy.cli.system.up import DEMO
+from deploy.cli.system.demo import DEMO
 from tests.lab.scenarios import write_scenario
 
 pytestmark = pytest.mark.slow

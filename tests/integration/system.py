@@ -11,7 +11,7 @@ from pathlib import Path
 
 from common.transport.ports import free_port
 from common.transport.zenoh_bus import ZenohBus, read_config
-from deploy.cli.system.up import DEMO
+from deploy.cli.system.demo import DEMO
 from deploy.launcher.health import works
 from deploy.launcher.launcher import stop
 from deploy.launcher.state import State

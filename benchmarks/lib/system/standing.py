@@ -12,7 +12,7 @@ from pathlib import Path
 
 from common.io.images import decompress
 from common.io.recording import open_recording
-from deploy.cli.system.up import DEMO
+from deploy.cli.system.demo import DEMO
 from people4d.messages import CameraInfo, CompressedRgbdFrame
 from services.camera.recording import RecordingOptions, RecordingSource
 from services.camera.source import MotionMessage, Source, SourceFrame

@@ -1,60 +1,25 @@
-"""people4d up and people4d demo."""
+"""people4d up."""
 
 import os
 import re
-import select
-import sys
-import time
-import webbrowser
-from collections.abc import Mapping
-from contextlib import closing
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
 from common.config import setting
-from common.transport.ports import free_port
-from deploy.cli.live.page import page_address
 from deploy.cli.options import Preset, ReadyTimeout, Robot, Settings, VisualOdometry
-from deploy.cli.terminal import console, print_progress, signals_interrupt
-from deploy.launcher.health import Heartbeats
-from deploy.launcher.launcher import Launcher, LaunchError, stop
-from deploy.launcher.plan import (
-    CAMERA,
-    COMPOSE_FILE,
-    HOST,
-    PORT,
-    REPORT,
-    LaunchRequest,
-    check_settings,
-    plan,
-    router_of,
-)
-from deploy.launcher.state import State
-from deploy.launcher.supervisor import SupervisorGoneError
+from deploy.cli.system.launch import LOCKSTEP_WAITS, SIMULATED, START_TIMEOUT_S, launch
+from deploy.launcher.plan import CAMERA, COMPOSE_FILE, HOST, PORT, REPORT, LaunchRequest
 from lab import catalogue as scenarios
 from people4d.errors import ConfigError
 from services.camera.sources import ROS2
 from services.gt_bridge.sources.registry import is_live
 from services.presets import preset_settings
 
-# Lock-step waits for every result: the same recording gives the same tracks on any machine.
-LOCKSTEP_WAITS = ("tracker.embedding_wait_s=4.0", "tracker.reorder_wait_s=4.0")
 # A camera whose place its source does not know hangs on the base, not in the map.
 ON_BASE = f"{CAMERA}.mount_parent=base_link"
-DEMO = COMPOSE_FILE.parent / "demo" / "crossing.mcap"
 PLUGIN = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
-SIMULATED = (
-    "The room, the people and their depth images are simulated, with exact ground truth. "
-    "Detection, tracking and all times are real."
-)
-PAGE = "report.html"
-OFFER_S = 30.0
-DRAIN_TIMEOUT_S = 120.0
-GONE_TIMEOUT_S = 3.0
-POLL_S = 0.5
-START_TIMEOUT_S = 60.0
 
 
 def up(
@@ -191,49 +156,7 @@ def up(
         profiles=profiles,
         together=[name for name in together.split(",") if name],
     )
-    _launch(request, timeout_s, detach)
-
-
-def demo(
-    preset: Preset = "",
-    report: Annotated[Path, typer.Option(help="Folder for the report.")] = Path("out/demo"),
-    robot: Annotated[str, typer.Option(help="Name of the robot; default: a name of its own.")] = "",
-    port: Annotated[
-        int, typer.Option(min=0, max=65535, help="Port of the router; 0: a free one.")
-    ] = 0,
-) -> None:
-    """Run the pipeline on the shipped recording, frame by frame, and write a report."""
-    port = port or free_port()
-    settings = [
-        *preset_settings(preset),
-        setting(f"{CAMERA}.source", str(DEMO)),
-        setting(f"{CAMERA}.playback", "lockstep"),
-        *LOCKSTEP_WAITS,
-        setting("gt_bridge.truth", str(DEMO)),
-        setting(f"{REPORT}.note", SIMULATED),
-    ]
-    # Demos of several clones run side by side: each is a robot of its own.
-    name = robot or f"demo-{port}"
-    request = LaunchRequest(robot=name, port=port, settings=settings, report=report)
-    _launch(request, START_TIMEOUT_S, detach=False)
-    if not robot:
-        State.of_robot(name).remove()
-    offer(report / PAGE)
-
-
-def offer(page: Path, environment: Mapping[str, str] = os.environ) -> None:
-    """Offer to open a page in a browser, in a terminal on a desktop."""
-    terminal = sys.stdin.isatty() and sys.stdout.isatty()
-    desktop = any(environment.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
-    if not (terminal and desktop and page.is_file()):
-        return
-    console.print(
-        f"Open {page} in a browser? [Y/n] (no after {OFFER_S:g} s) ", end="", markup=False
-    )
-    ready, _, _ = select.select([sys.stdin], [], [], OFFER_S)
-    if ready and sys.stdin.readline().strip().lower() in ("", "y", "yes"):
-        webbrowser.open(page.absolute().as_uri())
-    console.print()
+    launch(request, timeout_s, detach)
 
 
 def _resolve(source: str) -> str:
@@ -246,64 +169,3 @@ def _resolve(source: str) -> str:
     if not path.exists():
         raise ConfigError(f"source {source} does not exist", "Check the path.")
     return str(path.absolute())
-
-
-def _launch(request: LaunchRequest, timeout_s: float, detach: bool) -> None:
-    services = plan(request)
-    check_settings(services, request)
-    connect = router_of(services, request)
-    state = State.of_robot(request.robot)
-    with (
-        signals_interrupt(),
-        closing(Heartbeats(connect, request.robot)) as heartbeats,
-    ):
-        launcher = Launcher(state, services, heartbeats, print_progress)
-        try:
-            launcher.start(request.robot, connect, timeout_s)
-            _print_page(state)
-            if detach:
-                console.print("Everything is up. See: people4d ps, listen, logs, down")
-                return
-            try:
-                _attend(launcher, request)
-            finally:
-                stop(state)
-        except KeyboardInterrupt:
-            console.print("Stopped.")
-            raise typer.Exit(130 if request.report else 0) from None
-    if request.report:
-        _print_summary(request.report, state)
-
-
-def _print_page(state: State) -> None:
-    address = page_address(state)
-    if address:
-        console.print(f"Page in the browser: {address.login}", markup=False)
-
-
-def _attend(launcher: Launcher, request: LaunchRequest) -> None:
-    if request.report:
-        console.print("Running to the end of the source ...")
-        launcher.wait_finished(CAMERA)
-        launcher.drain(DRAIN_TIMEOUT_S)
-        return
-    console.print("Everything is up; Ctrl-C stops it. In another terminal: people4d listen")
-    while True:
-        try:
-            launcher.processes()
-        except SupervisorGoneError:
-            if not launcher.state.was_stopped(GONE_TIMEOUT_S):
-                raise
-            console.print("Stopped by people4d down.")
-            return
-        time.sleep(POLL_S)
-
-
-def _print_summary(folder: Path, state: State) -> None:
-    summary = folder / "summary.txt"
-    if not (folder / "summary.json").is_file():  # written last
-        raise LaunchError(state, f"{REPORT}-1", f"the report in {folder} is not complete")
-    facts = summary.read_text(encoding="utf-8").partition("\n\n")[0]
-    console.print(facts, markup=False)  # the table of latency stays in the report
-    names = sorted(file.name for file in folder.iterdir() if file.suffix != ".part")
-    console.print(f"\nReport: {folder}/ ({', '.join(names)})", markup=False)

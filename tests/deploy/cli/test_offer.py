@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 WAIT_S = 60.0
-CODE = "import sys; from pathlib import Path; from deploy.cli.system.up import offer; "
+CODE = "import sys; from pathlib import Path; from deploy.cli.system.demo import offer; "
 CODE += "offer(Path(sys.argv[1]))"
 
 pytestmark = pytest.mark.processes

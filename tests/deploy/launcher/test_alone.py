@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from common.io.recording import RecordingWriter, open_recording
-from deploy.cli.system.up import DEMO
+from deploy.cli.system.demo import DEMO
 from people4d.messages import (
     CompressedRgbdFrame,
     Crops,

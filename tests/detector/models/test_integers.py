@@ -11,7 +11,7 @@ from scipy.optimize import linear_sum_assignment
 from common.geometry.boxes import iou_xyxy
 from common.io.images import decompress
 from common.io.recording import open_recording
-from deploy.cli.system.up import DEMO
+from deploy.cli.system.demo import DEMO
 from people4d.messages import U8, CompressedRgbdFrame
 from services.detector.config import ModelSettings
 from services.detector.models.base import Limits

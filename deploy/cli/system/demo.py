@@ -1,0 +1,66 @@
+"""people4d demo."""
+
+import os
+import select
+import sys
+import webbrowser
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from common.config import setting
+from common.transport.ports import free_port
+from deploy.cli.options import Preset
+from deploy.cli.system.launch import LOCKSTEP_WAITS, SIMULATED, START_TIMEOUT_S, launch
+from deploy.cli.terminal import console
+from deploy.launcher.plan import CAMERA, COMPOSE_FILE, REPORT, LaunchRequest
+from deploy.launcher.state import State
+from services.presets import preset_settings
+
+DEMO = COMPOSE_FILE.parent / "demo" / "crossing.mcap"
+PAGE = "report.html"
+OFFER_S = 30.0
+
+
+def demo(
+    preset: Preset = "",
+    report: Annotated[Path, typer.Option(help="Folder for the report.")] = Path("out/demo"),
+    robot: Annotated[str, typer.Option(help="Name of the robot; default: a name of its own.")] = "",
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port of the router; 0: a free one.")
+    ] = 0,
+) -> None:
+    """Run the pipeline on the shipped recording, frame by frame, and write a report."""
+    port = port or free_port()
+    settings = [
+        *preset_settings(preset),
+        setting(f"{CAMERA}.source", str(DEMO)),
+        setting(f"{CAMERA}.playback", "lockstep"),
+        *LOCKSTEP_WAITS,
+        setting("gt_bridge.truth", str(DEMO)),
+        setting(f"{REPORT}.note", SIMULATED),
+    ]
+    # Demos of several clones run side by side: each is a robot of its own.
+    name = robot or f"demo-{port}"
+    request = LaunchRequest(robot=name, port=port, settings=settings, report=report)
+    launch(request, START_TIMEOUT_S, detach=False)
+    if not robot:
+        State.of_robot(name).remove()
+    offer(report / PAGE)
+
+
+def offer(page: Path, environment: Mapping[str, str] = os.environ) -> None:
+    """Offer to open a page in a browser, in a terminal on a desktop."""
+    terminal = sys.stdin.isatty() and sys.stdout.isatty()
+    desktop = any(environment.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
+    if not (terminal and desktop and page.is_file()):
+        return
+    console.print(
+        f"Open {page} in a browser? [Y/n] (no after {OFFER_S:g} s) ", end="", markup=False
+    )
+    ready, _, _ = select.select([sys.stdin], [], [], OFFER_S)
+    if ready and sys.stdin.readline().strip().lower() in ("", "y", "yes"):
+        webbrowser.open(page.absolute().as_uri())
+    console.print()

@@ -1,0 +1,95 @@
+"""Launch of a system from the terminal: started, attended to its end, summed up."""
+
+import time
+from contextlib import closing
+from pathlib import Path
+
+import typer
+
+from deploy.cli.live.page import page_address
+from deploy.cli.terminal import console, print_progress, signals_interrupt
+from deploy.launcher.health import Heartbeats
+from deploy.launcher.launcher import Launcher, LaunchError, stop
+from deploy.launcher.plan import (
+    CAMERA,
+    REPORT,
+    LaunchRequest,
+    check_settings,
+    plan,
+    router_of,
+)
+from deploy.launcher.state import State
+from deploy.launcher.supervisor import SupervisorGoneError
+
+# Lock-step waits for every result: the same recording gives the same tracks on any machine.
+LOCKSTEP_WAITS = ("tracker.embedding_wait_s=4.0", "tracker.reorder_wait_s=4.0")
+SIMULATED = (
+    "The room, the people and their depth images are simulated, with exact ground truth. "
+    "Detection, tracking and all times are real."
+)
+DRAIN_TIMEOUT_S = 120.0
+GONE_TIMEOUT_S = 3.0
+POLL_S = 0.5
+START_TIMEOUT_S = 60.0
+
+
+def launch(request: LaunchRequest, timeout_s: float, detach: bool) -> None:
+    """Start a system, and supervise it until it is stopped or its source ends, unless detached."""
+    services = plan(request)
+    check_settings(services, request)
+    connect = router_of(services, request)
+    state = State.of_robot(request.robot)
+    with (
+        signals_interrupt(),
+        closing(Heartbeats(connect, request.robot)) as heartbeats,
+    ):
+        launcher = Launcher(state, services, heartbeats, print_progress)
+        try:
+            launcher.start(request.robot, connect, timeout_s)
+            _print_page(state)
+            if detach:
+                console.print("Everything is up. See: people4d ps, listen, logs, down")
+                return
+            try:
+                _attend(launcher, request)
+            finally:
+                stop(state)
+        except KeyboardInterrupt:
+            console.print("Stopped.")
+            raise typer.Exit(130 if request.report else 0) from None
+    if request.report:
+        _print_summary(request.report, state)
+
+
+def _print_page(state: State) -> None:
+    address = page_address(state)
+    if address:
+        console.print(f"Page in the browser: {address.login}", markup=False)
+
+
+def _attend(launcher: Launcher, request: LaunchRequest) -> None:
+    if request.report:
+        console.print("Running to the end of the source ...")
+        launcher.wait_finished(CAMERA)
+        launcher.drain(DRAIN_TIMEOUT_S)
+        return
+    console.print("Everything is up; Ctrl-C stops it. In another terminal: people4d listen")
+    while True:
+        try:
+            launcher.processes()
+        except SupervisorGoneError:
+            if not launcher.state.was_stopped(GONE_TIMEOUT_S):
+                raise
+            console.print("Stopped by people4d down.")
+            return
+        time.sleep(POLL_S)
+
+
+def _print_summary(folder: Path, state: State) -> None:
+    summary = folder / "summary.txt"
+    if not (folder / "summary.json").is_file():  # written last
+        raise LaunchError(state, f"{REPORT}-1", f"the report in {folder} is not complete")
+    facts = summary.read_text(encoding="utf-8").partition("\n\n")[0]
+    console.print(facts, markup=False)  # the table of latency stays in the report
+    names = sorted(file.name for file in folder.iterdir() if file.suffix != ".part")
+    console.print(f"\nReport: {folder}/ ({', '.join(names)})", markup=False)
