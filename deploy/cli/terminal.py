@@ -30,6 +30,13 @@ def plain_table(*titles: str, title: str | None = None, **column: Any) -> Table:
     return table
 
 
+def print_table(table: Table) -> None:
+    """Print a table, entire where the terminal is narrower: no column of figures is cut off."""
+    widest = console.options.update(max_width=1000)
+    width = max(console.width, console.measure(table, options=widest).maximum)
+    Console(width=width, highlight=False).print(table)
+
+
 def shown(text: object) -> str:
     """Return text of others as markup that shows it as it is.
 

@@ -10,10 +10,10 @@ import typer
 from deploy.cli.options import Fidelity, Figures, Jobs, Settings, VisualOdometry
 from deploy.cli.terminal import (
     can_draw_figures,
-    console,
     cores,
     interruptible,
     plain_table,
+    print_table,
     progress,
     shown,
 )
@@ -94,7 +94,7 @@ def _show(table: "ReportTable") -> None:
         drawn.add_row(
             shown(row.method), row.people, *row.cells, style="dim" if row.published else ""
         )
-    console.print(drawn)
+    print_table(drawn)
 
 
 def _sources(texts: list[str]) -> list[str]:

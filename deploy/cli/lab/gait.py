@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from deploy.cli.options import Figures, Preset, Settings
-from deploy.cli.terminal import can_draw_figures, console, interruptible, plain_table, progress
+from deploy.cli.terminal import (
+    can_draw_figures,
+    interruptible,
+    plain_table,
+    print_table,
+    progress,
+)
 from lab import catalogue as scenarios
 from people4d.errors import ConfigError
 
@@ -91,4 +97,4 @@ def _print_measures(tables: "GaitTables") -> None:
         )
         cells = ("" if value is None else f"{value:.{digits}f}" for value, digits in numbers)
         table.add_row(f"#{person}", str(measures.steps), *cells)
-    console.print(table)
+    print_table(table)

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from deploy.cli import print_error
 from deploy.cli.live.views import table_of
-from deploy.cli.terminal import plain_table, shown
+from deploy.cli.terminal import plain_table, print_table, shown
 from people4d.codec import decode, encode
 from people4d.errors import DecodeError, People4dError
 from tests import builders
@@ -31,6 +31,19 @@ def printed(text: str) -> str:
 def test_foreign_text_is_shown_as_it_is_without_commands() -> None:
     lines = printed(HOSTILE).splitlines()
     assert [line.rstrip() for line in lines] == [PLAIN, "name", PLAIN]
+
+
+def test_a_table_wider_than_the_terminal_is_printed_entire(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "40")
+    titles = [f"a long title, the {number}th" for number in range(6)]
+    table = plain_table(*titles)
+    table.add_row(*(f"{number:.3f}" for number in range(6)))
+    print_table(table)
+    head, row = capsys.readouterr().out.splitlines()
+    assert all(title in head for title in titles)
+    assert row.split() == ["0.000", "1.000", "2.000", "3.000", "4.000", "5.000"]
 
 
 def test_an_error_that_quotes_a_hostile_name_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
