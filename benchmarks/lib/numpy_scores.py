@@ -12,7 +12,7 @@ def scores(
     rgb: U8, boxes: F64, model: ColourModel, grid: SampleGrid, bins: HueSaturationHistogram
 ) -> F64:
     """Return the log-likelihood ratios of boxes, see `ColourRatio.scores`."""
-    found, inside = _sampled_bins(rgb, boxes, grid, bins)
+    found, inside = sampled_bins(rgb, boxes, grid, bins)
     logs = np.log1p(np.arange(10)[:, None] / 10 * (model.ratios[:, None] - 1))
     prior = person_prior(grid, len(model.person))
     values = logs[prior.bands[:, None], prior.tenths, found]
@@ -20,7 +20,7 @@ def scores(
     return np.asarray(mean * boxes[:, 2] * boxes[:, 3])
 
 
-def _sampled_bins(
+def sampled_bins(
     rgb: U8, boxes: F64, grid: SampleGrid, bins: HueSaturationHistogram
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the bins of the samples, M x rows x columns, and their mask inside of the image."""

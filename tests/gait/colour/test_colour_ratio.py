@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from benchmarks.lib.numpy_scores import scores
 from people4d.messages import F64, U8
 from services.gait.colour.colour_ratio import ColourModel, ColourRatio, person_prior
 from services.gait.colour.histogram import HueSaturationHistogram, hsv_patch, sample_grid
 from services.gait.config import ColourLayerConfig
-from tests.gait.numpy_histogram import scores
 
 RED, GREEN = 19, 139  # bins of full saturation, hue * 20 + saturation
 CONFIG = ColourLayerConfig(bands=1)
