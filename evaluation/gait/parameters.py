@@ -120,6 +120,17 @@ def limping_side(parameters: Sequence[GaitParameter]) -> str | None:
     return "right" if one.high < -LIMP_CLEAR else None
 
 
+def recognisable_limp(parameters: Sequence[GaitParameter]) -> float | None:
+    """Return the least asymmetry of step times, in %, that is recognised as a limp.
+
+    By the interval of as many steps; None if it is not known.
+    """
+    one = next(p for p in parameters if p.name == "step time asymmetry")
+    if one.low is None or one.high is None:
+        return None
+    return max(LIMP_MIN, LIMP_CLEAR + (one.high - one.low) / 2)
+
+
 def _mean(
     name: str, unit: str, values: Sequence[float] | F64, definition: str, scale: float = 1.0
 ) -> GaitParameter:

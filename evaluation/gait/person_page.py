@@ -9,7 +9,7 @@ from string import Template
 from common.drawing.strokes import colour_of
 from common.drawing.topdown import Trajectories
 from evaluation.gait.literature import REFERENCES
-from evaluation.gait.parameters import GaitParameter, limping_side
+from evaluation.gait.parameters import GaitParameter, limping_side, recognisable_limp
 from services.gait.steps.steps import FootStep
 from services.gait.steps.swings import FEET
 from services.report.page import page_style
@@ -19,6 +19,8 @@ NOTE = (
     "The measures are for comparing people with themselves. They are not intended for medical use."
 )
 HEAD = ("", "unit", "mean", "95 % interval", "values", "definition", "literature")
+TEXTS = ("definition", "literature")  # columns of the table
+SUMMARY = (("step length", 2, "m a step"), ("cadence", 0, "steps a minute"), ("speed", 2, "m/s"))
 
 
 def person_page(
@@ -26,12 +28,10 @@ def person_page(
 ) -> str:
     """Return the page of a person."""
     template = Path(__file__).with_name("person_page.html").read_text(encoding="utf-8")
-    side = limping_side(parameters)
-    limp = f" It spares the {side} foot." if side else ""
     return Template(template).substitute(
         style=page_style(),
         title=f"Gait of person {person}",
-        headline=escape(f"{len(steps)} steps.{limp}" if steps else "No steps were found."),
+        headline=escape(_headline(parameters, steps)),
         note=escape(NOTE),
         table=_table(parameters),
         references=_references(),
@@ -41,43 +41,53 @@ def person_page(
     )
 
 
+def _headline(parameters: Sequence[GaitParameter], steps: Sequence[FootStep]) -> str:
+    """Return the walk in two sentences: its means, and what is known of a limp."""
+    if not steps:
+        return "No steps were found."
+    known = {one.name: one.value for one in parameters if one.value is not None}
+    texts = [f"{len(steps)} steps in {steps[-1].landed_s - steps[0].landed_s:.0f} s"]
+    texts += [f"{known[name]:.{digits}f} {unit}" for name, digits, unit in SUMMARY if name in known]
+    side, least = limping_side(parameters), recognisable_limp(parameters)
+    if side:
+        limp = f"The {side} foot is spared."
+    elif least is None:
+        limp = "There are too few steps to tell if a foot is spared."
+    else:
+        limp = f"No limp is seen; one of less than {least:.0f} % would not show in so many steps."
+    return f"{', '.join(texts)}. {limp}"
+
+
 def _plots(steps: Sequence[FootStep]) -> str:
+    """Return plots of all steps; dots are not joined, since a person may stand between them."""
     styles = dict(zip(FEET, ("two", "one"), strict=True))
-    lengths = [
-        Line(f"{foot} foot", [(s.landed_s, s.length_m) for s in steps if s.foot == foot], style)
-        for foot, style in styles.items()
-    ]
-    times = [
-        Line(
-            f"{foot} foot",
-            [
-                (s.landed_s, s.stride.step_time_s)
-                for s in steps
-                if s.foot == foot and s.stride and s.stride.step_time_s
-            ],
-            style,
-        )
-        for foot, style in styles.items()
-    ]
-    confidence = [Line("confidence", [(s.landed_s, s.confidence) for s in steps], "one", dots=True)]
-    drawn = plot(_positive(lengths), "m", "Length of each step")
+    lengths, times, confidences = [], [], []
+    for foot, style in styles.items():
+        own, name = [s for s in steps if s.foot == foot], f"{foot} foot"
+        length = [(s.landed_s, max(s.length_m, 0.0)) for s in own]
+        time = [(s.landed_s, t) for s in own if s.stride and (t := s.stride.step_time_s)]
+        confidence = [(s.landed_s, 100 * s.confidence) for s in own]
+        lengths.append(Line(name, length, style, dots=True))
+        times.append(Line(name, time, style, dots=True))
+        confidences.append(Line(name, confidence, style, dots=True))
+    drawn = plot(lengths, "m", "Length of each step")
     drawn += plot(times, "s", "Time of each step")
-    return drawn + plot(confidence, "1", "Confidence of each step")
-
-
-def _positive(lines: Sequence[Line]) -> list[Line]:
-    return [Line(one.name, [(x, max(y, 0.0)) for x, y in one.points], one.style) for one in lines]
+    return drawn + plot(confidences, "%", "Confidence of each step")
 
 
 def _table(parameters: Sequence[GaitParameter]) -> str:
-    head = "".join(f"<th>{escape(cell)}</th>" for cell in HEAD)
+    head = "".join(
+        f'<th class="text">{escape(cell)}</th>' if cell in TEXTS else f"<th>{escape(cell)}</th>"
+        for cell in HEAD
+    )
     rows = []
     for one in parameters:
         interval = "" if one.low is None or one.high is None else f"{one.low:.3g} to {one.high:.3g}"
         value = "" if one.value is None else f"{one.value:.3g}"
         cells = (one.name, one.unit, value, interval, str(one.count))
         row = "".join(f"<td>{escape(cell)}</td>" for cell in cells)
-        text = "".join(f'<td class="text">{escape(t)}</td>' for t in (one.definition, one.source))
+        text = f'<td class="text wide">{escape(one.definition)}</td>'
+        text += f'<td class="text">{escape(one.source)}</td>'
         rows.append(f"<tr>{row}{text}</tr>")
     return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
 

@@ -13,6 +13,7 @@ from evaluation.gait.parameters import (
     HeadPath,
     gait_parameters,
     limping_side,
+    recognisable_limp,
     turn_durations_s,
 )
 from evaluation.gait.person_page import person_page
@@ -129,6 +130,7 @@ def test_page_contains_everything_and_loads_nothing() -> None:
         7, gait_parameters(steps, None, CONFIG), steps, Trajectories(tracks={7: left[:, :2]})
     )
     assert "Gait of person 7" in page
+    assert "steps in 5 s, 0.60 m a step, 120 steps a minute, 1.20 m/s. No limp is seen" in page
     assert page.count("<svg") == 4
     assert "double support" in page
     assert "[Perry 2010] J. Perry" in page
@@ -180,6 +182,13 @@ def test_limp_is_recognised_in_a_walk_that_is_long_enough(ratio: float, duration
     found = [limp(ratio, duration_s, seed) for seed in range(40)]
     assert found.count("left") >= 30
     assert "right" not in found
+
+
+def test_more_steps_show_smaller_limps() -> None:
+    short, long = (recognisable_limp(list(walk(s).values())) for s in (6.0, 30.0))
+    assert short is not None
+    assert long == 5.0 <= short
+    assert recognisable_limp(list(walk(1.9).values())) is None
 
 
 @pytest.mark.parametrize("duration_s", [6.0, 25.0, 90.0])
