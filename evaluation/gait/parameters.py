@@ -88,9 +88,9 @@ def gait_parameters(
         _mean("step width", "m", width, "between both feet, across their path"),
         _cadence(steps, rhythm),
         _mean("speed", "m/s", [s.length_m / s.time_s for s in strides], "stride length by time"),
-        _mean("stance", "%", 100 - np.asarray(swing), "of the stride, the foot is on the ground"),
-        _mean("swing", "%", swing, "of the stride, the foot is in the air"),
-        _mean("double support", "%", _double_support(steps, config), "of the stride, on both feet"),
+        _share("stance", 100 - np.asarray(swing), "of the stride, the foot is on the ground"),
+        _share("swing", swing, "of the stride, the foot is in the air"),
+        _share("double support", _double_support(steps, config), "of the stride, on both feet"),
         _resampled("step time variability", "%", both, _variation, "standard deviation by mean"),
         _time_asymmetry(even, times),
         _asymmetry("step length asymmetry", lengths["left"], lengths["right"], "step lengths"),
@@ -145,6 +145,14 @@ def _mean(
         half = float(student.ppf(0.5 + LEVEL / 2, count - 1)) * error
     low, high = (None, None) if half is None else (mean - half, mean + half)
     return GaitParameter(name, unit, mean, low, high, count, definition)
+
+
+def _share(name: str, values: Sequence[float] | F64, definition: str) -> GaitParameter:
+    """Return the mean of shares in %, whose interval is within 0 to 100."""
+    one = _mean(name, "%", values, definition)
+    if one.low is None or one.high is None:
+        return one
+    return replace(one, low=max(one.low, 0.0), high=min(one.high, 100.0))
 
 
 def _cadence(steps: Sequence[FootStep], rhythm: Sequence[Oscillation]) -> GaitParameter:

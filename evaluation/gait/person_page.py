@@ -59,20 +59,28 @@ def _headline(parameters: Sequence[GaitParameter], steps: Sequence[FootStep]) ->
 
 
 def _plots(steps: Sequence[FootStep]) -> str:
-    """Return plots of all steps; dots are not joined, since a person may stand between them."""
-    styles = dict(zip(FEET, ("two", "one"), strict=True))
+    """Return plots of all steps since the first one.
+
+    Dots are not joined, since a person may stand between them.
+    """
+    if not steps:
+        return ""
+    begin_s, end_s = steps[0].landed_s, steps[-1].landed_s
     lengths, times, confidences = [], [], []
-    for foot, style in styles.items():
-        own, name = [s for s in steps if s.foot == foot], f"{foot} foot"
-        length = [(s.landed_s, max(s.length_m, 0.0)) for s in own]
-        time = [(s.landed_s, t) for s in own if s.stride and (t := s.stride.step_time_s)]
-        confidence = [(s.landed_s, 100 * s.confidence) for s in own]
+    for foot, style in zip(FEET, ("two", "one"), strict=True):
+        own, name = [(s.landed_s - begin_s, s) for s in steps if s.foot == foot], f"{foot} foot"
+        length = [(since_s, max(s.length_m, 0.0)) for since_s, s in own]
+        time = [(x, t) for x, s in own if s.stride and (t := s.stride.step_time_s)]
+        confidence = [(since_s, 100 * s.confidence) for since_s, s in own]
         lengths.append(Line(name, length, style, dots=True))
         times.append(Line(name, time, style, dots=True))
         confidences.append(Line(name, confidence, style, dots=True))
-    drawn = plot(lengths, "m", "Length of each step")
-    drawn += plot(times, "s", "Time of each step")
-    return drawn + plot(confidences, "%", "Confidence of each step")
+    figures = (
+        (lengths, "m", "Length of each step"),
+        (times, "s", "Time of each step"),
+        (confidences, "%", "Confidence of each step"),
+    )
+    return "".join(plot(*one, end_s=end_s - begin_s) for one in figures)
 
 
 def _table(parameters: Sequence[GaitParameter]) -> str:

@@ -43,13 +43,13 @@ class Bar:
     p99: float
 
 
-def plot(lines: Sequence[Line], unit: str, title: str) -> str:
-    """Return series over seconds; an empty string without any point."""
+def plot(lines: Sequence[Line], unit: str, title: str, *, end_s: float = 0.0) -> str:
+    """Return series over seconds, to `end_s` at least; an empty string without any point."""
     points = [point for line in lines for point in line.points]
     if not points:
         return ""
-    end_s, highest = (max(values) for values in zip(*points, strict=True))
-    end_s, top = max(end_s, 1e-3), _nice(max(highest, 1e-6))
+    last_s, highest = (max(values) for values in zip(*points, strict=True))
+    end_s, top = max(end_s, last_s, 1e-3), _nice(max(highest, 1e-6))
     parts = [_svg(WIDTH, HEIGHT, title)]
     for tick in _ticks(top):
         y = _y(tick, top)

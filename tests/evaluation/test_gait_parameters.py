@@ -72,6 +72,16 @@ def test_shares_of_a_stride_add_up() -> None:
     assert found["double support"].value == pytest.approx(2 * (50 - 45.0), abs=4.0)
 
 
+def test_interval_of_a_share_is_within_it() -> None:
+    # Of two strides an interval is wider than all shares.
+    found = walk(2.5)
+    assert found["swing"].count >= 2
+    for name in ("stance", "swing", "double support"):
+        one = found[name]
+        if one.low is not None and one.high is not None:
+            assert 0.0 <= one.low <= one.high <= 100.0
+
+
 @pytest.mark.parametrize(
     ("left_s", "right_s", "side"),
     [(0.525, 0.475, "left"), (0.45, 0.55, "right"), (0.5, 0.5, None)],
