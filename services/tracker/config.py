@@ -75,8 +75,9 @@ class IdentityConfig(Config, frozen=True, kw_only=True):
     # [s] A track unmatched for longer, and never occluded, ends; its person is re-identified, with
     # a margin to all others
     absent_s: Seconds = 1.0
-    # [s] likewise, of a track last seen at the edge of the image or predicted out of it
-    absent_cut_off_s: Seconds = 0.2
+    # [s] likewise, of a track last seen at the edge of the image or predicted out of it, which its
+    # camera has missed
+    absent_cut_off_s: Seconds = 0.1
     # Time of the decision
     # [s] a new track waits for an unoccluded crop for so long, while an absent person could be back
     wait_s: Seconds = 0.3

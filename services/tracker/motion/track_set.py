@@ -34,11 +34,15 @@ class LifecyclePolicy:
     by_hits: bool = False
 
     def ended(self, record: TrackRecord) -> bool:
-        """Check for too many unmatched frames; occluded and out of view ones do not count."""
+        """Check for too many unmatched frames.
+
+        Of a confirmed track occluded and out of view ones do not count. What was found once and
+        never again behind somebody is mostly a false alarm.
+        """
         limit = self.lost_frames if record.confirmed else self.tentative_frames
         if self.by_hits:
             limit = min(self.lost_frames, record.hits)
-        return record.missed - record.occluded - record.out_of_view >= limit
+        return (record.frames_missed if record.confirmed else record.missed) >= limit
 
     def confirms(self, record: TrackRecord, several_cameras: bool) -> bool:
         """Check for enough matches; several cameras give more in less time, and more that is wrong.

@@ -132,7 +132,7 @@ class StrongSort3d(TrackSetTracker):
         first = associate(self._appearance_cost(confirmed, frame), confirmed, detections)
         # After a time without frames the distance alone says little.
         gap = self._config.identity.is_gap(self.tracks.elapsed_ns)
-        recent = [] if gap else [t for t in first.unmatched_tracks if t.missed <= 1]
+        recent = [] if gap else [t for t in first.unmatched_tracks if t.frames_missed <= 1]
         recent += tentative
         rest = first.unmatched_detections
         cost = self._distance_cost(recent, rest)
@@ -190,9 +190,12 @@ class StrongSort3d(TrackSetTracker):
 
 
 def _is_uncertain(record: TrackRecord, observation: Observation) -> bool:
-    """Check for a track that another camera had last, so long ago that its position is a guess."""
+    """Check for a track whose position is a guess.
+
+    It was not found in the frame before, or another camera had it last, too long ago.
+    """
     elapsed_ns = observation.stamp_ns - record.matched_ns
-    return record.camera != observation.camera and elapsed_ns > OTHERS_NS
+    return record.missed > 1 or (record.camera != observation.camera and elapsed_ns > OTHERS_NS)
 
 
 def combined_cost(d_m2: F64, d_cos: F64, c_cos: float, config: StrongSort3dConfig) -> F64:
