@@ -58,6 +58,9 @@ class ContactConfig(Config, frozen=True, kw_only=True):
     # standard deviation on top along the ray. A match counts in full
     depth_covered_max: Ratio = 0.35
     depth_sigma_m: Metres = 1.0  # [m]; 0: none
+    # [m] on the ground: such a box nearer than this to a matched detection is of the same person,
+    # and begins no track
+    double_m: Metres = 0.5
 
 
 class IdentityConfig(Config, frozen=True, kw_only=True):
@@ -156,6 +159,9 @@ class StrongSort3dConfig(Config, frozen=True, kw_only=True):
     # not named here is taken from COSINE_DISTANCE_MAX, else it is cosine_distance_max_other.
     cosine_distance_max: dict[str, CosineDistance] = msgspec.field(default_factory=dict)
     cosine_distance_max_other: CosineDistance = 0.3
+    # True: c has lambda ln |S| on top, as a likelihood, and a track or detection without a partner
+    # costs C_cos; section 5: False, as many pairs as possible
+    likelihood: bool = True
     ema_alpha: Ratio = 0.9  # e <- alpha e + (1 - alpha) f; section 5 (default)
     # round 2
     distance_max_m: Positive = 0.7  # [m] largest 3D distance; section 5 (default)

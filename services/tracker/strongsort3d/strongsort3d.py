@@ -69,7 +69,7 @@ class StrongSort3d(TrackSetTracker):
         update_embeddings(result.matches, result.frame, policies.contact)
         for policy in policies.in_order:
             policy.after_update(tracks, result)
-        return tracks.manage(result.by_distance.unmatched_detections, observation)
+        return tracks.manage(policies.contact.beginnings(result), observation)
 
     def reset(self) -> None:
         """Delete all tracks and times; identities go on counting."""
@@ -129,7 +129,9 @@ class StrongSort3d(TrackSetTracker):
         detections = in_order(observation.measurements)
         frame = FrameContext(observation, detections, self._config)
 
-        first = associate(self._appearance_cost(confirmed, frame), confirmed, detections)
+        unmatched = frame.cosine_distance_max if self._config.likelihood else math.inf
+        cost = self._appearance_cost(confirmed, frame)
+        first = associate(cost, confirmed, detections, unmatched)
         # After a time without frames the distance alone says little.
         gap = self._config.identity.is_gap(self.tracks.elapsed_ns)
         recent = [] if gap else [t for t in first.unmatched_tracks if t.frames_missed <= 1]
@@ -149,11 +151,13 @@ class StrongSort3d(TrackSetTracker):
         d_cos = cosine_distances(records, detections)
         unknown = np.isnan(d_cos)
         wider_m2 = self._policies.contact.gate_covariances_m2(frame)
-        d_m2 = kalman.gating_distances(x, P, z, R if wider_m2 is None else R + wider_m2)
+        d_m2, log_det = kalman.gate(x, P, z, R if wider_m2 is None else R + wider_m2)
         if wider_m2 is not None and unknown.any():
             # A wide gate needs an appearance that speaks for the pair.
-            d_m2 = np.where(unknown, kalman.gating_distances(x, P, z, R), d_m2)
-        return combined_cost(d_m2, d_cos, frame.cosine_distance_max, self._config)
+            narrow_m2, narrow_det = kalman.gate(x, P, z, R)
+            d_m2, log_det = np.where(unknown, (narrow_m2, narrow_det), (d_m2, log_det))
+        cost = combined_cost(d_m2, d_cos, frame.cosine_distance_max, self._config)
+        return cost + self._config.motion_weight * log_det if self._config.likelihood else cost
 
     def _contradicted(
         self, records: Sequence[TrackRecord], detections: Sequence[Measurement], frame: FrameContext

@@ -74,12 +74,15 @@ def test_occluded_person_who_comes_out_beside_the_prediction_goes_on_by_appearan
     assert of(tracks, identity).detection == 0
 
 
-def test_tentative_track_ends_behind_others() -> None:
-    sort = tracker(OcclusionConfig(enabled=True))
-    for number in range(3):
-        sort.update(with_pose(number, person(2, 0)))
-    assert len(sort.update(with_pose(3, person(2, 0), person(4, 0, 1)))) == 2
-    assert len(sort.update(with_pose(4, person(2, 0)))) == 1
+def test_track_of_few_matches_ends_behind_others() -> None:
+    # Found in 2 frames, it outlives 3 frames behind the other person, not 4.
+    strong = published(occlusion=OcclusionConfig(enabled=True), n_init=2, lifetime="hits")
+    sort = build_strongsort3d(published_config(strongsort3d=strong))
+    before = person(2, 0)
+    for number in range(10):
+        behind = [person(4, 0, 1)] if 2 <= number < 4 else []
+        tracks = sort.update(with_pose(number, before, *behind))
+        assert len(tracks) == (2 if 2 <= number < 7 else 1)
 
 
 def crossing(sort: StrongSort3d) -> list[list[Track]]:
