@@ -184,8 +184,9 @@ class Reidentification(IdentityPolicy):
 
     def _add(self, match: Match, quality: _MatchQuality, stamp_ns: int) -> None:
         record, measurement = match
-        embedding = measurement.embedding if quality.unoccluded else None
-        self._gallery.add(record.id, record.x[:3], stamp_ns, embedding)
+        self._gallery.add(
+            record.id, record.x[:3], stamp_ns, measurement.embedding, not quality.unoccluded
+        )
 
 
 def _beside(record: TrackRecord, new: TrackRecord) -> bool:
