@@ -36,6 +36,7 @@ from services.tracker.strongsort3d.policies import (
 # [ns] since a match before another camera after which the distance says little: that camera's
 # frames may be late, or it sends no more, so its track was not missed
 OTHERS_NS = 200_000_000
+LENGTH_MIN = 1e-6  # of a mean of embeddings: a shorter one has no direction
 
 
 class StrongSort3d(TrackSetTracker):
@@ -232,14 +233,19 @@ def update_embeddings(
     matches: Sequence[Match], frame: FrameContext, contact: ContactPolicy
 ) -> None:
     """Update the embeddings of matched tracks: e <- alpha e + (1 - alpha) f."""
-    for record, measurement in matches:
-        if measurement.embedding is not None:
-            alpha = contact.alpha(frame.config.ema_alpha, record)
-            record.embedding = moving_average(record.embedding, measurement.embedding, alpha)
+    known = [(record, m.embedding) for record, m in matches if m.embedding is not None]
+    if not known:
+        return
+    f = np.array([embedding for _, embedding in known])
+    e = np.array([f_k if record.embedding is None else record.embedding for record, f_k in known])
+    alpha = np.array([contact.alpha(frame.config.ema_alpha, record) for record, _ in known])
+    for (record, _), mean in zip(known, moving_averages(e, f, alpha), strict=True):
+        record.embedding = mean
 
 
-def moving_average(e: F64 | None, f: F64, alpha: float) -> F64:
-    """Return alpha e + (1 - alpha) f at unit length; f if e is unknown or the sum vanishes."""
-    mixed = f if e is None else alpha * e + (1 - alpha) * f
-    length = math.sqrt(mixed @ mixed)
-    return mixed / length if length > 1e-6 else f
+def moving_averages(e: F64, f: F64, alpha: F64) -> F64:
+    """Return alpha e + (1 - alpha) f (Nxd) at unit length; f where the sum vanishes."""
+    mixed = alpha[:, None] * e + (1 - alpha[:, None]) * f
+    lengths = np.sqrt(np.einsum("ij,ij->i", mixed, mixed))[:, None]
+    result: F64 = np.where(lengths > LENGTH_MIN, mixed / np.maximum(lengths, LENGTH_MIN), f)
+    return result

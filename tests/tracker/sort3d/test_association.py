@@ -16,7 +16,7 @@ from services.tracker.sort3d.association import (
     min_max,
 )
 from services.tracker.strongsort3d import strongsort3d
-from services.tracker.strongsort3d.strongsort3d import moving_average
+from services.tracker.strongsort3d.strongsort3d import moving_averages
 from tests.tracker.scene import published
 
 INF = np.inf
@@ -126,14 +126,11 @@ def test_distances() -> None:
     np.testing.assert_allclose(distances(a, b), [[5.0, 7.0]])
 
 
-def test_moving_average_of_the_embedding() -> None:
-    # 0.9 (1, 0) + 0.1 (0, 1) = (0.9, 0.1), length sqrt(0.82) = 0.905539.
-    e = moving_average(np.array([1.0, 0.0]), np.array([0.0, 1.0]), 0.9)
-    np.testing.assert_allclose(e, [0.993884, 0.110432], atol=1e-6)
-    first = moving_average(None, np.array([0.0, 1.0]), 0.9)
-    np.testing.assert_array_equal(first, [0.0, 1.0])
-    opposite = moving_average(np.array([1.0, 0.0]), np.array([-1.0, 0.0]), 0.5)
-    np.testing.assert_array_equal(opposite, [-1.0, 0.0])
+def test_moving_averages_of_embeddings() -> None:
+    # 0.9 (1, 0) + 0.1 (0, 1) = (0.9, 0.1), length sqrt(0.82) = 0.905539; opposite ones vanish.
+    e, f = np.array([[1.0, 0.0], [1.0, 0.0]]), np.array([[0.0, 1.0], [-1.0, 0.0]])
+    means = moving_averages(e, f, np.array([0.9, 0.5]))
+    np.testing.assert_allclose(means, [[0.993884, 0.110432], [-1.0, 0.0]], atol=1e-6)
 
 
 def test_match_probabilities_of_competing_pairs() -> None:
