@@ -109,8 +109,10 @@ class Matcher:
         admissible = similarity >= self._threshold - ROUNDING
         last = np.array([self._previous.get(one, -1) for one in persons.tolist()], np.int64)
         persists = last[:, None] == tracks[None]
-        # Two pairs are always worth more than one; people who have to be tracked come first.
-        worth = np.where(admissible, PERSISTENCE * persists + similarity + required[:, None], 0.0)
+        # Two pairs are always worth more than one; of people in the view, those who are not hidden
+        # come first. Who is beside the view may be measured by the part that is in it.
+        first = required | ~frame.truth.in_view
+        worth = np.where(admissible, PERSISTENCE * persists + similarity + first[:, None], 0.0)
         rows, columns = linear_sum_assignment(worth, maximize=True)
         valid = admissible[rows, columns]
         rows, columns = rows[valid], columns[valid]

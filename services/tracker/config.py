@@ -58,6 +58,9 @@ class ContactConfig(Config, frozen=True, kw_only=True):
     # standard deviation on top along the ray. A match counts in full
     depth_covered_max: Ratio = 0.35
     depth_sigma_m: Metres = 1.0  # [m]; 0: none
+    # [m] on the ground: such a box nearer than this to a matched detection is of the same person,
+    # and begins no track
+    double_m: Metres = 0.5
 
 
 class IdentityConfig(Config, frozen=True, kw_only=True):
@@ -75,8 +78,9 @@ class IdentityConfig(Config, frozen=True, kw_only=True):
     # [s] A track unmatched for longer, and never occluded, ends; its person is re-identified, with
     # a margin to all others
     absent_s: Seconds = 1.0
-    # [s] likewise, of a track last seen at the edge of the image or predicted out of it
-    absent_cut_off_s: Seconds = 0.2
+    # [s] likewise, of a track last seen at the edge of the image or predicted out of it, which its
+    # camera has missed
+    absent_cut_off_s: Seconds = 0.1
     # Time of the decision
     # [s] a new track waits for an unoccluded crop for so long, while an absent person could be back
     wait_s: Seconds = 0.3
@@ -155,6 +159,9 @@ class StrongSort3dConfig(Config, frozen=True, kw_only=True):
     # not named here is taken from COSINE_DISTANCE_MAX, else it is cosine_distance_max_other.
     cosine_distance_max: dict[str, CosineDistance] = msgspec.field(default_factory=dict)
     cosine_distance_max_other: CosineDistance = 0.3
+    # True: c has lambda ln |S| on top, as a likelihood, and a track or detection without a partner
+    # costs C_cos; section 5: False, as many pairs as possible
+    likelihood: bool = True
     ema_alpha: Ratio = 0.9  # e <- alpha e + (1 - alpha) f; section 5 (default)
     # round 2
     distance_max_m: Positive = 0.7  # [m] largest 3D distance; section 5 (default)

@@ -76,6 +76,7 @@ class GalleryEntry:
     matched_ns: int  # [ns] stamp of the last match
     views: list[F64] = field(default_factory=list)  # embeddings of unit length
     matches: int = 0  # frames in which this tracker matched the person
+    occluded: bool = False  # the only view is the last one of an occluded person
 
 
 @dataclass(frozen=True, slots=True)

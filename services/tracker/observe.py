@@ -15,6 +15,7 @@ from services.tracker.interface import ImageEdges, Measurement, Observation, Unl
 
 PEOPLE_MAX = 128  # of one frame, those of the highest scores; matching takes their cube
 POSE_SIGMA_MIN_M = 0.01  # [m] a better known pose adds no covariance
+LENGTH_MIN = 1e-6  # of an embedding: a shorter one has no direction
 LEVEL_MIN = 0.2  # a heading with a shorter level part (steeper than 78 deg) has no yaw
 
 
@@ -131,11 +132,13 @@ def yaw_of(heading: F64 | None, map_from_camera: F64) -> float | None:
 def _unit_vectors(embeddings: Embeddings, count: int, counters: Counter[str]) -> dict[int, F64]:
     """Return the embeddings by index of their detection, at unit length."""
     vectors: dict[int, F64] = {}
-    long_vectors = embeddings.vectors.astype(np.float64)
-    for index, vector in zip(embeddings.detections, long_vectors, strict=True):
-        length = math.sqrt(vector @ vector)
-        if 0 <= index < count and index not in vectors and length > 1e-6:
-            vectors[index] = vector / length
+    rows = embeddings.vectors.astype(np.float64)
+    lengths = np.sqrt(np.einsum("ij,ij->i", rows, rows))
+    rows /= np.maximum(lengths, LENGTH_MIN)[:, None]
+    known = (lengths > LENGTH_MIN).tolist()
+    for index, vector, is_known in zip(embeddings.detections, rows, known, strict=True):
+        if 0 <= index < count and index not in vectors and is_known:
+            vectors[index] = vector
         else:
             counters["bad_embeddings"] += 1
     return vectors

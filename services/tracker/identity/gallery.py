@@ -29,10 +29,17 @@ class Gallery:
         self.entries: dict[int, GalleryEntry] = {}  # by identity, longest unseen first
         self.neighbours: Mapping[int, GalleryEntry] = {}  # people of other areas, by identity
 
-    def add(self, identity: int, position_m: F64, stamp_ns: int, embedding: F64 | None) -> None:
+    def add(
+        self,
+        identity: int,
+        position_m: F64,
+        stamp_ns: int,
+        embedding: F64 | None,
+        occluded: bool = False,
+    ) -> None:
         """Record a match of a person, and its embedding unless it is similar to one of theirs.
 
-        Without an embedding the crop shows others, too.
+        An occluded crop shows others, too, or a part only: it counts until there is a better one.
         """
         entry = self.entries.pop(identity, None) or GalleryEntry(position_m, stamp_ns)
         entry.position_m, entry.matched_ns = position_m.copy(), stamp_ns
@@ -42,8 +49,12 @@ class Gallery:
         self.entries[identity] = entry  # at the end: the first one is the longest unseen
         if len(self.entries) > self._config.identities_max:
             del self.entries[next(iter(self.entries))]
-        if embedding is not None:
-            add_view(entry.views, embedding, self._config.view_gap, self._config.views)
+        if embedding is None or (occluded and entry.views and not entry.occluded):
+            return
+        if entry.occluded:
+            entry.views.clear()
+        entry.occluded = occluded
+        add_view(entry.views, embedding, self._config.view_gap, self._config.views)
 
     def drop_old(self, stamp_ns: int) -> None:
         """Delete people who were not seen for too long."""

@@ -90,8 +90,8 @@ class Reidentification(IdentityPolicy):
         since_ns = record.missed_since_ns + record.out_of_view_ns
         missed_s = (observation.stamp_ns - since_ns) / 1e9
         config = self._config
-        # Before its own camera has missed it, that camera's frames may be late.
-        has_left = leaves and record.missed > 0
+        # The own camera has missed it once: frames may be late, or far apart.
+        has_left = leaves and record.missed > 1
         return missed_s > (config.absent_cut_off_s if has_left else config.absent_s)
 
     def _ended(self, record: TrackRecord, observation: Observation) -> bool:
@@ -184,8 +184,9 @@ class Reidentification(IdentityPolicy):
 
     def _add(self, match: Match, quality: _MatchQuality, stamp_ns: int) -> None:
         record, measurement = match
-        embedding = measurement.embedding if quality.unoccluded else None
-        self._gallery.add(record.id, record.x[:3], stamp_ns, embedding)
+        self._gallery.add(
+            record.id, record.x[:3], stamp_ns, measurement.embedding, not quality.unoccluded
+        )
 
 
 def _beside(record: TrackRecord, new: TrackRecord) -> bool:

@@ -69,6 +69,11 @@ class TrackRecord:
     leaving: bool = False  # the predicted position has left the image
     cut_off: bool = False  # the last box reached the left or right of the image
 
+    @property
+    def frames_missed(self) -> int:
+        """Frames since the last match that could have shown the person."""
+        return self.missed - self.occluded - self.out_of_view
+
 
 def stack(records: Sequence[TrackRecord]) -> tuple[F64, F64]:
     """Return the states (Nxn) and covariances (Nxnxn) of N tracks."""

@@ -3,6 +3,7 @@
 In a cost matrix rows are tracks and columns detections; +inf marks a pair that may not be matched.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
@@ -16,6 +17,7 @@ from services.tracker.motion.track_record import TrackRecord
 
 T = TypeVar("T")
 D = TypeVar("D")
+ROUNDING = 1e-6  # of costs: a pair as dear as none is matched
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,11 +32,13 @@ class RoundMatches(Generic[T, D]):
     unmatched_detections: list[D]
 
 
-def assign(cost: F64) -> list[tuple[int, int]]:
-    """Match as many admissible pairs as possible, at the least sum of costs (Hungarian method).
+def assign(cost: F64, unmatched: float = math.inf) -> list[tuple[int, int]]:
+    """Match admissible pairs at the least sum of costs (Hungarian method).
 
     Args:
         cost: NxM, +inf for inadmissible pairs.
+        unmatched: Cost of a row or column that stays without a partner, the most that a pair
+            counts; infinity: as many pairs as possible are matched.
 
     Returns:
         Matched pairs (row, column), ordered by row.
@@ -46,17 +50,20 @@ def assign(cost: F64) -> list[tuple[int, int]]:
     if not costs.size:
         return []
     least = costs.min()
-    spread = costs.max() - least
     # Above the sum of all pairs, so that giving up an admissible pair never pays.
-    forbidden = (spread + 1.0) * (min(cost.shape) + 1)
+    forbidden = (costs.max() - least + 1.0) * (min(cost.shape) + 1)
+    if unmatched < math.inf:
+        cost, forbidden = np.minimum(cost, unmatched), unmatched - least + ROUNDING
     rows, columns = linear_sum_assignment(np.where(admissible, cost - least, forbidden))
     chosen = admissible[rows, columns]
     return list(zip(rows[chosen].tolist(), columns[chosen].tolist(), strict=True))
 
 
-def associate(cost: F64, tracks: Sequence[T], detections: Sequence[D]) -> RoundMatches[T, D]:
+def associate(
+    cost: F64, tracks: Sequence[T], detections: Sequence[D], unmatched: float = math.inf
+) -> RoundMatches[T, D]:
     """Match tracks (N) and detections (M) at the least sum of costs (NxM), see `assign`."""
-    pairs = assign(cost)
+    pairs = assign(cost, unmatched)
     rows, columns = {i for i, _ in pairs}, {j for _, j in pairs}
     return RoundMatches(
         cost,

@@ -20,30 +20,29 @@ class Occlusion(TrackPolicy):
 
     def after_update(self, tracks: TrackSet, result: AssociationResult) -> None:
         """Count the frame for tracks of its camera that are occluded in it."""
-        observation, records = result.frame.observation, tracks.records
-        is_detected = [t.detection is not None for t in records]
-        if observation.camera_from_map is None or all(is_detected):
+        frame = result.frame
+        camera, pose = frame.observation.camera, frame.observation.camera_from_map
+        lost = [t for t in tracks.records if t.detection is None and t.camera == camera]
+        if pose is None or not lost or not frame.detections:
             return
-        detected, positions_m = np.array(is_detected), tracks.positions_m(records)
-        behind = occluded(positions_m, detected, observation.camera_from_map, self._config)
-        for record, is_behind in zip(records, behind, strict=True):
-            if is_behind and record.camera == observation.camera:
-                record.occluded += 1
+        behind = occluded(tracks.positions_m(lost), frame.positions_m, pose, self._config)
+        for record, is_behind in zip(lost, behind, strict=True):
+            record.occluded += bool(is_behind)
 
 
 def occluded(
-    positions_m: F64, detected: BOOL, camera_from_map: F64, config: OcclusionConfig
+    positions_m: F64, detected_m: F64, camera_from_map: F64, config: OcclusionConfig
 ) -> BOOL:
-    """Return the people (N), not detected, whose interval is covered by detected ones, not farther.
+    """Return the people (N) whose interval is covered by that of a detected one, not farther.
 
-    Positions (Nx3) are in the map, `camera_from_map` is to the optical frame.
+    Positions (Nx3 and Mx3) are in the map, `camera_from_map` is to the optical frame.
     """
     people, depth = intervals(positions_m, camera_from_map, config.half_width_m)
-    before = depth > NEAR_M
-    hides = detected & before & (depth[None] < depth[:, None] + config.nearer_slack_m)
-    ratio = np.where(hides, overlap_ratios(people, people), 0.0).max(axis=1, initial=0.0)
-    result: BOOL = ~detected & before & (ratio >= config.covered_min)
-    return result
+    detected, detected_depth = intervals(detected_m, camera_from_map, config.half_width_m)
+    hides = detected_depth[None] < depth[:, None] + config.nearer_slack_m
+    hides &= (depth > NEAR_M)[:, None] & (detected_depth > NEAR_M)
+    ratio = np.where(hides, overlap_ratios(people, detected), 0.0).max(axis=1, initial=0.0)
+    return np.asarray(ratio >= config.covered_min)
 
 
 class FieldOfView(TrackPolicy):

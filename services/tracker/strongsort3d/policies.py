@@ -113,6 +113,10 @@ class ContactPolicy:
         """Return the weight of a track's embedding in its moving average."""
         return alpha
 
+    def beginnings(self, result: AssociationResult) -> Sequence[Measurement]:
+        """Return the detections that begin tracks."""
+        return result.by_distance.unmatched_detections
+
 
 class IdentityPolicy(TrackPolicy):
     """Re-identification of people who return; this base does none."""

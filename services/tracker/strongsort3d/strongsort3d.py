@@ -36,6 +36,7 @@ from services.tracker.strongsort3d.policies import (
 # [ns] since a match before another camera after which the distance says little: that camera's
 # frames may be late, or it sends no more, so its track was not missed
 OTHERS_NS = 200_000_000
+LENGTH_MIN = 1e-6  # of a mean of embeddings: a shorter one has no direction
 
 
 class StrongSort3d(TrackSetTracker):
@@ -69,7 +70,7 @@ class StrongSort3d(TrackSetTracker):
         update_embeddings(result.matches, result.frame, policies.contact)
         for policy in policies.in_order:
             policy.after_update(tracks, result)
-        return tracks.manage(result.by_distance.unmatched_detections, observation)
+        return tracks.manage(policies.contact.beginnings(result), observation)
 
     def reset(self) -> None:
         """Delete all tracks and times; identities go on counting."""
@@ -129,10 +130,12 @@ class StrongSort3d(TrackSetTracker):
         detections = in_order(observation.measurements)
         frame = FrameContext(observation, detections, self._config)
 
-        first = associate(self._appearance_cost(confirmed, frame), confirmed, detections)
+        unmatched = frame.cosine_distance_max if self._config.likelihood else math.inf
+        cost = self._appearance_cost(confirmed, frame)
+        first = associate(cost, confirmed, detections, unmatched)
         # After a time without frames the distance alone says little.
         gap = self._config.identity.is_gap(self.tracks.elapsed_ns)
-        recent = [] if gap else [t for t in first.unmatched_tracks if t.missed <= 1]
+        recent = [] if gap else [t for t in first.unmatched_tracks if t.frames_missed <= 1]
         recent += tentative
         rest = first.unmatched_detections
         cost = self._distance_cost(recent, rest)
@@ -149,11 +152,13 @@ class StrongSort3d(TrackSetTracker):
         d_cos = cosine_distances(records, detections)
         unknown = np.isnan(d_cos)
         wider_m2 = self._policies.contact.gate_covariances_m2(frame)
-        d_m2 = kalman.gating_distances(x, P, z, R if wider_m2 is None else R + wider_m2)
+        d_m2, log_det = kalman.gate(x, P, z, R if wider_m2 is None else R + wider_m2)
         if wider_m2 is not None and unknown.any():
             # A wide gate needs an appearance that speaks for the pair.
-            d_m2 = np.where(unknown, kalman.gating_distances(x, P, z, R), d_m2)
-        return combined_cost(d_m2, d_cos, frame.cosine_distance_max, self._config)
+            narrow_m2, narrow_det = kalman.gate(x, P, z, R)
+            d_m2, log_det = np.where(unknown, (narrow_m2, narrow_det), (d_m2, log_det))
+        cost = combined_cost(d_m2, d_cos, frame.cosine_distance_max, self._config)
+        return cost + self._config.motion_weight * log_det if self._config.likelihood else cost
 
     def _contradicted(
         self, records: Sequence[TrackRecord], detections: Sequence[Measurement], frame: FrameContext
@@ -190,9 +195,12 @@ class StrongSort3d(TrackSetTracker):
 
 
 def _is_uncertain(record: TrackRecord, observation: Observation) -> bool:
-    """Check for a track that another camera had last, so long ago that its position is a guess."""
+    """Check for a track whose position is a guess.
+
+    It was not found in the frame before, or another camera had it last, too long ago.
+    """
     elapsed_ns = observation.stamp_ns - record.matched_ns
-    return record.camera != observation.camera and elapsed_ns > OTHERS_NS
+    return record.missed > 1 or (record.camera != observation.camera and elapsed_ns > OTHERS_NS)
 
 
 def combined_cost(d_m2: F64, d_cos: F64, c_cos: float, config: StrongSort3dConfig) -> F64:
@@ -225,14 +233,19 @@ def update_embeddings(
     matches: Sequence[Match], frame: FrameContext, contact: ContactPolicy
 ) -> None:
     """Update the embeddings of matched tracks: e <- alpha e + (1 - alpha) f."""
-    for record, measurement in matches:
-        if measurement.embedding is not None:
-            alpha = contact.alpha(frame.config.ema_alpha, record)
-            record.embedding = moving_average(record.embedding, measurement.embedding, alpha)
+    known = [(record, m.embedding) for record, m in matches if m.embedding is not None]
+    if not known:
+        return
+    f = np.array([embedding for _, embedding in known])
+    e = np.array([f_k if record.embedding is None else record.embedding for record, f_k in known])
+    alpha = np.array([contact.alpha(frame.config.ema_alpha, record) for record, _ in known])
+    for (record, _), mean in zip(known, moving_averages(e, f, alpha), strict=True):
+        record.embedding = mean
 
 
-def moving_average(e: F64 | None, f: F64, alpha: float) -> F64:
-    """Return alpha e + (1 - alpha) f at unit length; f if e is unknown or the sum vanishes."""
-    mixed = f if e is None else alpha * e + (1 - alpha) * f
-    length = math.sqrt(mixed @ mixed)
-    return mixed / length if length > 1e-6 else f
+def moving_averages(e: F64, f: F64, alpha: F64) -> F64:
+    """Return alpha e + (1 - alpha) f (Nxd) at unit length; f where the sum vanishes."""
+    mixed = alpha[:, None] * e + (1 - alpha[:, None]) * f
+    lengths = np.sqrt(np.einsum("ij,ij->i", mixed, mixed))[:, None]
+    result: F64 = np.where(lengths > LENGTH_MIN, mixed / np.maximum(lengths, LENGTH_MIN), f)
+    return result

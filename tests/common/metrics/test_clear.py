@@ -164,6 +164,13 @@ def test_one_track_goes_to_the_person_who_has_to_be_found() -> None:
     assert (counts.matches, counts.misses, counts.false_alarms) == (1, 0, 0)
 
 
+def test_the_track_of_a_person_beside_the_view_is_not_lent_to_another() -> None:
+    # B is half beside the image, but measured there; A is in view and missed, then found.
+    beside = truth({"A": 0, "B": 0.4}, out="B")
+    counts = count(sequence((beside, {2: 0.4}), (beside, {2: 0.4, 1: 0})))
+    assert (counts.misses, counts.id_switches, counts.false_alarms) == (1, 0, 0)
+
+
 def test_the_predicted_track_of_a_hidden_person_is_not_lent_to_another() -> None:
     # H's track 2 goes on while H is hidden; A beside loses its own track: a miss, no switch.
     counts = count(

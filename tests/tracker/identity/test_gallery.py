@@ -95,3 +95,14 @@ def test_longest_unseen_person_is_deleted_first() -> None:
     assert list(people.entries) == [1, 3]
     people.drop_old(int(62.5 * S))
     assert list(people.entries) == [3]
+
+
+def test_occluded_view_counts_until_there_is_an_unoccluded_one() -> None:
+    people = gallery()
+    for angle_deg, occluded in ((10, True), (20, True)):
+        people.add(1, HERE, 0, embedding(angle_deg), occluded)
+    np.testing.assert_array_equal(people.entries[1].views, [embedding(20)])
+    people.add(1, HERE, 0, embedding(50))
+    people.add(1, HERE, 0, embedding(20), occluded=True)
+    people.add(1, HERE, 0, embedding(90))
+    np.testing.assert_array_equal(people.entries[1].views, [embedding(50), embedding(90)])

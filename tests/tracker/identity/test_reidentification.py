@@ -293,3 +293,18 @@ def test_absent_track_ends_and_an_occluded_one_does_not() -> None:
 
     assert not lasts()
     assert lasts(person(2, 0, embedding=BLUE))
+
+
+@pytest.mark.parametrize(("missed", "identity"), [(1, 1), (2, 2)])
+def test_track_at_the_edge_goes_on_in_the_next_frame_of_a_slow_camera(
+    missed: int, identity: int
+) -> None:
+    # Frames 0.5 s apart are longer than absent_cut_off_s; their next one has not missed the person.
+    sort = build_strongsort3d(published_config(strongsort3d=published(identity=IdentityConfig())))
+    for number in range(5):
+        sort.update(with_pose(5 * number, person(3, 1.5, embedding=RED)))
+    for number in range(5, 4 + missed):
+        sort.update(with_pose(5 * number))
+    similar = person(3, 1.5, embedding=(1.0, 0.6, 0.0))
+    tracks = sort.update(with_pose(5 * (4 + missed), similar))
+    assert [track.id for track in tracks if track.detection is not None] == [identity]

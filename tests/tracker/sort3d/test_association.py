@@ -16,7 +16,7 @@ from services.tracker.sort3d.association import (
     min_max,
 )
 from services.tracker.strongsort3d import strongsort3d
-from services.tracker.strongsort3d.strongsort3d import moving_average
+from services.tracker.strongsort3d.strongsort3d import moving_averages
 from tests.tracker.scene import published
 
 INF = np.inf
@@ -25,6 +25,16 @@ INF = np.inf
 def test_sum_of_costs_is_minimised_not_the_best_pair() -> None:
     # 1 + 5 = 6 against 2 + 3 = 5.
     assert assign(np.array([[1.0, 2.0], [3.0, 5.0]])) == [(0, 1), (1, 0)]
+
+
+def test_unmatched_rows_and_columns_have_a_cost() -> None:
+    # Two pairs cost 0.3 + 0.25, one pair and two without a partner 0.01 + 0.4: as many pairs as
+    # possible only if these cost more. A pair dearer than none is matched where both are free.
+    cost = np.array([[0.01, 0.3], [0.25, INF]])
+    assert assign(cost) == [(0, 1), (1, 0)]
+    assert assign(cost, 0.4) == [(0, 0)]
+    assert assign(cost, 0.7) == [(0, 1), (1, 0)]
+    assert assign(np.array([[0.9]]), 0.4) == [(0, 0)]
 
 
 def test_inadmissible_pairs_are_never_matched() -> None:
@@ -116,14 +126,11 @@ def test_distances() -> None:
     np.testing.assert_allclose(distances(a, b), [[5.0, 7.0]])
 
 
-def test_moving_average_of_the_embedding() -> None:
-    # 0.9 (1, 0) + 0.1 (0, 1) = (0.9, 0.1), length sqrt(0.82) = 0.905539.
-    e = moving_average(np.array([1.0, 0.0]), np.array([0.0, 1.0]), 0.9)
-    np.testing.assert_allclose(e, [0.993884, 0.110432], atol=1e-6)
-    first = moving_average(None, np.array([0.0, 1.0]), 0.9)
-    np.testing.assert_array_equal(first, [0.0, 1.0])
-    opposite = moving_average(np.array([1.0, 0.0]), np.array([-1.0, 0.0]), 0.5)
-    np.testing.assert_array_equal(opposite, [-1.0, 0.0])
+def test_moving_averages_of_embeddings() -> None:
+    # 0.9 (1, 0) + 0.1 (0, 1) = (0.9, 0.1), length sqrt(0.82) = 0.905539; opposite ones vanish.
+    e, f = np.array([[1.0, 0.0], [1.0, 0.0]]), np.array([[0.0, 1.0], [-1.0, 0.0]])
+    means = moving_averages(e, f, np.array([0.9, 0.5]))
+    np.testing.assert_allclose(means, [[0.993884, 0.110432], [-1.0, 0.0]], atol=1e-6)
 
 
 def test_match_probabilities_of_competing_pairs() -> None:

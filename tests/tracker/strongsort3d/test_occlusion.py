@@ -4,6 +4,7 @@ import dataclasses
 import itertools
 
 import numpy as np
+import pytest
 
 from common.geometry.transforms import LINK_FROM_OPTICAL, invert
 from people4d.messages import Track
@@ -37,20 +38,51 @@ def test_people_behind_detected_ones_are_occluded() -> None:
     # Strips, half a width of 0.25 m: A at 2 m covers -0.125 to 0.125; B at 4 m and 0.1 m to the
     # left is -0.0875 to 0.0375, all of it covered; C at 4 m, 0.6 m to the right, is 0.0875 to
     # 0.2125, of which 0.0375 / 0.125 = 0.3 are covered; D at 1.5 m is before A.
-    people = np.array([[2, 0, 1], [4, 0.1, 1], [4, -0.6, 1], [1.5, 0, 1.0]])
-    detected = np.array([True, False, False, False])
+    detected, people = np.array([[2, 0, 1.0]]), np.array([[4, 0.1, 1], [4, -0.6, 1], [1.5, 0, 1]])
     result = occluded(people, detected, OPTICAL_FROM_LINK, OcclusionConfig(covered_min=0.4))
-    assert result.tolist() == [False, True, False, False]
+    assert result.tolist() == [True, False, False]
     result = occluded(people, detected, OPTICAL_FROM_LINK, OcclusionConfig(covered_min=0.29))
-    assert result.tolist() == [False, True, True, False]
+    assert result.tolist() == [True, True, False]
 
 
-def test_undetected_person_occludes_no_other() -> None:
-    people = np.array([[2, 0, 1], [4, 0, 1.0]])
-    result = occluded(
-        people, np.zeros(2, np.bool_), OPTICAL_FROM_LINK, OcclusionConfig(enabled=False)
+def test_person_detected_for_the_first_time_occludes_others() -> None:
+    # A stands at 4 m; B comes for the first time, before A for a frame. One miss would end A.
+    sort = tracker(OcclusionConfig(enabled=True), a_max=1)
+    for number in range(5):
+        sort.update(with_pose(number, person(4, 0, embedding=RED)))
+    tracks = sort.update(with_pose(5, person(2, 0, embedding=BLUE)))
+    assert [(track.id, track.state) for track in tracks] == [(1, "lost"), (2, "tentative")]
+
+
+@pytest.mark.parametrize(("embedding", "identity"), [(RED, 1), (BLUE, 3)])
+def test_occluded_person_who_comes_out_beside_the_prediction_goes_on_by_appearance(
+    embedding: tuple[float, ...], identity: int
+) -> None:
+    # 0.6 m from the prediction: beyond the gate of motion, within the distance of round 2.
+    strong = published(
+        occlusion=OcclusionConfig(enabled=True),
+        distance_gated=True,
+        sigma_measurement_m=0.02,
+        sigma_acceleration_mps2=1.0,
     )
-    assert not result.any()
+    sort = build_strongsort3d(published_config(strongsort3d=strong))
+    for number in range(8):
+        sort.update(with_pose(number, person(4, 0, embedding=RED)))
+    before = person(2, 0, 1, embedding=BLUE)
+    sort.update(with_pose(8, before))
+    tracks = sort.update(with_pose(9, before, person(4, 0.6, embedding=embedding)))
+    assert of(tracks, identity).detection == 0
+
+
+def test_track_of_few_matches_ends_behind_others() -> None:
+    # Found in 2 frames, it outlives 3 frames behind the other person, not 4.
+    strong = published(occlusion=OcclusionConfig(enabled=True), n_init=2, lifetime="hits")
+    sort = build_strongsort3d(published_config(strongsort3d=strong))
+    before = person(2, 0)
+    for number in range(10):
+        behind = [person(4, 0, 1)] if 2 <= number < 4 else []
+        tracks = sort.update(with_pose(number, before, *behind))
+        assert len(tracks) == (2 if 2 <= number < 7 else 1)
 
 
 def crossing(sort: StrongSort3d) -> list[list[Track]]:
