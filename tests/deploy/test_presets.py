@@ -89,7 +89,7 @@ def test_the_other_methods_track_by_sections_3_and_5(method: str, suffix: str) -
         identity=IdentityConfig(enabled=False),
         imm=ImmConfig(enabled=False),
     )
-    assert tracker.yaw == ("keypoints" if method.startswith("pose") else "velocity")
+    assert tracker.yaw == ("kalman" if method.startswith("pose") else "velocity")
     reid = config_of(ReidConfig, "reid", method + suffix)
     assert reid.embedder == ("histogram" if suffix else "osnet")
     assert config_of(DetectorConfig, "detector", method + suffix).crops

@@ -1,0 +1,171 @@
+"""Yaw of tracks by its density on the circle (docs/method.md, section 12)."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from people4d.messages import F64
+from services.tracker.config import YawFilterConfig
+from services.tracker.interface import Measurement
+from services.tracker.motion.yaw import States, VelocityYaw, measured_rad
+
+BINS = 72
+STEP_RAD = 2 * math.pi / BINS
+ANGLES = STEP_RAD * np.arange(BINS, dtype=np.float64)
+FREQUENCIES = np.arange(BINS // 2 + 1)
+NEAR = np.arange(-BINS // 6, BINS // 6 + 1)  # bins within 60 deg of the mode
+DENSITY_MIN = 1e-9  # of each bin: nothing is impossible
+TURN_MAX_RAD = math.radians(60)  # a larger step in one frame is no turn
+SINCE_MIN_S = 1e-3
+SPEED_MIN_MPS = 1e-3
+RATE_MAX_RADPS = 1e6  # of a checkpoint
+TIME_MAX_S = 1e12  # likewise
+
+YAW, SHARE, RATE, SINCE, DENSITY = 0, 1, 2, 3, slice(4, 4 + BINS)  # elements of a state
+# Of a track whose yaw was never measured
+UNKNOWN: F64 = np.concatenate([[0.0, 0.0, 0.0, 1.0], np.full(BINS, 1 / BINS)])
+
+
+@dataclass(frozen=True, slots=True)
+class YawMeasurements:
+    """Measured yaws of N people; NaN where unknown."""
+
+    yaw_rad: F64  # N
+    sigma_rad: F64  # N
+    bearing_rad: F64  # N, direction from the camera
+
+
+class DensityYaw(VelocityYaw):
+    """A histogram filter: the probability of each angle, whatever its form.
+
+    Networks take backs for fronts, so that two opposite angles are possible for a while, until the
+    direction of walking or a view from behind decides. A state is the most likely angle, the
+    probability within 60 degrees of it, the rate of turning, the time since the last update and the
+    density.
+    """
+
+    def __init__(self, config: YawFilterConfig) -> None:
+        super().__init__()
+        self._config = config
+
+    def predict(self, states: States, dt_s: float) -> list[F64 | None]:
+        """Turn each track on at its own rate, which decays, and widen its density.
+
+        In the frequency domain, where both are products.
+        """
+        config, before = self._config, _stacked(states)
+        turn_s = -config.rate_decay_s * math.expm1(-dt_s / config.rate_decay_s)
+        turn = -config.turn_radps * dt_s - 1j * turn_s * before[:, RATE, None]
+        turned = np.exp(FREQUENCIES * turn)
+        density = np.fft.irfft(np.fft.rfft(before[:, DENSITY]) * turned, BINS)
+        rate = before[:, RATE] * math.exp(-dt_s / config.rate_decay_s)
+        return list(_states(density, rate, before[:, SINCE] + dt_s))
+
+    def update(
+        self,
+        states: States,
+        measurements: Sequence[Measurement],
+        velocities_mps: F64,
+        covariances_m2ps2: F64,
+    ) -> list[F64 | None]:
+        """Weigh the angles by the measured yaws and by the directions of walking."""
+        config, before, yaws = self._config, _stacked(states), _yaws(measurements, self._config)
+        since_s = before[:, SINCE]
+        log_p = log_measured(yaws, config)
+        log_p += log_walking(velocities_mps, covariances_m2ps2, config)
+        # Errors of consecutive frames are similar.
+        log_p *= np.minimum(since_s / config.correlation_s, 1.0)[:, None]
+        p = np.exp(log_p - log_p.max(axis=1, keepdims=True))
+        after = _states(before[:, DENSITY] * p, before[:, RATE], np.zeros(len(before)))
+        moved_rad = wrapped(after[:, YAW] - before[:, YAW])
+        steady = np.abs(moved_rad) < TURN_MAX_RAD
+        steady &= before[:, SHARE] >= config.share_min
+        rate = after[:, RATE] + config.rate_gain * moved_rad / np.maximum(since_s, SINCE_MIN_S)
+        is_known = ~np.isnan(yaws.yaw_rad)
+        after[is_known, RATE] = np.where(steady, rate, 0.0)[is_known]
+        return list(after)
+
+    def read(self, state: F64 | None, velocity_mps: F64) -> float | None:  # noqa: ARG002
+        """Return the most likely angle, unless there is too little around it."""
+        if state is None or state[SHARE] < self._config.share_min:
+            return None
+        return float(state[YAW])
+
+    def check(self, state: F64) -> None:
+        """Check a state of a checkpoint, see `VelocityYaw.check`."""
+        if state.shape != (DENSITY.stop,):
+            raise ValueError(f"expected yaws of {DENSITY.stop} numbers, got {state.shape}")
+        in_range = abs(state[YAW]) <= math.pi and abs(state[RATE]) <= RATE_MAX_RADPS
+        density = state[DENSITY]
+        is_density = bool((density > 0.0).all()) and abs(float(density.sum()) - 1.0) < 1e-6
+        if not (in_range and 0.0 <= state[SINCE] <= TIME_MAX_S and is_density):
+            raise ValueError("expected yaws in range with a density")
+
+
+def log_measured(yaws: YawMeasurements, config: YawFilterConfig) -> F64:
+    """Return the log likelihoods (NxBINS) of measured yaws.
+
+    The measured angle is the true one, or that of a person taken for reversed, mostly one seen from
+    behind, or any.
+    """
+    # Where the bearing is unknown, each angle may show the back.
+    behind = np.nan_to_num(np.maximum(np.cos(ANGLES - yaws.bearing_rad[:, None]), 0.0), nan=1.0)
+    reversed_ = config.reversed_front + (config.reversed_back - config.reversed_front) * behind
+    normal = _normal(wrapped(yaws.yaw_rad[:, None] - ANGLES), yaws.sigma_rad[:, None])
+    p = (1.0 - reversed_ - config.outliers) * normal
+    p += reversed_ * np.roll(normal, BINS // 2, axis=1) + config.outliers / (2 * math.pi)
+    return np.where(np.isnan(p), 0.0, np.log(p))
+
+
+def log_walking(velocities_mps: F64, covariances_m2ps2: F64, config: YawFilterConfig) -> F64:
+    """Return the log likelihoods (NxBINS) of directions of walking.
+
+    The slower a person, the less the direction says.
+    """
+    v_x, v_y = velocities_mps[:, 0], velocities_mps[:, 1]
+    speed2 = np.maximum(v_x * v_x + v_y * v_y, SPEED_MIN_MPS**2)
+    C = covariances_m2ps2
+    across = v_y * v_y * C[:, 0, 0] - 2.0 * v_x * v_y * C[:, 0, 1] + v_x * v_x * C[:, 1, 1]
+    variance = (across / speed2 + config.sigma_sway_mps**2) / speed2 + config.sigma_walk_rad**2
+    error_rad = wrapped(np.arctan2(v_y, v_x)[:, None] - ANGLES)
+    p = (1.0 - config.walk_outliers) * _normal(error_rad, np.sqrt(variance)[:, None])
+    result: F64 = np.log(p + config.walk_outliers / (2 * math.pi))
+    return result
+
+
+def wrapped(angle_rad: F64) -> F64:
+    """Return angles as -pi to pi."""
+    return angle_rad - 2 * math.pi * np.rint(angle_rad / (2 * math.pi))
+
+
+def _normal(error: F64, sigma: F64) -> F64:
+    result: F64 = np.exp(np.square(error / sigma) / -2) / (math.sqrt(2 * math.pi) * sigma)
+    return result
+
+
+def _yaws(measurements: Sequence[Measurement], config: YawFilterConfig) -> YawMeasurements:
+    sigmas_rad = [m.yaw_sigma_rad or config.sigma_measurement_rad for m in measurements]
+    bearings_rad = [m.bearing_rad for m in measurements]
+    return YawMeasurements(
+        yaw_rad=np.array([measured_rad(m) for m in measurements]),
+        sigma_rad=np.clip(sigmas_rad, STEP_RAD / 2, config.sigma_max_rad),
+        bearing_rad=np.array(bearings_rad, np.float64),
+    )
+
+
+def _stacked(states: States) -> F64:
+    return np.array([UNKNOWN if state is None else state for state in states])
+
+
+def _states(density: F64, rate: F64, since_s: F64) -> F64:
+    """Return states (Nx76) of densities (NxBINS), which are normalised."""
+    density = np.maximum(density, DENSITY_MIN)
+    density /= density.sum(axis=1, keepdims=True)
+    smooth = density + np.roll(density, 1, axis=1) + np.roll(density, -1, axis=1)
+    best = smooth.argmax(axis=1)[:, None]
+    near = np.take_along_axis(density, (best + NEAR) % BINS, axis=1)
+    share = near.sum(axis=1)
+    yaw_rad = wrapped(ANGLES[best[:, 0]] + STEP_RAD * (near @ NEAR) / share)
+    return np.column_stack([yaw_rad, share, rate, since_s, density])
