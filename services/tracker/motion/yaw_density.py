@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from common.geometry.transforms import wrap
 from people4d.messages import F64
 from services.tracker.config import YawFilterConfig
 from services.tracker.interface import Measurement
@@ -18,14 +19,18 @@ FREQUENCIES = np.arange(BINS // 2 + 1)
 NEAR = np.arange(-BINS // 6, BINS // 6 + 1)  # bins within 60 deg of the mode
 DENSITY_MIN = 1e-9  # of each bin: nothing is impossible
 TURN_MAX_RAD = math.radians(60)  # a larger step in one frame is no turn
-SINCE_MIN_S = 1e-3
+SINCE_MIN_S = 0.05  # a step in less time is not one of so fast a turn
+OTHER_VIEW_RAD = math.radians(20)  # between the lines of sight of two cameras
 SPEED_MIN_MPS = 1e-3
-RATE_MAX_RADPS = 1e6  # of a checkpoint
+LARGEST = np.array([3.2, 1e6, 3.2])  # yaw, rate and bearing of a checkpoint
 TIME_MAX_S = 1e12  # likewise
 
-YAW, SHARE, RATE, SINCE, DENSITY = 0, 1, 2, 3, slice(4, 4 + BINS)  # elements of a state
+# Elements of a state: the most likely angle, the probability within 60 degrees of it, the rate of
+# turning, the time since the last update, the line of sight of that one, and the density
+YAW, SHARE, RATE, SINCE, BEARING = range(5)
+DENSITY = slice(5, 5 + BINS)
 # Of a track whose yaw was never measured
-UNKNOWN: F64 = np.concatenate([[0.0, 0.0, 0.0, 1.0], np.full(BINS, 1 / BINS)])
+UNKNOWN: F64 = np.concatenate([[0.0, 0.0, 0.0, 1.0, 0.0], np.full(BINS, 1 / BINS)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,9 +46,7 @@ class DensityYaw(VelocityYaw):
     """A histogram filter: the probability of each angle, whatever its form.
 
     Networks take backs for fronts, so that two opposite angles are possible for a while, until the
-    direction of walking or a view from behind decides. A state is the most likely angle, the
-    probability within 60 degrees of it, the rate of turning, the time since the last update and the
-    density.
+    direction of walking or a view from behind decides.
     """
 
     def __init__(self, config: YawFilterConfig) -> None:
@@ -55,13 +58,14 @@ class DensityYaw(VelocityYaw):
 
         In the frequency domain, where both are products.
         """
-        config, before = self._config, _stacked(states)
+        config, after = self._config, _stacked(states)
         turn_s = -config.rate_decay_s * math.expm1(-dt_s / config.rate_decay_s)
-        turn = -config.turn_radps * dt_s - 1j * turn_s * before[:, RATE, None]
+        turn = -config.turn_radps * dt_s - 1j * turn_s * after[:, RATE, None]
         turned = np.exp(FREQUENCIES * turn)
-        density = np.fft.irfft(np.fft.rfft(before[:, DENSITY]) * turned, BINS)
-        rate = before[:, RATE] * math.exp(-dt_s / config.rate_decay_s)
-        return list(_states(density, rate, before[:, SINCE] + dt_s))
+        after[:, DENSITY] = np.fft.irfft(np.fft.rfft(after[:, DENSITY]) * turned, BINS)
+        after[:, RATE] *= math.exp(-dt_s / config.rate_decay_s)
+        after[:, SINCE] += dt_s
+        return list(_read(after))
 
     def update(
         self,
@@ -71,36 +75,45 @@ class DensityYaw(VelocityYaw):
         covariances_m2ps2: F64,
     ) -> list[F64 | None]:
         """Weigh the angles by the measured yaws and by the directions of walking."""
-        config, before, yaws = self._config, _stacked(states), _yaws(measurements, self._config)
-        since_s = before[:, SINCE]
-        log_p = log_measured(yaws, config)
-        log_p += log_walking(velocities_mps, covariances_m2ps2, config)
-        # Errors of consecutive frames are similar.
-        log_p *= np.minimum(since_s / config.correlation_s, 1.0)[:, None]
-        p = np.exp(log_p - log_p.max(axis=1, keepdims=True))
-        after = _states(before[:, DENSITY] * p, before[:, RATE], np.zeros(len(before)))
-        moved_rad = wrapped(after[:, YAW] - before[:, YAW])
-        steady = np.abs(moved_rad) < TURN_MAX_RAD
-        steady &= before[:, SHARE] >= config.share_min
-        rate = after[:, RATE] + config.rate_gain * moved_rad / np.maximum(since_s, SINCE_MIN_S)
+        config, after, yaws = self._config, _stacked(states), _yaws(measurements, self._config)
+        # Errors of consecutive frames are similar, but not those of another camera.
+        weight = np.minimum(after[:, SINCE] / config.correlation_s, 1.0)
+        is_other = np.abs(wrapped(yaws.bearing_rad - after[:, BEARING])) > OTHER_VIEW_RAD
+        log_p = np.where(is_other, 1.0, weight)[:, None] * log_measured(yaws, config)
+        log_p += weight[:, None] * log_walking(velocities_mps, covariances_m2ps2, config)
+        predicted = after.copy()
+        after[:, DENSITY] *= np.exp(log_p - log_p.max(axis=1, keepdims=True))
+        _read(after)
         is_known = ~np.isnan(yaws.yaw_rad)
-        after[is_known, RATE] = np.where(steady, rate, 0.0)[is_known]
+        after[is_known, RATE] = self._rates(predicted, after)[is_known]
+        after[:, SINCE], after[:, BEARING] = 0.0, np.nan_to_num(yaws.bearing_rad)
         return list(after)
+
+    def _rates(self, predicted: F64, after: F64) -> F64:
+        """Return the rates of turning that the steps of yaws show; 0 where a step is no turn."""
+        step_rad = wrapped(after[:, YAW] - predicted[:, YAW])
+        is_turn = np.abs(step_rad) < TURN_MAX_RAD
+        is_turn &= predicted[:, SHARE] >= self._config.share_min
+        since_s = np.maximum(predicted[:, SINCE], SINCE_MIN_S)
+        rates = predicted[:, RATE] + self._config.rate_gain * step_rad / since_s
+        result: F64 = np.where(is_turn, rates, 0.0)
+        return result
 
     def read(self, state: F64 | None, velocity_mps: F64) -> float | None:  # noqa: ARG002
         """Return the most likely angle, unless there is too little around it."""
         if state is None or state[SHARE] < self._config.share_min:
             return None
-        return float(state[YAW])
+        return wrap(float(state[YAW]))
 
     def check(self, state: F64) -> None:
         """Check a state of a checkpoint, see `VelocityYaw.check`."""
         if state.shape != (DENSITY.stop,):
             raise ValueError(f"expected yaws of {DENSITY.stop} numbers, got {state.shape}")
-        in_range = abs(state[YAW]) <= math.pi and abs(state[RATE]) <= RATE_MAX_RADPS
         density = state[DENSITY]
         is_density = bool((density > 0.0).all()) and abs(float(density.sum()) - 1.0) < 1e-6
-        if not (in_range and 0.0 <= state[SINCE] <= TIME_MAX_S and is_density):
+        in_range = bool((np.abs(state[[YAW, RATE, BEARING]]) <= LARGEST).all())
+        in_range = in_range and 0.0 <= state[SINCE] <= TIME_MAX_S
+        if not (in_range and is_density):
             raise ValueError("expected yaws in range with a density")
 
 
@@ -159,13 +172,14 @@ def _stacked(states: States) -> F64:
     return np.array([UNKNOWN if state is None else state for state in states])
 
 
-def _states(density: F64, rate: F64, since_s: F64) -> F64:
-    """Return states (Nx76) of densities (NxBINS), which are normalised."""
-    density = np.maximum(density, DENSITY_MIN)
+def _read(states: F64) -> F64:
+    """Normalise the densities of states (Nx77), and set the most likely angles and their shares."""
+    density = np.maximum(states[:, DENSITY], DENSITY_MIN)
     density /= density.sum(axis=1, keepdims=True)
     smooth = density + np.roll(density, 1, axis=1) + np.roll(density, -1, axis=1)
     best = smooth.argmax(axis=1)[:, None]
     near = np.take_along_axis(density, (best + NEAR) % BINS, axis=1)
     share = near.sum(axis=1)
-    yaw_rad = wrapped(ANGLES[best[:, 0]] + STEP_RAD * (near @ NEAR) / share)
-    return np.column_stack([yaw_rad, share, rate, since_s, density])
+    states[:, DENSITY], states[:, SHARE] = density, share
+    states[:, YAW] = wrapped(ANGLES[best[:, 0]] + STEP_RAD * (near @ NEAR) / share)
+    return states

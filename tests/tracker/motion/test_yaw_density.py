@@ -13,6 +13,7 @@ from services.tracker.config import YawFilterConfig
 from services.tracker.interface import Measurement
 from services.tracker.motion.yaw_density import (
     ANGLES,
+    BEARING,
     BINS,
     DENSITY,
     RATE,
@@ -147,6 +148,15 @@ def test_frames_that_follow_sooner_count_less() -> None:
     np.testing.assert_allclose(third / third.max(), (full / full.max()) ** (1 / 3), rtol=1e-6)
 
 
+def test_another_camera_counts_in_the_same_instant() -> None:
+    state = update(None, shown(0.0))
+    again = update(state, shown(math.pi))
+    other = update(state, replace(shown(math.pi), bearing_rad=math.pi / 2))
+    np.testing.assert_allclose(again[DENSITY], state[DENSITY], atol=1e-9)
+    assert other[DENSITY][BINS // 2] > 10 * state[DENSITY][BINS // 2]
+    assert abs(other[RATE]) < 2.0
+
+
 @pytest.mark.parametrize("turn_deg", [10, 90, 179, -135])
 def test_turning_the_world_turns_the_yaw(turn_deg: float) -> None:
     angles = np.random.default_rng(3).normal(3.0, 0.15, 40).tolist()
@@ -261,7 +271,15 @@ def test_measurement_that_is_no_number_is_refused() -> None:
 
 @pytest.mark.parametrize(
     ("element", "value"),
-    [(0, 4.0), (RATE, 1e7), (SINCE, -1.0), (SINCE, 1e13), (DENSITY.start, 0.0), (20, 0.5)],
+    [
+        (0, 4.0),
+        (RATE, 1e7),
+        (SINCE, -1.0),
+        (SINCE, 1e13),
+        (DENSITY.start, 0.0),
+        (20, 0.5),
+        (BEARING, 5.0),
+    ],
 )
 def test_states_out_of_range_are_refused(element: int, value: float) -> None:
     state = update(None, shown(0.3))
@@ -269,5 +287,5 @@ def test_states_out_of_range_are_refused(element: int, value: float) -> None:
     state[element] = value
     with pytest.raises(ValueError, match="expected yaws"):
         FILTER.check(state)
-    with pytest.raises(ValueError, match="expected yaws of 76 numbers"):
+    with pytest.raises(ValueError, match="expected yaws of 77 numbers"):
         FILTER.check(np.ones(5))
