@@ -15,7 +15,6 @@ from services.tracker.motion.yaw import States, VelocityYaw, measured_rad
 BINS = 72
 STEP_RAD = 2 * math.pi / BINS
 ANGLES = STEP_RAD * np.arange(BINS, dtype=np.float64)
-FREQUENCIES = np.arange(BINS // 2 + 1)
 NEAR = np.arange(-BINS // 6, BINS // 6 + 1)  # bins within 60 deg of the mode
 DENSITY_MIN = 1e-9  # of each bin: nothing is impossible
 TURN_MAX_RAD = math.radians(60)  # a larger step in one frame is no turn
@@ -60,9 +59,12 @@ class DensityYaw(VelocityYaw):
         """
         config, after = self._config, _stacked(states)
         turn_s = -config.rate_decay_s * math.expm1(-dt_s / config.rate_decay_s)
-        turn = -config.turn_radps * dt_s - 1j * turn_s * after[:, RATE, None]
-        turned = np.exp(FREQUENCIES * turn)
-        after[:, DENSITY] = np.fft.irfft(np.fft.rfft(after[:, DENSITY]) * turned, BINS)
+        turned = np.exp(-config.turn_radps * dt_s - 1j * turn_s * after[:, RATE])
+        series = np.fft.rfft(after[:, DENSITY])
+        series[:, 1:] *= np.multiply.accumulate(
+            np.repeat(turned[:, None], BINS // 2, axis=1), axis=1
+        )
+        after[:, DENSITY] = np.fft.irfft(series, BINS)
         after[:, RATE] *= math.exp(-dt_s / config.rate_decay_s)
         after[:, SINCE] += dt_s
         return list(_read(after))
@@ -76,13 +78,13 @@ class DensityYaw(VelocityYaw):
     ) -> list[F64 | None]:
         """Weigh the angles by the measured yaws and by the directions of walking."""
         config, after, yaws = self._config, _stacked(states), _yaws(measurements, self._config)
+        p = likelihood_measured(yaws, config)
+        p *= likelihood_walking(velocities_mps, covariances_m2ps2, config)
         # Errors of consecutive frames are similar, but not those of another camera.
-        weight = np.minimum(after[:, SINCE] / config.correlation_s, 1.0)
         is_other = np.abs(wrapped(yaws.bearing_rad - after[:, BEARING])) > OTHER_VIEW_RAD
-        log_p = np.where(is_other, 1.0, weight)[:, None] * log_measured(yaws, config)
-        log_p += weight[:, None] * log_walking(velocities_mps, covariances_m2ps2, config)
+        weight = np.where(is_other, 1.0, np.minimum(after[:, SINCE] / config.correlation_s, 1.0))
         predicted = after.copy()
-        after[:, DENSITY] *= np.exp(log_p - log_p.max(axis=1, keepdims=True))
+        after[:, DENSITY] *= p ** weight[:, None]
         _read(after)
         is_known = ~np.isnan(yaws.yaw_rad)
         after[is_known, RATE] = self._rates(predicted, after)[is_known]
@@ -117,8 +119,8 @@ class DensityYaw(VelocityYaw):
             raise ValueError("expected yaws in range with a density")
 
 
-def log_measured(yaws: YawMeasurements, config: YawFilterConfig) -> F64:
-    """Return the log likelihoods (NxBINS) of measured yaws.
+def likelihood_measured(yaws: YawMeasurements, config: YawFilterConfig) -> F64:
+    """Return the likelihoods (NxBINS) of measured yaws.
 
     The measured angle is the true one, or that of a person taken for reversed, mostly one seen from
     behind, or any.
@@ -129,11 +131,11 @@ def log_measured(yaws: YawMeasurements, config: YawFilterConfig) -> F64:
     normal = _normal(wrapped(yaws.yaw_rad[:, None] - ANGLES), yaws.sigma_rad[:, None])
     p = (1.0 - reversed_ - config.outliers) * normal
     p += reversed_ * np.roll(normal, BINS // 2, axis=1) + config.outliers / (2 * math.pi)
-    return np.where(np.isnan(p), 0.0, np.log(p))
+    return np.where(np.isnan(p), 1.0, p)
 
 
-def log_walking(velocities_mps: F64, covariances_m2ps2: F64, config: YawFilterConfig) -> F64:
-    """Return the log likelihoods (NxBINS) of directions of walking.
+def likelihood_walking(velocities_mps: F64, covariances_m2ps2: F64, config: YawFilterConfig) -> F64:
+    """Return the likelihoods (NxBINS) of directions of walking.
 
     The slower a person, the less the direction says.
     """
@@ -144,8 +146,8 @@ def log_walking(velocities_mps: F64, covariances_m2ps2: F64, config: YawFilterCo
     variance = (across / speed2 + config.sigma_sway_mps**2) / speed2 + config.sigma_walk_rad**2
     error_rad = wrapped(np.arctan2(v_y, v_x)[:, None] - ANGLES)
     p = (1.0 - config.walk_outliers) * _normal(error_rad, np.sqrt(variance)[:, None])
-    result: F64 = np.log(p + config.walk_outliers / (2 * math.pi))
-    return result
+    p += config.walk_outliers / (2 * math.pi)
+    return p
 
 
 def wrapped(angle_rad: F64) -> F64:

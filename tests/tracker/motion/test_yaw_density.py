@@ -23,8 +23,8 @@ from services.tracker.motion.yaw_density import (
     UNKNOWN,
     DensityYaw,
     YawMeasurements,
-    log_measured,
-    log_walking,
+    likelihood_measured,
+    likelihood_walking,
 )
 from tests.tracker.scene import AT_REST, facing
 
@@ -78,7 +78,7 @@ def test_likelihood_of_a_measurement_by_hand() -> None:
     # 0 measured with 0.5 rad, from a camera behind: at 0 the back is taken for the front in 0.4 of
     # all cases, at pi the front for the back in 0.005; any angle in 0.01 of all.
     yaws = YawMeasurements(np.array([0.0]), np.array([0.5]), np.array([0.0]))
-    p = np.exp(log_measured(yaws, CONFIG)[0])
+    p = likelihood_measured(yaws, CONFIG)[0]
     peak = 1 / (math.sqrt(2 * math.pi) * 0.5)
     assert p[0] == pytest.approx((1 - 0.4 - 0.01) * peak + 0.01 / (2 * math.pi))
     assert p[BINS // 2] == pytest.approx(0.005 * peak + 0.01 / (2 * math.pi))
@@ -91,7 +91,7 @@ def test_likelihood_of_walking_by_hand() -> None:
     # 2 m/s to the left, known to 0.3 m/s across, with 0.4 m/s of sway: 0.25 rad, and 0.5 rad
     # between chest and direction: 0.559 rad. Anywhere else in 0.1 of all cases.
     covariance = np.diag([0.09, 4.0, 1.0])
-    p = np.exp(log_walking(np.array([[0.0, 2.0, 0.0]]), covariance[None], CONFIG)[0])
+    p = likelihood_walking(np.array([[0.0, 2.0, 0.0]]), covariance[None], CONFIG)[0]
     sigma = math.hypot(0.25, 0.5)
     peak, flat = 0.9 / (math.sqrt(2 * math.pi) * sigma), 0.1 / (2 * math.pi)
     assert p[BINS // 4] == pytest.approx(peak + flat)
