@@ -12,7 +12,7 @@ from services.tracker.config import YawFilterConfig
 from services.tracker.interface import Measurement
 from services.tracker.motion.yaw import States, VelocityYaw, measured_rad
 
-BINS = 72
+BINS = 48
 STEP_RAD = 2 * math.pi / BINS
 ANGLES = STEP_RAD * np.arange(BINS, dtype=np.float64)
 NEAR = np.arange(-BINS // 6, BINS // 6 + 1)  # bins within 60 deg of the mode
@@ -175,7 +175,7 @@ def _stacked(states: States) -> F64:
 
 
 def _read(states: F64) -> F64:
-    """Normalise the densities of states (Nx77), and set the most likely angles and their shares."""
+    """Normalise the densities of states (Nx53), and set the most likely angles and their shares."""
     density = np.maximum(states[:, DENSITY], DENSITY_MIN)
     density /= density.sum(axis=1, keepdims=True)
     smooth = density + np.roll(density, 1, axis=1) + np.roll(density, -1, axis=1)

@@ -68,7 +68,7 @@ def test_life_cycle_in_a_tracker(name: str, source: Literal["keypoints", "kalman
     assert ahead.yaw_rad is not None
     assert ahead.yaw_rad == pytest.approx(math.radians(last_deg + 6 - 360), abs=0.06)
     assert yaw_deg() == pytest.approx(math.degrees(ahead.yaw_rad) % 360)
-    assert yaw_deg(facing(None)) == pytest.approx((last_deg + 12) % 360, abs=5)
+    assert yaw_deg(facing(None)) == pytest.approx((last_deg + 12) % 360, abs=6)
     tracker.reset()
     assert math.isnan(yaw_deg(facing(None)))
 

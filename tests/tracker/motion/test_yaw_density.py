@@ -16,6 +16,7 @@ from services.tracker.motion.yaw_density import (
     BEARING,
     BINS,
     DENSITY,
+    NEAR,
     RATE,
     SHARE,
     SINCE,
@@ -251,7 +252,7 @@ def test_unmeasured_yaw_is_unknown_after_a_second() -> None:
     assert FILTER.read(predict(state, 0.2), AT_REST) == pytest.approx(1.0, abs=0.03)
     assert FILTER.read(predict(state, 1.0), AT_REST) is None
     gone = predict(state, 1e9)
-    assert gone[SHARE] == pytest.approx(25 / BINS)
+    assert gone[SHARE] == pytest.approx(len(NEAR) / BINS)
     FILTER.check(gone)
     # The next measurement is believed at once.
     assert FILTER.read(update(gone, shown(-2.0)), AT_REST) == pytest.approx(-2.0, abs=1e-2)
@@ -287,5 +288,5 @@ def test_states_out_of_range_are_refused(element: int, value: float) -> None:
     state[element] = value
     with pytest.raises(ValueError, match="expected yaws"):
         FILTER.check(state)
-    with pytest.raises(ValueError, match="expected yaws of 77 numbers"):
+    with pytest.raises(ValueError, match="expected yaws of 53 numbers"):
         FILTER.check(np.ones(5))
