@@ -201,13 +201,13 @@ class YawFilterConfig(Config, frozen=True, kw_only=True):
     rate_decay_s: Positive = 0.3  # [s] time constant of the decay of that rate
     # measurements
     sigma_measurement_rad: Positive = 0.35  # [rad] of measurements without their own
-    # [rad] they count as this at most: most of more is the chance of another angle
-    sigma_max_rad: Positive = 0.7
+    # [rad] of angles nearby, at most: a larger one is a chance of any other angle
+    sigma_max_rad: Positive = 0.5
     # Probabilities that a person seen from behind is taken for one seen from the front, that one
     # seen from the front is taken for one seen from behind, and of any other angle
     reversed_back: PositiveRatio = 0.4
     reversed_front: PositiveRatio = 0.005
-    outliers: PositiveRatio = 0.01
+    outliers: PositiveRatio = 0.003
     correlation_s: Positive = 0.2  # [s] frames nearer to each other count less: errors last
     # direction of walking
     sigma_walk_rad: PositiveOrInfinite = 0.5  # [rad] from the chest; inf: it is no measurement

@@ -18,6 +18,7 @@ ANGLES = STEP_RAD * np.arange(BINS, dtype=np.float64)
 NEAR = np.arange(-BINS // 6, BINS // 6 + 1)  # bins within 60 deg of the mode
 DENSITY_MIN = 1e-9  # of each bin: nothing is impossible
 TURN_MAX_RAD = math.radians(60)  # a larger step in one frame is no turn
+OUTLIERS_MAX = 0.9
 SINCE_MIN_S = 0.05  # a step in less time is not one of so fast a turn
 OTHER_VIEW_RAD = math.radians(20)  # between the lines of sight of two cameras
 SPEED_MIN_MPS = 1e-3
@@ -78,11 +79,11 @@ class DensityYaw(VelocityYaw):
     ) -> list[F64 | None]:
         """Weigh the angles by the measured yaws and by the directions of walking."""
         config, after, yaws = self._config, _stacked(states), _yaws(measurements, self._config)
-        p = likelihood_measured(yaws, config)
-        p *= likelihood_walking(velocities_mps, covariances_m2ps2, config)
         # Errors of consecutive frames are similar, but not those of another camera.
         is_other = np.abs(wrapped(yaws.bearing_rad - after[:, BEARING])) > OTHER_VIEW_RAD
         weight = np.where(is_other, 1.0, np.minimum(after[:, SINCE] / config.correlation_s, 1.0))
+        p = likelihood_measured(yaws, np.sqrt(weight), config)
+        p *= likelihood_walking(velocities_mps, covariances_m2ps2, config)
         predicted = after.copy()
         after[:, DENSITY] *= p ** weight[:, None]
         _read(after)
@@ -119,8 +120,8 @@ class DensityYaw(VelocityYaw):
             raise ValueError("expected yaws in range with a density")
 
 
-def likelihood_measured(yaws: YawMeasurements, config: YawFilterConfig) -> F64:
-    """Return the likelihoods (NxBINS) of measured yaws.
+def likelihood_measured(yaws: YawMeasurements, factor: F64, config: YawFilterConfig) -> F64:
+    """Return the likelihoods (NxBINS) of measured yaws, the sigmas of which have a factor (N).
 
     The measured angle is the true one, or that of a person taken for reversed, mostly one seen from
     behind, or any.
@@ -128,9 +129,15 @@ def likelihood_measured(yaws: YawMeasurements, config: YawFilterConfig) -> F64:
     # Where the bearing is unknown, each angle may show the back.
     behind = np.nan_to_num(np.maximum(np.cos(ANGLES - yaws.bearing_rad[:, None]), 0.0), nan=1.0)
     reversed_ = config.reversed_front + (config.reversed_back - config.reversed_front) * behind
-    normal = _normal(wrapped(yaws.yaw_rad[:, None] - ANGLES), yaws.sigma_rad[:, None])
-    p = (1.0 - reversed_ - config.outliers) * normal
-    p += reversed_ * np.roll(normal, BINS // 2, axis=1) + config.outliers / (2 * math.pi)
+    # A larger sigma is one of angles nearby, and a chance of any other.
+    limited_rad = np.minimum(yaws.sigma_rad, config.sigma_max_rad)
+    other = (np.square(yaws.sigma_rad) - np.square(limited_rad)) / math.pi**2
+    outliers = np.minimum(config.outliers + other, OUTLIERS_MAX)[:, None]
+    sigma_rad = np.maximum(factor * limited_rad, STEP_RAD / 2)[:, None]
+    normal = _normal(wrapped(yaws.yaw_rad[:, None] - ANGLES), sigma_rad)
+    p = (1.0 - outliers) * (1.0 - reversed_) * normal
+    p += (1.0 - outliers) * reversed_ * np.roll(normal, BINS // 2, axis=1)
+    p += outliers / (2 * math.pi)
     return np.where(np.isnan(p), 1.0, p)
 
 
@@ -165,7 +172,7 @@ def _yaws(measurements: Sequence[Measurement], config: YawFilterConfig) -> YawMe
     bearings_rad = [m.bearing_rad for m in measurements]
     return YawMeasurements(
         yaw_rad=np.array([measured_rad(m) for m in measurements]),
-        sigma_rad=np.clip(sigmas_rad, STEP_RAD / 2, config.sigma_max_rad),
+        sigma_rad=np.array(sigmas_rad),
         bearing_rad=np.array(bearings_rad, np.float64),
     )
 

@@ -75,17 +75,31 @@ def errors_deg(published: Iterable[float | None], yaw_rad: float) -> list[float]
 # Parts by hand
 
 
+def likelihood(yaw_rad: float, sigma_rad: float, factor: float = 1.0) -> F64:
+    """Of a measured yaw of a person straight before a camera that looks along +x."""
+    yaws = YawMeasurements(np.array([yaw_rad]), np.array([sigma_rad]), np.zeros(1))
+    (likelihoods,) = likelihood_measured(yaws, np.array([factor]), CONFIG)
+    return np.asarray(likelihoods, np.float64)
+
+
 def test_likelihood_of_a_measurement_by_hand() -> None:
     # 0 measured with 0.5 rad, from a camera behind: at 0 the back is taken for the front in 0.4 of
-    # all cases, at pi the front for the back in 0.005; any angle in 0.01 of all.
-    yaws = YawMeasurements(np.array([0.0]), np.array([0.5]), np.array([0.0]))
-    p = likelihood_measured(yaws, CONFIG)[0]
+    # all cases, at pi the front for the back in 0.005; any angle in 0.003 of all.
+    p = likelihood(0.0, 0.5)
+    peak, flat = 1 / (math.sqrt(2 * math.pi) * 0.5), 0.003 / (2 * math.pi)
+    assert p[0] == pytest.approx(0.997 * 0.6 * peak + flat)
+    assert p[BINS // 2] == pytest.approx(0.997 * 0.005 * peak + flat)
+    far = peak * math.exp(-((math.pi / 2 / 0.5) ** 2) / 2)  # 90 deg: both are 3.14 sigma off
+    assert p[BINS // 4] == pytest.approx(0.997 * far + flat)
+
+
+def test_large_sigma_is_a_chance_of_any_other_angle() -> None:
+    # 1 rad: 0.5 rad, and (1 - 0.25) / pi^2 more of other angles.
+    other = 0.003 + 0.75 / math.pi**2
     peak = 1 / (math.sqrt(2 * math.pi) * 0.5)
-    assert p[0] == pytest.approx((1 - 0.4 - 0.01) * peak + 0.01 / (2 * math.pi))
-    assert p[BINS // 2] == pytest.approx(0.005 * peak + 0.01 / (2 * math.pi))
-    side = BINS // 4  # 90 deg: both are 3.14 sigma off
-    far = peak * math.exp(-((math.pi / 2 / 0.5) ** 2) / 2)
-    assert p[side] == pytest.approx((1 - 0.01) * far + 0.01 / (2 * math.pi))
+    expected = (1 - other) * 0.6 * peak + other / (2 * math.pi)
+    assert likelihood(0.0, 1.0)[0] == pytest.approx(expected)
+    np.testing.assert_allclose(likelihood(0.0, 100.0), 1 / (2 * math.pi), rtol=0.4)
 
 
 def test_likelihood_of_walking_by_hand() -> None:
@@ -138,15 +152,19 @@ def test_long_prediction_is_that_of_short_steps() -> None:
     np.testing.assert_allclose(joint, steps, atol=1e-6)
 
 
-def test_frames_that_follow_sooner_count_less() -> None:
-    # Errors are alike for 0.2 s: in a third of that a measurement has a third of its information.
+def test_frames_that_follow_sooner_count_less_but_for_the_angle() -> None:
+    # Errors are alike for 0.2 s. After a third of that the chance of another angle is the cube root
+    # of what it is else, and the angle itself as certain: its sigma by root 3 is that of the root.
     state = update(None, shown(0.0))
     state[DENSITY] = 1 / BINS
     state[SINCE] = CONFIG.correlation_s / 3
-    third = update(state, shown(0.3))[DENSITY]
+    soon = update(state, shown(0.3))[DENSITY]
+    expected = likelihood(0.3, 0.15, math.sqrt(1 / 3)) ** (1 / 3)
+    np.testing.assert_allclose(soon / soon.max(), expected / expected.max(), rtol=1e-6)
     state[SINCE] = 10.0
-    full = update(state, shown(0.3))[DENSITY]
-    np.testing.assert_allclose(third / third.max(), (full / full.max()) ** (1 / 3), rtol=1e-6)
+    later = update(state, shown(0.3))[DENSITY]
+    opposite, at = BINS // 2 + 2, 2
+    assert soon[opposite] / soon[at] > 5 * later[opposite] / later[at]
 
 
 def test_another_camera_counts_in_the_same_instant() -> None:
@@ -261,7 +279,7 @@ def test_unmeasured_yaw_is_unknown_after_a_second() -> None:
 def test_uncertain_measurement_counts_less() -> None:
     state = predict(update(None, shown(0.0)), 0.1)
     certain, uncertain = (update(state, shown(0.5, sigma)) for sigma in (0.1, 0.6))
-    assert certain[0] > 3 * uncertain[0] > 0.0
+    assert certain[0] > 2 * uncertain[0] > 0.0
 
 
 def test_measurement_that_is_no_number_is_refused() -> None:
