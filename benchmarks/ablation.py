@@ -46,10 +46,10 @@ PARTS: dict[str, tuple[str, ...]] = {
     "weighted orientation": (
         "detector.orientation.method=separate",
         "detector.orientation.weighted=false",
-        "tracker.yaw_filter.measured_sigma=false",
     ),
-    "outliers of yaw": ("tracker.yaw_filter.outlier_sigmas=inf",),
-    "reversals of yaw": ("tracker.yaw_filter.reversal_s=0",),
+    "density of yaw": ("tracker.yaw=kalman",),
+    "reversals of yaw": ("tracker.yaw_filter.reversed_back=0.005",),
+    "turning": ("tracker.yaw_filter.rate_gain=0",),
     "yaw from walking": ("tracker.yaw_filter.sigma_walk_rad=inf",),
     "occlusion": (f"{STRONG}.occlusion.enabled=false",),
     "contact": (f"{STRONG}.contact.enabled=false",),

@@ -47,7 +47,7 @@ SWITCHES = {
     "occlusion": "tracker.strongsort3d.occlusion.enabled=false",
     "identity": "tracker.strongsort3d.identity.enabled=false",
     "standing model": "tracker.strongsort3d.imm.enabled=false",
-    "yaw outliers": "tracker.yaw_filter.outlier_sigmas=inf",
+    "yaw density": "tracker.yaw=kalman",
     "yaw of walking": "tracker.yaw_filter.sigma_walk_rad=inf",
 }
 

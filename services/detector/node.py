@@ -219,7 +219,7 @@ class DetectorNode(Node):
         }
         if known:
             keypoints, layers_m = map(np.array, zip(*known.values(), strict=True))
-            found = joint_yaws(keypoints, layers_m, image, used.confidence_min, config.body)
+            found = joint_yaws(keypoints, layers_m, image, used.yaw_confidence_min, config.body)
             for k, yaw in zip(known, found, strict=True):
                 yaws[k] = yaw
         return yaws

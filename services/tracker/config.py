@@ -19,7 +19,6 @@ from people4d.messages.base import (
     PositiveRatio,
     Ratio,
 )
-from people4d.validation import INFINITE
 from services.tracker.areas.config import SiteAreaConfig
 
 CosineDistance = Annotated[float, Meta(gt=0, le=2)]
@@ -199,33 +198,38 @@ class StrongSort3dConfig(Config, frozen=True, kw_only=True):
 
 
 class YawFilterConfig(Config, frozen=True, kw_only=True):
-    """The filter of the yaw from keypoints (section 6)."""
+    """The filter of the yaw by its density on the circle (section 12); all this project's."""
 
-    # [rad/s^2] people who turn round while they walk turn by up to 45 deg in a tenth of a second
-    sigma_acceleration_radps2: Positive = 20.0  # section 6: 6
-    # [s] longest time of one acceleration; inf: it lasts from frame to frame, section 6
-    acceleration_s: Annotated[float, Meta(ge=0.02), INFINITE] = 0.1
+    # turning
+    # [rad/s] A turn in dt has a wrapped Cauchy density of scale turn_radps dt: people mostly go on
+    # as they were, and now and then turn round at once
+    turn_radps: Positive = 2.0
+    rate_gain: Ratio = 0.8  # of a change of the yaw, on the rate of turning
+    rate_decay_s: Positive = 0.3  # [s] time constant of the decay of that rate
+    # measurements
     sigma_measurement_rad: Positive = 0.35  # [rad] of measurements without their own
-    # True: each measurement has its own standard deviation, where the detector estimates one
-    measured_sigma: bool = True  # section 6: False
-    # [rad] it counts as this at most: most of a larger one is the chance of a reversed angle, which
-    # `outlier_sigmas` is for. inf: as estimated
-    sigma_max_rad: PositiveOrInfinite = 0.5
+    # [rad] of angles nearby, at most: a larger one is a chance of any other angle
+    sigma_max_rad: Positive = 0.5
+    # Probabilities that a person seen from behind is taken for one seen from the front, that one
+    # seen from the front is taken for one seen from behind, and of any other angle
+    reversed_back: PositiveRatio = 0.4
+    reversed_front: PositiveRatio = 0.005
+    outliers: PositiveRatio = 0.003
+    correlation_s: Positive = 0.2  # [s] frames nearer to each other count less: errors last
+    # direction of walking
+    sigma_walk_rad: PositiveOrInfinite = 0.5  # [rad] from the chest; inf: it is no measurement
+    sigma_sway_mps: Positive = 0.4  # [m/s] of people who do not walk
+    walk_outliers: PositiveRatio = 0.1  # probability of walking anywhere else, backwards too
+    # output
+    share_min: Ratio = 0.5  # probability within 60 deg below which a yaw is not published
+
+
+class YawKalmanConfig(Config, frozen=True, kw_only=True):
+    """The Kalman filter of the yaw (section 6)."""
+
+    sigma_acceleration_radps2: Positive = 6.0  # [rad/s^2] section 6, default
+    sigma_measurement_rad: Positive = 0.35  # [rad] section 6, default
     sigma_start_rate_radps: Positive = 1.0  # [rad/s] of a new track
-    # [rad] of the direction of walking as a second measurement; inf: it is none, section 6
-    sigma_walk_rad: PositiveOrInfinite = 1.0
-    walk_speed_min_mps: PositiveOrInfinite = 0.5  # [m/s] slower people do not walk
-    # A measurement farther off counts as if it were so many standard deviations off, so that a
-    # reversed one, or one of a neighbour, changes the yaw little. inf: all count alike, section 6
-    outlier_sigmas: PositiveOrInfinite = 2.5
-    # [s] Measurements more than 120 deg off are left out until they have lasted for longer than the
-    # agreeing ones before them, of which so much counts. 0: none are, section 6
-    reversal_s: Seconds = 0.4
-    # [s] time constant of the decay of an unmeasured turn; inf: constant velocity, section 6
-    rate_decay_s: PositiveOrInfinite = 0.3
-    # [rad] A less certain yaw is not published: pi / sqrt(3) is that of an angle without any
-    # information. inf: all are published, section 6
-    sigma_unknown_rad: PositiveOrInfinite = 1.81
 
 
 class ImageSortConfig(Config, frozen=True, kw_only=True):
@@ -278,11 +282,12 @@ class TrackerConfig(Config, frozen=True, kw_only=True):
     # output
     publish_lost: bool = True  # publish unmatched tracks, predicted; section 4: False
     publish_tentative: bool = False  # publish tracks not yet confirmed
-    # "keypoints": as the detector measured it, filtered (section 6); "velocity": the direction of
-    # walking (section 4); "none"
-    yaw: Literal["keypoints", "velocity", "none"] = "keypoints"
+    # "keypoints": as the detector measured it, filtered (section 12); "kalman": likewise, by a
+    # Kalman filter (section 6); "velocity": the direction of walking (section 4); "none"
+    yaw: Literal["keypoints", "kalman", "velocity", "none"] = "keypoints"
     yaw_speed_min_mps: NonNegative = 0.2  # [m/s] slower: no yaw from velocity; section 4: 0
     yaw_filter: YawFilterConfig = YawFilterConfig()  # of "keypoints"
+    yaw_kalman: YawKalmanConfig = YawKalmanConfig()  # of "kalman"
     # time
     max_lost_s: Positive = 5.0  # [s] without a match after which any track is deleted
     # After a time without frames, or without this process, that is longer than max_lost_s, people

@@ -1,5 +1,6 @@
 """Measurements and configurations for tests of trackers."""
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,6 +15,7 @@ from services.tracker.interface import Measurement, Observation
 
 FRAME_NS = 100_000_000
 FOCAL_PX = 600.0
+AT_REST = np.zeros(3)
 
 
 def person(
@@ -34,6 +36,13 @@ def person(
         forward_m=x,
         embedding=None if embedding is None else unit(embedding),
     )
+
+
+def facing(
+    yaw_rad: float | None, sigma_rad: float | None = None, x: float = 3.0, y: float = 0.0
+) -> Measurement:
+    """A person with a yaw."""
+    return dataclasses.replace(person(x, y), yaw_rad=yaw_rad, yaw_sigma_rad=sigma_rad)
 
 
 def unit(vector: Sequence[float]) -> F64:

@@ -12,7 +12,6 @@ from services.tracker.config import (
     ContactConfig,
     IdentityConfig,
     OcclusionConfig,
-    YawFilterConfig,
 )
 from services.tracker.interface import Tracker
 from tests.tracker.scene import frame, person, published, published_config
@@ -26,9 +25,7 @@ IDENTITY = published(
 CONFIGS = {
     "sort3d": published_config(tracker="sort3d"),
     "strongsort3d": published_config(),
-    "identity": published_config(
-        strongsort3d=IDENTITY, yaw="keypoints", yaw_filter=YawFilterConfig()
-    ),
+    "identity": published_config(strongsort3d=IDENTITY, yaw="keypoints"),
 }
 
 

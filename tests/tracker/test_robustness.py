@@ -12,7 +12,6 @@ from services.tracker.config import (
     IdentityConfig,
     OcclusionConfig,
     TrackerConfig,
-    YawFilterConfig,
 )
 from tests import builders
 from tests.tracker.scene import published, published_config
@@ -28,7 +27,6 @@ CONFIGS = {name: published_config(tracker=name, publish_tentative=True) for name
     "all switches on": published_config(
         strongsort3d=BEST,
         yaw="keypoints",
-        yaw_filter=YawFilterConfig(measured_sigma=True, sigma_walk_rad=1.0, outlier_sigmas=2.0),
         publish_tentative=True,
     )
 }

@@ -34,7 +34,7 @@ from services.tracker.interface import (
 )
 from services.tracker.motion.motion import PositionMotion
 from services.tracker.motion.track_set import LifecyclePolicy, TrackSet
-from services.tracker.motion.yaw import make_yaw
+from services.tracker.motion.yaw_sources import make_yaw
 from services.tracker.stateful import TrackerCheckpoint, TrackSetTracker, pack, unpack
 
 METHOD = "image_sort"

@@ -16,7 +16,6 @@ from services.tracker.interface import Measurement, Observation
 from services.tracker.motion.state_filter import FilterState
 from services.tracker.motion.track_filter import TrackFilter
 from services.tracker.motion.track_record import TrackRecord
-from services.tracker.motion.yaw import YawState
 
 LENGTH_NS = 1_000_000_000  # for which frames are stored
 LASTS_MAX_S = 0.2  # of an acceleration between frames of several cameras
@@ -35,7 +34,7 @@ class PastState(NamedTuple):
 
     record: TrackRecord  # as it is now
     state: FilterState
-    yaw: YawState | None
+    yaw: F64 | None
     matched_ns: int
 
 

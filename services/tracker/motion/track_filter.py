@@ -2,13 +2,15 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from people4d.messages import F64
 from services.tracker.interface import Measurement
 from services.tracker.motion.state_filter import FilterState, StateFilter
 from services.tracker.motion.track_record import TrackRecord
-from services.tracker.motion.yaw import VelocityYaw, YawState
+from services.tracker.motion.yaw import VelocityYaw
 
-Filtered = list[tuple[FilterState, YawState | None]]
+Filtered = list[tuple[FilterState, F64 | None]]
 
 
 class TrackFilter:
@@ -42,8 +44,10 @@ class TrackFilter:
     ) -> None:
         """Update tracks with one measurement (Nx3, noise Nx3x3) each."""
         states = self._state.update(records, z, R)
-        velocities = [state.x[self._velocity] for state in states]
-        yaws = self._yaw.update([t.yaw for t in records], measurements, velocities)
+        velocity = self._velocity
+        velocities = np.array([state.x[velocity] for state in states])
+        covariances = np.array([state.P[velocity, velocity] for state in states])
+        yaws = self._yaw.update([t.yaw for t in records], measurements, velocities, covariances)
         _set(records, list(zip(states, yaws, strict=True)))
 
 

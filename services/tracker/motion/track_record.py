@@ -9,7 +9,6 @@ import numpy.typing as npt
 
 from people4d.messages import F64
 from people4d.messages.base import MAX_M
-from services.tracker.motion.yaw import YawState
 
 ROUNDING = 1e-9  # of the trace: a negative eigenvalue may be so large
 BOOL = npt.NDArray[np.bool_]
@@ -53,7 +52,7 @@ class TrackRecord:
     confirmed: bool
     embedding: F64 | None = None
     identity: IdentityDecision = IdentityDecision()
-    yaw: YawState | None = None
+    yaw: F64 | None = None  # state of its filter
     imm: ImmState | None = None  # of which x and P are the mean
     hits: int = 1  # frames matched, the first included
     streak: int = 1  # frames matched since the last miss

@@ -185,7 +185,8 @@ class TrackSet:
     def begin(self, measurement: Measurement, observation: Observation, identity: int) -> None:
         """Begin a track."""
         x, P = self._motion.start(measurement)
-        (yaw,) = self._yaw.update([None], [measurement], [np.zeros(3)])
+        at_rest, unknown = np.zeros((1, 3)), np.zeros((1, 3, 3))
+        (yaw,) = self._yaw.update([None], [measurement], at_rest, unknown)
         record = TrackRecord(
             id=identity,
             x=x,
@@ -233,8 +234,8 @@ class TrackSet:
             check_state(t.x, t.P)
             if t.imm:
                 check_state(t.imm.x, t.imm.P)
-            if t.yaw:
-                t.yaw.check()
+            if t.yaw is not None:
+                self._yaw.check(t.yaw)
         if len({t.id for t in records}) < len(records) or any(t.id < 1 for t in records):
             raise ValueError("expected identities >= 1, each once")
         self.records, self.stamp_ns = records, stamp_ns

@@ -11,7 +11,7 @@ from services.tracker.interface import Measurement, Observation, in_order
 from services.tracker.motion.motion import BoxMotion
 from services.tracker.motion.track_record import TrackRecord, stack
 from services.tracker.motion.track_set import LifecyclePolicy, TrackSet
-from services.tracker.motion.yaw import make_yaw
+from services.tracker.motion.yaw_sources import make_yaw
 from services.tracker.sort3d import association
 from services.tracker.stateful import TrackSetTracker
 

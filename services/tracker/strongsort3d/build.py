@@ -13,7 +13,7 @@ from services.tracker.motion.state_filter import (
     no_decay,
 )
 from services.tracker.motion.track_set import LifecyclePolicy, TrackSet
-from services.tracker.motion.yaw import make_yaw
+from services.tracker.motion.yaw_sources import make_yaw
 from services.tracker.strongsort3d.base_drift import BaseDrift
 from services.tracker.strongsort3d.contact import Contact
 from services.tracker.strongsort3d.occlusion import FieldOfView, Occlusion

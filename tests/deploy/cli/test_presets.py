@@ -89,7 +89,7 @@ def test_the_other_methods_track_by_sections_3_and_5(method: str, suffix: str) -
         identity=IdentityConfig(enabled=False),
         imm=ImmConfig(enabled=False),
     )
-    assert tracker.yaw == ("keypoints" if method.startswith("pose") else "velocity")
+    assert tracker.yaw == ("kalman" if method.startswith("pose") else "velocity")
     reid = config_of(ReidConfig, "reid", method + suffix)
     assert reid.embedder == ("histogram" if suffix else "osnet")
     assert config_of(DetectorConfig, "detector", method + suffix).crops
@@ -107,7 +107,8 @@ def test_the_third_method_measures_by_sections_2_and_6() -> None:
         0.66,
     )
     twin = config_of(DetectorConfig, "detector", "pose-strongsort-movenet")
-    assert twin.keypoints_for(twin.model) == KeypointConfig(confidence_min=0.3)
+    keypoints = KeypointConfig(confidence_min=0.3, yaw_confidence_min=0.3)
+    assert twin.keypoints_for(twin.model) == keypoints
     assert twin.orientation_for(twin.model).face == FaceConfig(cue="nose", confidence_min=0.3)
 
 

@@ -9,6 +9,7 @@ from msgspec.structs import replace
 
 from common.geometry.transforms import wrap
 from people4d.messages import F32, F64, U16
+from services.detector.config import DetectorConfig
 from services.detector.orientation.config import HIPS, SHOULDERS, BodyModelConfig
 from services.detector.orientation.joint import (
     ANGLES,
@@ -212,6 +213,26 @@ def test_a_mirrored_image_mirrors_the_angle() -> None:
     assert one.rad == pytest.approx(-other.rad, abs=1e-6)
     assert one.rad > math.radians(120)
     assert one.sigma_rad == pytest.approx(other.sigma_rad)
+
+
+def test_joints_of_little_confidence_give_a_less_certain_yaw() -> None:
+    keypoints, depth = scene()
+    faint = keypoints.copy()
+    keypoints[:, 2], faint[:, 2] = 0.9, 0.2
+    image = DepthImage(depth, INFO)
+    (clear,) = joint_yaws(keypoints[None], LAYER_M, image, 0.1, CONFIG)
+    (unclear,) = joint_yaws(faint[None], LAYER_M, image, 0.1, CONFIG)
+    assert clear is not None
+    assert unclear is not None
+    assert unclear.rad == pytest.approx(clear.rad)
+    assert unclear.sigma_rad == pytest.approx(3 * clear.sigma_rad)  # 0.6 / 0.2
+    assert joint_yaws(faint[None], LAYER_M, image, 0.3, CONFIG) == [None]
+
+
+def test_least_confidence_suits_the_model() -> None:
+    config = DetectorConfig()
+    assert config.keypoints_for("yolov8n-pose").yaw_confidence_min == 0.1
+    assert config.keypoints_for("movenet-multipose-int8").yaw_confidence_min == 0.3
 
 
 def test_an_empty_depth_image_gives_no_yaw_by_shoulders_and_hips() -> None:

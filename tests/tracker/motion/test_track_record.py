@@ -5,7 +5,6 @@ import pytest
 
 from people4d.messages import F64
 from services.tracker.motion.track_record import check_state
-from services.tracker.motion.yaw import YawState
 
 X, P = np.zeros(6), np.diag([0.04, 0.04, 0.1, 1.0, 1.0, 0.0])
 
@@ -35,21 +34,3 @@ def test_states_with_positive_semidefinite_covariances_are_accepted() -> None:
 def test_other_states_are_refused(x: F64, P: F64) -> None:
     with pytest.raises(ValueError, match="expected"):
         check_state(x, P)
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"psi_variance": 0.0},
-        {"psi_variance": -1e-9},
-        {"cross": 0.5},
-        {"rate_radps": np.nan},
-        {"agreement_s": -1.0},
-        {"since_s": 1e15},
-    ],
-)
-def test_yaws_out_of_range_are_refused(change: dict[str, float]) -> None:
-    yaw = YawState(3.0, 0.1, 0.04, 0.05, 1.0)
-    yaw.check()
-    with pytest.raises(ValueError, match="expected yaws in range"):
-        yaw._replace(**change).check()

@@ -1,0 +1,194 @@
+"""Yaw of tracks by its density on the circle (docs/method.md, section 12)."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from common.geometry.transforms import wrap
+from people4d.messages import F64
+from services.tracker.config import YawFilterConfig
+from services.tracker.interface import Measurement
+from services.tracker.motion.yaw import States, VelocityYaw, measured_rad
+
+BINS = 48
+STEP_RAD = 2 * math.pi / BINS
+ANGLES = STEP_RAD * np.arange(BINS, dtype=np.float64)
+NEAR = np.arange(-BINS // 6, BINS // 6 + 1)  # bins within 60 deg of the mode
+DENSITY_MIN = 1e-9  # of each bin: nothing is impossible
+TURN_MAX_RAD = math.radians(60)  # a larger step in one frame is no turn
+OUTLIERS_MAX = 0.9
+SINCE_MIN_S = 0.05  # a step in less time is not one of so fast a turn
+OTHER_VIEW_RAD = math.radians(20)  # between the lines of sight of two cameras
+SPEED_MIN_MPS = 1e-3
+LARGEST = np.array([3.2, 1e6, 3.2])  # yaw, rate and bearing of a checkpoint
+TIME_MAX_S = 1e12  # likewise
+
+# Elements of a state: the most likely angle, the probability within 60 degrees of it, the rate of
+# turning, the time since the last update, the line of sight of that one, and the density
+YAW, SHARE, RATE, SINCE, BEARING = range(5)
+DENSITY = slice(5, 5 + BINS)
+# Of a track whose yaw was never measured
+UNKNOWN: F64 = np.concatenate([[0.0, 0.0, 0.0, 1.0, 0.0], np.full(BINS, 1 / BINS)])
+
+
+@dataclass(frozen=True, slots=True)
+class YawMeasurements:
+    """Measured yaws of N people; NaN where unknown."""
+
+    yaw_rad: F64  # N
+    sigma_rad: F64  # N
+    bearing_rad: F64  # N, direction from the camera
+
+
+class DensityYaw(VelocityYaw):
+    """A histogram filter: the probability of each angle, whatever its form.
+
+    Networks take backs for fronts, so that two opposite angles are possible for a while, until the
+    direction of walking or a view from behind decides.
+    """
+
+    def __init__(self, config: YawFilterConfig) -> None:
+        super().__init__()
+        self._config = config
+
+    def predict(self, states: States, dt_s: float) -> list[F64 | None]:
+        """Turn each track on at its own rate, which decays, and widen its density.
+
+        In the frequency domain, where both are products.
+        """
+        config, after = self._config, _stacked(states)
+        turn_s = -config.rate_decay_s * math.expm1(-dt_s / config.rate_decay_s)
+        turned = np.exp(-config.turn_radps * dt_s - 1j * turn_s * after[:, RATE])
+        series = np.fft.rfft(after[:, DENSITY])
+        series[:, 1:] *= np.multiply.accumulate(
+            np.repeat(turned[:, None], BINS // 2, axis=1), axis=1
+        )
+        after[:, DENSITY] = np.fft.irfft(series, BINS)
+        after[:, RATE] *= math.exp(-dt_s / config.rate_decay_s)
+        after[:, SINCE] += dt_s
+        return list(_read(after))
+
+    def update(
+        self,
+        states: States,
+        measurements: Sequence[Measurement],
+        velocities_mps: F64,
+        covariances_m2ps2: F64,
+    ) -> list[F64 | None]:
+        """Weigh the angles by the measured yaws and by the directions of walking."""
+        config, after, yaws = self._config, _stacked(states), _yaws(measurements, self._config)
+        # Errors of consecutive frames are similar, but not those of another camera.
+        is_other = np.abs(wrapped(yaws.bearing_rad - after[:, BEARING])) > OTHER_VIEW_RAD
+        weight = np.where(is_other, 1.0, np.minimum(after[:, SINCE] / config.correlation_s, 1.0))
+        p = likelihood_measured(yaws, np.sqrt(weight), config)
+        p *= likelihood_walking(velocities_mps, covariances_m2ps2, config)
+        predicted = after.copy()
+        after[:, DENSITY] *= p ** weight[:, None]
+        _read(after)
+        is_known = ~np.isnan(yaws.yaw_rad)
+        after[is_known, RATE] = self._rates(predicted, after)[is_known]
+        after[:, SINCE], after[:, BEARING] = 0.0, np.nan_to_num(yaws.bearing_rad)
+        return list(after)
+
+    def _rates(self, predicted: F64, after: F64) -> F64:
+        """Return the rates of turning that the steps of yaws show; 0 where a step is no turn."""
+        step_rad = wrapped(after[:, YAW] - predicted[:, YAW])
+        is_turn = np.abs(step_rad) < TURN_MAX_RAD
+        is_turn &= predicted[:, SHARE] >= self._config.share_min
+        since_s = np.maximum(predicted[:, SINCE], SINCE_MIN_S)
+        rates = predicted[:, RATE] + self._config.rate_gain * step_rad / since_s
+        result: F64 = np.where(is_turn, rates, 0.0)
+        return result
+
+    def read(self, state: F64 | None, velocity_mps: F64) -> float | None:  # noqa: ARG002
+        """Return the most likely angle, unless there is too little around it."""
+        if state is None or state[SHARE] < self._config.share_min:
+            return None
+        return wrap(float(state[YAW]))
+
+    def check(self, state: F64) -> None:
+        """Check a state of a checkpoint, see `VelocityYaw.check`."""
+        if state.shape != (DENSITY.stop,):
+            raise ValueError(f"expected yaws of {DENSITY.stop} numbers, got {state.shape}")
+        density = state[DENSITY]
+        is_density = bool((density > 0.0).all()) and abs(float(density.sum()) - 1.0) < 1e-6
+        in_range = bool((np.abs(state[[YAW, RATE, BEARING]]) <= LARGEST).all())
+        in_range = in_range and 0.0 <= state[SINCE] <= TIME_MAX_S
+        if not (in_range and is_density):
+            raise ValueError("expected yaws in range with a density")
+
+
+def likelihood_measured(yaws: YawMeasurements, factor: F64, config: YawFilterConfig) -> F64:
+    """Return the likelihoods (NxBINS) of measured yaws, the sigmas of which have a factor (N).
+
+    The measured angle is the true one, or that of a person taken for reversed, mostly one seen from
+    behind, or any.
+    """
+    # Where the bearing is unknown, each angle may show the back.
+    behind = np.nan_to_num(np.maximum(np.cos(ANGLES - yaws.bearing_rad[:, None]), 0.0), nan=1.0)
+    reversed_ = config.reversed_front + (config.reversed_back - config.reversed_front) * behind
+    # A larger sigma is one of angles nearby, and a chance of any other.
+    limited_rad = np.minimum(yaws.sigma_rad, config.sigma_max_rad)
+    other = (np.square(yaws.sigma_rad) - np.square(limited_rad)) / math.pi**2
+    outliers = np.minimum(config.outliers + other, OUTLIERS_MAX)[:, None]
+    sigma_rad = np.maximum(factor * limited_rad, STEP_RAD / 2)[:, None]
+    normal = _normal(wrapped(yaws.yaw_rad[:, None] - ANGLES), sigma_rad)
+    p = (1.0 - outliers) * (1.0 - reversed_) * normal
+    p += (1.0 - outliers) * reversed_ * np.roll(normal, BINS // 2, axis=1)
+    p += outliers / (2 * math.pi)
+    return np.where(np.isnan(p), 1.0, p)
+
+
+def likelihood_walking(velocities_mps: F64, covariances_m2ps2: F64, config: YawFilterConfig) -> F64:
+    """Return the likelihoods (NxBINS) of directions of walking.
+
+    The slower a person, the less the direction says.
+    """
+    v_x, v_y = velocities_mps[:, 0], velocities_mps[:, 1]
+    speed2 = np.maximum(v_x * v_x + v_y * v_y, SPEED_MIN_MPS**2)
+    C = covariances_m2ps2
+    across = v_y * v_y * C[:, 0, 0] - 2.0 * v_x * v_y * C[:, 0, 1] + v_x * v_x * C[:, 1, 1]
+    variance = (across / speed2 + config.sigma_sway_mps**2) / speed2 + config.sigma_walk_rad**2
+    error_rad = wrapped(np.arctan2(v_y, v_x)[:, None] - ANGLES)
+    p = (1.0 - config.walk_outliers) * _normal(error_rad, np.sqrt(variance)[:, None])
+    p += config.walk_outliers / (2 * math.pi)
+    return p
+
+
+def wrapped(angle_rad: F64) -> F64:
+    """Return angles as -pi to pi."""
+    return angle_rad - 2 * math.pi * np.rint(angle_rad / (2 * math.pi))
+
+
+def _normal(error: F64, sigma: F64) -> F64:
+    result: F64 = np.exp(np.square(error / sigma) / -2) / (math.sqrt(2 * math.pi) * sigma)
+    return result
+
+
+def _yaws(measurements: Sequence[Measurement], config: YawFilterConfig) -> YawMeasurements:
+    sigmas_rad = [m.yaw_sigma_rad or config.sigma_measurement_rad for m in measurements]
+    bearings_rad = [m.bearing_rad for m in measurements]
+    return YawMeasurements(
+        yaw_rad=np.array([measured_rad(m) for m in measurements]),
+        sigma_rad=np.array(sigmas_rad),
+        bearing_rad=np.array(bearings_rad, np.float64),
+    )
+
+
+def _stacked(states: States) -> F64:
+    return np.array([UNKNOWN if state is None else state for state in states])
+
+
+def _read(states: F64) -> F64:
+    """Normalise the densities of states (Nx53), and set the most likely angles and their shares."""
+    density = np.maximum(states[:, DENSITY], DENSITY_MIN)
+    density /= density.sum(axis=1, keepdims=True)
+    smooth = density + np.roll(density, 1, axis=1) + np.roll(density, -1, axis=1)
+    best = smooth.argmax(axis=1)[:, None]
+    near = np.take_along_axis(density, (best + NEAR) % BINS, axis=1)
+    share = near.sum(axis=1)
+    states[:, DENSITY], states[:, SHARE] = density, share
+    states[:, YAW] = wrapped(ANGLES[best[:, 0]] + STEP_RAD * (near @ NEAR) / share)
+    return states
