@@ -79,7 +79,7 @@ class IdentityConfig(Config, frozen=True, kw_only=True):
     absent_s: Seconds = 1.0
     # [s] likewise, of a track last seen at the edge of the image or predicted out of it, which its
     # camera has missed
-    absent_cut_off_s: Seconds = 0.1
+    absent_cut_off_s: Seconds = 0.2
     # Time of the decision
     # [s] a new track waits for an unoccluded crop for so long, while an absent person could be back
     wait_s: Seconds = 0.3
