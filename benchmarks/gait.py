@@ -17,9 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.lib import gait_colour, gait_points, gait_speed, gait_steps
-from benchmarks.lib.gait_figure import draw
-from benchmarks.lib.gait_points import (
+from benchmarks.lib.gait import colour as gait_colour
+from benchmarks.lib.gait import points as gait_points
+from benchmarks.lib.gait import speed as gait_speed
+from benchmarks.lib.gait import steps as gait_steps
+from benchmarks.lib.gait.figure import draw
+from benchmarks.lib.gait.points import (
     CASES,
     FEATURES,
     FEET,
@@ -29,7 +32,7 @@ from benchmarks.lib.gait_points import (
     PointResults,
     PointVariant,
 )
-from benchmarks.lib.gait_recordings import GaitRecording
+from benchmarks.lib.gait.recordings import GaitRecording
 from benchmarks.lib.table import machine, markdown, spread
 from evaluation.gait.step_errors import StepErrors
 

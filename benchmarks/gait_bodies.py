@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.gait_scenes import SCENES, TO_AND_FRO
-from benchmarks.lib.gait_bodies import JointTruth, tally
-from benchmarks.lib.gait_tally import Tally, cells, results_of
-from benchmarks.lib.other_walkers import Style
+from benchmarks.lib.gait.bodies import JointTruth, tally
+from benchmarks.lib.gait.other_walkers import Style
+from benchmarks.lib.gait.tally import Tally, cells, results_of
 from benchmarks.lib.table import machine, markdown
 from evaluation.gait.report import read_run
 from services.gait.estimator import GaitFrame

@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.lib.other_walkers import OtherWalker, Scene, Simulator, Style, ellipse
+from benchmarks.lib.gait.other_walkers import OtherWalker, Scene, Simulator, Style, ellipse
 from people4d.messages import F64
 
 CAMERA_X_M, MIDDLE_X_M, MIDDLE_Z_M = -0.3, 3.6, 0.85

@@ -12,8 +12,8 @@ import msgspec
 import numpy as np
 
 from benchmarks.gait_scenes import visible_joints
-from benchmarks.lib.gait_bodies import JointTruth, tally
-from benchmarks.lib.gait_tally import Tally, cells, results_of
+from benchmarks.lib.gait.bodies import JointTruth, tally
+from benchmarks.lib.gait.tally import Tally, cells, results_of
 from benchmarks.lib.table import machine, markdown
 from evaluation.cache import default_folder, key_of
 from evaluation.gait.report import read_run

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.lib.gait_bodies import JointTruth, tally
+from benchmarks.lib.gait.bodies import JointTruth, tally
 from people4d.messages import BodyPoint, GaitMeasures, PersonGait
 
 PEOPLE_X_M = (0.0, 0.4)

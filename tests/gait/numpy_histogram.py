@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from benchmarks.lib.numpy_scores import sampled_bins
+from benchmarks.lib.gait.numpy_scores import sampled_bins
 from people4d.messages import F64, U8
 from services.gait.colour.histogram import HueSaturationHistogram, sample_grid
 

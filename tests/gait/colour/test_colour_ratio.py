@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.lib.numpy_scores import scores
+from benchmarks.lib.gait.numpy_scores import scores
 from people4d.messages import F64, U8
 from services.gait.colour.colour_ratio import ColourModel, ColourRatio, person_prior
 from services.gait.colour.histogram import HueSaturationHistogram, hsv_patch, sample_grid

@@ -7,7 +7,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from benchmarks.lib.gait_points import PointResults
+from benchmarks.lib.gait.points import PointResults
 
 mpl.use("Agg")
 

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from benchmarks.lib.gait_points import SERVICE, PointVariant, observations_in, track_points
-from benchmarks.lib.gait_recordings import GaitRecording, RecordedFrame
+from benchmarks.lib.gait.points import SERVICE, PointVariant, observations_in, track_points
+from benchmarks.lib.gait.recordings import GaitRecording, RecordedFrame
 from benchmarks.lib.table import markdown
 from people4d.messages import F64
 from services.gait.build import warm_up

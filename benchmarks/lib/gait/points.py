@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from msgspec.structs import replace
 
-from benchmarks.lib.gait_recordings import (
+from benchmarks.lib.gait.recordings import (
     HANDS_AND_FEET,
     POINTS,
     Flags,

@@ -10,9 +10,14 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
-from benchmarks.lib.gait_tally import Tally
-from benchmarks.lib.limb_references import JOINT, references
-from benchmarks.lib.true_steps import even_truth, steady_cadence, steps_by_ankles, true_asymmetry
+from benchmarks.lib.gait.limb_references import JOINT, references
+from benchmarks.lib.gait.tally import Tally
+from benchmarks.lib.gait.true_steps import (
+    even_truth,
+    steady_cadence,
+    steps_by_ankles,
+    true_asymmetry,
+)
 from evaluation.gait.parameters import gait_parameters, limping_side
 from evaluation.gait.tables import GaitTables
 from lab.truth.motion_capture import Footfall

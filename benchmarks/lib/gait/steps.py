@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from benchmarks.lib.gait_points import PointResults, in_map
-from benchmarks.lib.gait_recordings import POINTS, GaitRecording
+from benchmarks.lib.gait.points import PointResults, in_map
+from benchmarks.lib.gait.recordings import POINTS, GaitRecording
 from benchmarks.lib.table import markdown
 from evaluation.gait.step_errors import StepErrors, compare_steps
 from people4d.messages import F64

@@ -12,8 +12,8 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from benchmarks.lib.gait_recordings import GaitRecording, overlap
-from benchmarks.lib.numpy_scores import scores
+from benchmarks.lib.gait.numpy_scores import scores
+from benchmarks.lib.gait.recordings import GaitRecording, overlap
 from benchmarks.lib.table import markdown, spread
 from people4d.messages import F64, U8
 from services.gait.colour.colour_layer import ColourLayer

@@ -1,0 +1,1 @@
+"""Points, steps and speed of gait against the truth."""
