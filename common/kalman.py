@@ -39,16 +39,12 @@ def squared_lengths(y: F64, inverse: F64) -> F64:
     return lengths
 
 
-def gating_distances(x: F64, P: F64, z: F64, R: F64) -> F64:
-    """Return the squared Mahalanobis distances (NxM) of N predictions and M measurements."""
-    return gate(x, P, z, R)[0]
-
-
 def gate(x: F64, P: F64, z: F64, R: F64) -> tuple[F64, F64]:
-    """Return these distances, and the logarithms of the determinants of S (both NxM).
+    """Return the squared Mahalanobis distances of N predictions and M measurements, and ln |S|.
 
-    The innovation covariances of all pairs are eliminated together (S = L D L^T), element by
-    element: a solver that is called for each pair takes twelve times as long for 200 people.
+    Both are NxM. The innovation covariances S of all pairs are eliminated together (S = L D L^T),
+    element by element: a solver that is called for each pair takes twelve times as long for 200
+    people.
     """
     m = z.shape[-1]
     y = [z[:, i] - x[:, i, None] for i in range(m)]

@@ -27,6 +27,11 @@ def wrap(angle_rad: float) -> float:
     return wrapped if wrapped > -math.pi else math.pi
 
 
+def wrap_each(angles_rad: F64) -> F64:
+    """Wrap angles to -pi to pi; either end may come out."""
+    return angles_rad - 2 * math.pi * np.rint(angles_rad / (2 * math.pi))
+
+
 def camera_matrix(info: CameraInfo) -> F64:
     """Return the 3x3 matrix of a calibration."""
     return np.array([[info.fx, 0.0, info.cx], [0.0, info.fy, info.cy], [0.0, 0.0, 1.0]])

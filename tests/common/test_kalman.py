@@ -29,7 +29,7 @@ def test_gating_distance_on_paper() -> None:
     # S = 2 + 1 = 3 for both tracks; y = 1, 4 and 0, 3: y^2 / 3 = 1/3, 16/3 and 0, 3.
     x = np.array([[1.0, 1.0], [2.0, 0.0]])
     P = np.array([[[2.0, 1.0], [1.0, 1.0]]] * 2)
-    d2 = kalman.gating_distances(x, P, np.array([[2.0], [5.0]]), np.ones((2, 1, 1)))
+    d2 = kalman.gate(x, P, np.array([[2.0], [5.0]]), np.ones((2, 1, 1)))[0]
     np.testing.assert_allclose(d2, [[1 / 3, 16 / 3], [0.0, 3.0]])
 
 

@@ -11,7 +11,7 @@ import typer
 from common.inference.engines import open_session
 from common.inference.session import Engine
 from common.io.weights import ModelFile, find, folders, load_manifest
-from deploy.cli.terminal import console, plain_table, print_table, progress
+from deploy.cli.terminal import console, plain_table, progress
 from people4d.errors import ModelError, People4dError
 from services.detector.config import DetectorConfig
 from services.detector.models.registry import MODELS, find_factory
@@ -81,7 +81,7 @@ def _show(times_ms: dict[tuple[str, Engine], list[float]]) -> None:
             *(name, engine, f"{median:.1f}", f"{low:.1f} to {high:.1f}", f"{1000 / median:.0f}"),
             "fastest" if best else "",
         )
-    print_table(table)
+    console.print(table)
     name, engine = min(medians, key=medians.__getitem__)
     console.print(
         f'\nFastest on this machine: [detector] model = "{name}", engine = "{engine}"', markup=False

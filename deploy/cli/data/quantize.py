@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from common.io.weights import locate
-from deploy.cli.terminal import console, plain_table, print_table, progress
+from deploy.cli.terminal import console, plain_table, progress
 from people4d.errors import ModelError
 
 # Most modules are imported on use: the lab and compiled code take a second to load.
@@ -79,7 +79,7 @@ def quantize(
             f"{loss.yaw_deg:+.2f} deg",
             "yes" if loss.acceptable else "no",
         )
-    print_table(table)
+    console.print(table)
     if not done[-1].loss.acceptable:
         out.unlink()
         raise ModelError(f"{model} loses too much even with all layers in float; nothing written")

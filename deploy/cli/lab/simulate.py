@@ -10,15 +10,7 @@ import typer
 
 from common.config import load
 from deploy.cli.options import Fidelity, Jobs
-from deploy.cli.terminal import (
-    console,
-    cores,
-    interruptible,
-    plain_table,
-    print_table,
-    progress,
-    shown,
-)
+from deploy.cli.terminal import console, cores, interruptible, plain_table, progress, shown
 from lab.catalogue import load_scenario, scenario_names
 from lab.depth.config import SENSORS
 from lab.scenario import Scenario
@@ -52,7 +44,7 @@ def list_() -> None:
             f"{'drives' if camera.drive else 'stands'}, {camera.fps:g} Hz",
             scenario.about,
         )
-    print_table(table)
+    console.print(table)
     console.print(f"\n[bold]people[/]  {', '.join(cast_names())}")
     console.print("\nPreview one: people4d lab preview SCENARIO")
     console.print("Run the pipeline on it: people4d up --source lab:SCENARIO")

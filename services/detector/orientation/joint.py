@@ -16,7 +16,7 @@ from functools import cache
 
 import numpy as np
 
-from common.geometry.transforms import wrap
+from common.geometry.transforms import wrap, wrap_each
 from people4d.messages import F32, F64
 from services.detector.orientation.angle import YawEstimate
 from services.detector.orientation.config import BodyModelConfig, JointPairConfig
@@ -114,7 +114,7 @@ def _head(observations: YawObservations, config: BodyModelConfig) -> F64:
     forward, left = observations.ears_m / config.ears_m, observations.nose_m / config.nose_m
     size = np.maximum(np.hypot(forward, left), 0.3)
     sigma_rad = np.hypot(config.sigma_head_rad, config.sigma_face / size)
-    error_rad = _wrapped(np.arctan2(left, forward)[:, None] - ANGLES)
+    error_rad = wrap_each(np.arctan2(left, forward)[:, None] - ANGLES)
     return _log(error_rad, sigma_rad[:, None], config.outliers_head, 2 * math.pi)
 
 
@@ -141,7 +141,7 @@ def best_angles(log_p: F64) -> tuple[F64, F64]:
     p = np.exp(log_p - log_p.max(axis=1, keepdims=True))
     p /= p.sum(axis=1, keepdims=True)
     best_rad = ANGLES[p.argmax(axis=1)]
-    off = _wrapped(ANGLES - best_rad[:, None])
+    off = wrap_each(ANGLES - best_rad[:, None])
     near_p = np.where(np.abs(off) <= NEAR_RAD, p, 0.0)
     total = near_p.sum(axis=1)
     mean = (near_p * off).sum(axis=1) / total
@@ -150,11 +150,6 @@ def best_angles(log_p: F64) -> tuple[F64, F64]:
     # The grid has a variance of its own.
     sigma_rad = np.sqrt(variance + math.radians(STEP_DEG) ** 2 / 12)
     return best_rad + mean, np.where(np.ptp(log_p, axis=1) < 1e-9, np.inf, sigma_rad)
-
-
-def _wrapped(angle_rad: F64) -> F64:
-    """Return angles between -2 pi and 2 pi as -pi to pi."""
-    return angle_rad - 2 * math.pi * np.rint(angle_rad / (2 * math.pi))
 
 
 def sigma_factors(observations: YawObservations, config: BodyModelConfig) -> F64:

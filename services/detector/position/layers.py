@@ -53,8 +53,8 @@ class LayerWindows:
 def assign_layers(people: Sequence[DepthSamples], config: LayerConfig) -> list[PersonLayer | None]:
     """Return the layer of each person of a frame, None without own samples.
 
-    People are assigned in the order of their agreement with one layer. Samples in an assigned
-    layer, inside the outline of that person, do not count for others.
+    People are assigned in the order of their agreement with one layer, those of unknown size last.
+    Samples that lie on a person who has a layer do not count for others.
     """
     layers: list[PersonLayer | None] = [None] * len(people)
     finite = [np.isfinite(person.depth_m) for person in people]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from common.geometry.transforms import wrap
+from common.geometry.transforms import wrap, wrap_each
 from people4d.messages import F64
 from services.tracker.config import YawFilterConfig
 from services.tracker.interface import Measurement
@@ -80,7 +80,7 @@ class DensityYaw(VelocityYaw):
         """Weigh the angles by the measured yaws and by the directions of walking."""
         config, after, yaws = self._config, _stacked(states), _yaws(measurements, self._config)
         # Errors of consecutive frames are similar, but not those of another camera.
-        is_other = np.abs(wrapped(yaws.bearing_rad - after[:, BEARING])) > OTHER_VIEW_RAD
+        is_other = np.abs(wrap_each(yaws.bearing_rad - after[:, BEARING])) > OTHER_VIEW_RAD
         weight = np.where(is_other, 1.0, np.minimum(after[:, SINCE] / config.correlation_s, 1.0))
         p = likelihood_measured(yaws, np.sqrt(weight), config)
         p *= likelihood_walking(velocities_mps, covariances_m2ps2, config)
@@ -94,7 +94,7 @@ class DensityYaw(VelocityYaw):
 
     def _rates(self, predicted: F64, after: F64) -> F64:
         """Return the rates of turning that the steps of yaws show; 0 where a step is no turn."""
-        step_rad = wrapped(after[:, YAW] - predicted[:, YAW])
+        step_rad = wrap_each(after[:, YAW] - predicted[:, YAW])
         is_turn = np.abs(step_rad) < TURN_MAX_RAD
         is_turn &= predicted[:, SHARE] >= self._config.share_min
         since_s = np.maximum(predicted[:, SINCE], SINCE_MIN_S)
@@ -134,7 +134,7 @@ def likelihood_measured(yaws: YawMeasurements, factor: F64, config: YawFilterCon
     other = (np.square(yaws.sigma_rad) - np.square(limited_rad)) / math.pi**2
     outliers = np.minimum(config.outliers + other, OUTLIERS_MAX)[:, None]
     sigma_rad = np.maximum(factor * limited_rad, STEP_RAD / 2)[:, None]
-    normal = _normal(wrapped(yaws.yaw_rad[:, None] - ANGLES), sigma_rad)
+    normal = _normal(wrap_each(yaws.yaw_rad[:, None] - ANGLES), sigma_rad)
     p = (1.0 - outliers) * (1.0 - reversed_) * normal
     p += (1.0 - outliers) * reversed_ * np.roll(normal, BINS // 2, axis=1)
     p += outliers / (2 * math.pi)
@@ -151,15 +151,10 @@ def likelihood_walking(velocities_mps: F64, covariances_m2ps2: F64, config: YawF
     C = covariances_m2ps2
     across = v_y * v_y * C[:, 0, 0] - 2.0 * v_x * v_y * C[:, 0, 1] + v_x * v_x * C[:, 1, 1]
     variance = (across / speed2 + config.sigma_sway_mps**2) / speed2 + config.sigma_walk_rad**2
-    error_rad = wrapped(np.arctan2(v_y, v_x)[:, None] - ANGLES)
+    error_rad = wrap_each(np.arctan2(v_y, v_x)[:, None] - ANGLES)
     p = (1.0 - config.walk_outliers) * _normal(error_rad, np.sqrt(variance)[:, None])
     p += config.walk_outliers / (2 * math.pi)
     return p
-
-
-def wrapped(angle_rad: F64) -> F64:
-    """Return angles as -pi to pi."""
-    return angle_rad - 2 * math.pi * np.rint(angle_rad / (2 * math.pi))
 
 
 def _normal(error: F64, sigma: F64) -> F64:
@@ -190,5 +185,5 @@ def _read(states: F64) -> F64:
     near = np.take_along_axis(density, (best + NEAR) % BINS, axis=1)
     share = near.sum(axis=1)
     states[:, DENSITY], states[:, SHARE] = density, share
-    states[:, YAW] = wrapped(ANGLES[best[:, 0]] + STEP_RAD * (near @ NEAR) / share)
+    states[:, YAW] = wrap_each(ANGLES[best[:, 0]] + STEP_RAD * (near @ NEAR) / share)
     return states

@@ -23,6 +23,7 @@ from services.tracker.interface import (
 from services.tracker.motion.motion import PositionMotion
 from services.tracker.motion.track_record import BOOL, IdentityDecision, TrackRecord, stack
 from services.tracker.motion.track_set import TrackSet
+from services.tracker.observe import LENGTH_MIN
 from services.tracker.sort3d.association import associate, cosine_distances, distances
 from services.tracker.stateful import TrackerCheckpoint, TrackSetTracker
 from services.tracker.strongsort3d.policies import (
@@ -36,7 +37,6 @@ from services.tracker.strongsort3d.policies import (
 # [ns] since a match before another camera after which the distance says little: that camera's
 # frames may be late, or it sends no more, so its track was not missed
 OTHERS_NS = 200_000_000
-LENGTH_MIN = 1e-6  # of a mean of embeddings: a shorter one has no direction
 
 
 class StrongSort3d(TrackSetTracker):
@@ -167,7 +167,7 @@ class StrongSort3d(TrackSetTracker):
         if not records or not detections:
             return np.zeros((len(records), len(detections)), np.bool_)
         (x, P), z = stack(records), self._motion.measure(detections)
-        d_m2 = kalman.gating_distances(x, P, z, self._motion.gate_noise(detections))
+        d_m2 = kalman.gate(x, P, z, self._motion.gate_noise(detections))[0]
         uncertain = np.array([_is_uncertain(t, frame.observation) for t in records])
         far = (d_m2 > self._config.mahalanobis_max) | uncertain[:, None]
         unlike = cosine_distances(records, detections) > frame.cosine_distance_max  # not of NaN
