@@ -244,10 +244,11 @@ def _steps(plan: Plan, runs: Mapping[tuple[str, str], Sequence[PointResults]]) -
     return "\n\n".join(
         [
             "Steps detected in the trajectories of the feet, against all true steps, turns "
-            "included. Measures of the service, means of even strides in the last seconds and the "
-            "cadence of all steps, are compared with the true ones at these times, twice a second "
-            "(aims: step length within 4 cm, cadence within 3 %); with too few strides "
-            "it publishes none. The simulated people do not limp: their true asymmetry is about 0. "
+            "included. Measures of the service, means of all strides without pauses in the last "
+            "seconds and the cadence of all steps, are compared with the true ones at these times, "
+            "twice a second (aims: step length within 4 cm, cadence within 3 %); with too few "
+            "strides it publishes none. The simulated people do not limp: their true asymmetry is "
+            "about 0. "
             f"No rule and no constant was chosen on recording {HELD_OUT}.",
             gait_steps.table({**found, **by_recording}),
         ]

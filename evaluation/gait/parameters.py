@@ -16,7 +16,7 @@ from evaluation.gait.literature import source_of
 from people4d.messages import F64
 from services.gait.config import StepConfig
 from services.gait.steps.rhythm import Oscillation
-from services.gait.steps.steps import FootStep, Stride, cadence, even_strides, step_times_s
+from services.gait.steps.steps import FootStep, Stride, cadence, step_times_s, walked_strides
 from services.gait.steps.swings import FEET, Side
 
 LEVEL = 0.95
@@ -67,17 +67,17 @@ def gait_parameters(
     rhythm: Sequence[Oscillation] = (),
 ) -> list[GaitParameter]:
     """Return all parameters of a walk, also those that are not known."""
-    even = even_strides(steps, config)
-    strides = [stride for _, stride in even]
+    walked = walked_strides(steps, config)
+    strides = [stride for _, stride in walked]
     stride_s = np.array([stride.time_s for stride in strides])
-    swing_s = np.array([step.landed_s - step.lifted_s for step, _ in even])
-    lengths = {f: [s.length_m for s, _ in even if s.foot == f] for f in FEET}
+    swing_s = np.array([step.landed_s - step.lifted_s for step, _ in walked])
+    lengths = {f: [s.length_m for s, _ in walked if s.foot == f] for f in FEET}
     times = {
-        f: [one.step_time_s for s, one in even if s.foot == f and one.step_time_s] for f in FEET
+        f: [one.step_time_s for s, one in walked if s.foot == f and one.step_time_s] for f in FEET
     }
     both = [*times["left"], *times["right"]]
-    width = [s.width_m for s, _ in even if s.width_m is not None]
-    swing = 100 * swing_s / stride_s if len(even) else []
+    width = [s.width_m for s, _ in walked if s.width_m is not None]
+    swing = 100 * swing_s / stride_s if len(walked) else []
     found = [
         _mean("step length", "m", [s.length_m for s in strides], "half of the stride length", 0.5),
         *(
@@ -92,10 +92,10 @@ def gait_parameters(
         _share("swing", swing, "of the stride, the foot is in the air"),
         _share("double support", _double_support(steps, config), "of the stride, on both feet"),
         _resampled("step time variability", "%", both, _variation, "standard deviation by mean"),
-        _time_asymmetry(even, times),
+        _time_asymmetry(walked, times),
         _asymmetry("step length asymmetry", lengths["left"], lengths["right"], "step lengths"),
     ]
-    sway = _sway_m(head, [step for step, _ in even]) if head is not None else []
+    sway = _sway_m(head, [step for step, _ in walked]) if head is not None else []
     turns = turn_durations_s(head) if head is not None else []
     return [
         *found,
@@ -207,7 +207,7 @@ def _asymmetry(name: str, left: Sequence[float], right: Sequence[float], of: str
 
 
 def _time_asymmetry(
-    even: Sequence[tuple[FootStep, Stride]], times: Mapping[Side, Sequence[float]]
+    walked: Sequence[tuple[FootStep, Stride]], times: Mapping[Side, Sequence[float]]
 ) -> GaitParameter:
     """Return (left - right) / mean of step times with Student's interval over pairs of steps.
 
@@ -218,7 +218,7 @@ def _time_asymmetry(
     middles = {foot: float(np.median(values)) for foot, values in times.items() if len(values)}
     pairs: list[tuple[float, float]] = []
     last: tuple[FootStep, float] | None = None
-    for step, stride in even:
+    for step, stride in walked:
         time_s = stride.step_time_s
         if time_s is None or abs(time_s / middles[step.foot] - 1) > UNEVEN_MAX:
             last = None

@@ -10,7 +10,7 @@ from lab.truth.motion_capture import Footfall
 from people4d.messages import F64
 from services.gait.config import StepConfig
 from services.gait.steps.step_meter import FootSample, StepMeter
-from services.gait.steps.steps import FootStep, Stride, even_strides
+from services.gait.steps.steps import FootStep, Stride, walked_strides
 from services.gait.steps.swings import FEET
 
 NEAR_S = 0.3  # between a detected step and the true one
@@ -69,7 +69,7 @@ def compare_steps(
         compared += 1
         recent = meter.steps()
         true, steps_per_min = (
-            _true(even_strides(recent, config), falls),
+            _true(walked_strides(recent, config), falls),
             _true_cadence(recent, falls),
         )
         if true and steps_per_min and measures.step_length_m and measures.cadence_per_min:

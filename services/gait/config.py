@@ -209,7 +209,7 @@ class StepConfig(Config, frozen=True, kw_only=True):
 
     window_s: Positive = 8.0  # [s] of the past that measures are of
     every_s: Positive = 0.2  # [s] between computations of measures
-    strides_min: PositiveInt = 1  # even strides in the window, each of three steps
+    strides_min: PositiveInt = 1  # strides without pauses in the window, each of three steps
     speed_min_mps: Positive = 0.2  # [m/s] below it a person stands
     length_min_m: Positive = 0.2  # [m] of a step
     step_min_s: Positive = 0.25  # [s] shorter ones are noise
@@ -220,8 +220,7 @@ class StepConfig(Config, frozen=True, kw_only=True):
     step_confidence_min: Ratio = 0.3  # of a reported step
     noise_m: Positive = 0.06  # [m] of a standing foot, besides the noise of its point
     gap_s: Positive = 0.5  # [s] a foot may be hidden in a swing
-    length_spread: Positive = 0.5  # relative deviation from the median stride in an even walk
-    time_spread: Positive = 0.5  # the same of its time
+    time_spread: Positive = 0.5  # of a stride's time from the median one, relative; else a pause
 
     def __post_init__(self) -> None:
         """Check ranges and order."""

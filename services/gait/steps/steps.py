@@ -112,18 +112,18 @@ def _from_other_m(swing: Swing) -> tuple[float, float | None]:
 def gait_measures(
     steps: Sequence[FootStep], config: StepConfig, rhythm: Sequence[Oscillation] = ()
 ) -> GaitMeasures:
-    """Return the measures of a walk; the number of steps alone if too few strides are even.
+    """Return the measures of a walk; the number of steps alone if too few strides are known.
 
     The rhythm of feet and head, if it is known, improves the cadence.
     """
-    even = even_strides(steps, config)
+    walked = walked_strides(steps, config)
     cadence_per_min = cadence(steps, rhythm)
-    if len(even) < config.strides_min or cadence_per_min is None:
+    if len(walked) < config.strides_min or cadence_per_min is None:
         return GaitMeasures(steps=len(steps))
-    length_m = float(np.mean([stride.length_m for _, stride in even]))
+    length_m = float(np.mean([stride.length_m for _, stride in walked]))
     asymmetry = None
     left, right = (
-        [one.step_time_s for step, one in even if step.foot == foot and one.step_time_s]
+        [one.step_time_s for step, one in walked if step.foot == foot and one.step_time_s]
         for foot in FEET
     )
     if min(len(left), len(right)) >= STEPS_MIN:
@@ -174,15 +174,14 @@ def cadence(steps: Sequence[FootStep], rhythm: Sequence[Oscillation] = ()) -> fl
     return 60 / time_s
 
 
-def even_strides(steps: Sequence[FootStep], config: StepConfig) -> list[tuple[FootStep, Stride]]:
-    """Return the strides near the median: without starts, stops and turns."""
+def walked_strides(steps: Sequence[FootStep], config: StepConfig) -> list[tuple[FootStep, Stride]]:
+    """Return the strides without pauses, by their time; those of turns, which are short, too."""
     known = [(step, step.stride) for step in steps if step.stride]
     if not known:
         return []
-    sizes = np.array([(stride.length_m, stride.time_s) for _, stride in known])
-    off = np.abs(sizes / np.quantile(sizes, 0.5, axis=0, method="higher") - 1)
-    even = (off <= (config.length_spread, config.time_spread)).all(axis=1)
-    return [one for one, is_even in zip(known, even, strict=True) if is_even]
+    times_s = np.array([stride.time_s for _, stride in known])
+    off = np.abs(times_s / np.quantile(times_s, 0.5, method="higher") - 1)
+    return [one for one, spread in zip(known, off, strict=True) if spread <= config.time_spread]
 
 
 def _step(before: Sequence[FootStep], landing: Landing, config: StepConfig) -> FootStep:

@@ -20,9 +20,9 @@ from services.gait.steps.step_meter import FootSample, StepMeter
 from services.gait.steps.steps import (
     FootStep,
     cadence,
-    even_strides,
     find_steps,
     gait_measures,
+    walked_strides,
 )
 from services.gait.steps.swings import FootTrajectory, Side, Swing
 
@@ -158,6 +158,28 @@ def test_turn_round_gives_no_false_stride() -> None:
     found = gait_measures(steps, CONFIG)
     assert found.step_length_m == pytest.approx(0.6, abs=0.005)
     assert found.cadence_per_min == pytest.approx(120, abs=2)
+
+
+def test_short_strides_of_a_turn_count_in_the_mean_length() -> None:
+    # 0.6 m a step for 4 s, then 0.2 m: strides of 1.2 m and, after one of 0.8 m, of 0.4 m.
+    times_s = np.arange(0, 8, 1 / 30)
+    long, short = feet(np.minimum(times_s, 4)), feet(np.maximum(times_s - 4, 0), step_m=0.2)
+    left, right = (a + b - b[0] for a, b in zip(long, short, strict=True))
+    steps = found_steps(left, right, times_s)
+    lengths_m = [step.stride.length_m for step in steps if step.stride]
+    assert min(lengths_m) < 0.5 < 1.0 < max(lengths_m)
+    found = gait_measures(steps, CONFIG)
+    assert found.stride_length_m == pytest.approx(np.mean(lengths_m), abs=1e-9)
+
+
+def test_strides_with_a_pause_do_not_count() -> None:
+    # A stand of 1.2 s at 3.5 s: the stride in which it is takes 2.2 s, all others 1 s.
+    times_s = np.arange(0, 9, 1 / 30)
+    walked_s = np.where(times_s < 3.5, times_s, np.maximum(times_s - 1.2, 3.5))
+    steps = found_steps(*feet(walked_s), times_s)
+    strides_s = [stride.time_s for _, stride in walked_strides(steps, CONFIG)]
+    assert len(strides_s) >= 4
+    assert max(strides_s) < 1.4
 
 
 def test_steps_are_assigned_to_left_and_right() -> None:
@@ -323,14 +345,14 @@ def test_steps_of_the_lab(noise_m: float, rate_hz: float, occluded: float, time_
     paths = [trajectory(times_s[visible[k]], ankles[visible[k], k]) for k in (0, 1)]
     steps = find_steps(paths[0], paths[1], UP, CONFIG)
     falls = footfalls(world, 0)
-    even = [stride for _, stride in even_strides(steps, CONFIG)]
+    strides = [stride for _, stride in walked_strides(steps, CONFIG)]
     ends = [
         min(range(len(falls)), key=lambda k: abs(falls[k].time_s - step.landed_s))
-        for step, _ in even_strides(steps, CONFIG)
+        for step, _ in walked_strides(steps, CONFIG)
     ]
     assert len(set(ends)) == len(ends) >= 3
     # The first stride of a walk began before the first true step.
-    both = [(stride, k) for stride, k in zip(even, ends, strict=True) if k >= 2]
+    both = [(stride, k) for stride, k in zip(strides, ends, strict=True) if k >= 2]
     lengths_m = [np.linalg.norm(falls[k].position_m - falls[k - 2].position_m) for _, k in both]
     times_s = np.array([falls[k].time_s - falls[k - 2].time_s for _, k in both])
     found_m = np.mean([stride.length_m for stride, _ in both])
