@@ -18,6 +18,8 @@ Mask: TypeAlias = npt.NDArray[np.bool_]
 I32: TypeAlias = npt.NDArray[np.int32]
 I64: TypeAlias = npt.NDArray[np.int64]
 
+STACKED_M = 0.6  # from the body to a large part of it: what a person carries is nearer than legs
+
 
 @dataclass(frozen=True, kw_only=True)
 class BodySegment:
@@ -186,12 +188,16 @@ def _join(depth_m: F32, labels: I32, sizes: I64, joined: Mask, config: BodyConfi
     """Add components that are likely a part of the body which is occluded at its joint.
 
     Such a part lies beside the body in the image, little before or behind it, and within the box:
-    a component that reaches the box's sides is another person, a wall or furniture.
+    a component that reaches the box's sides is another person, a wall or furniture. A large one is
+    part of the body above or below something nearer, as the legs below a box that is carried.
     """
-    most = sizes[joined].sum() // 2
-    possible = (sizes >= max(config.pixels_min, 1)) & (sizes <= most)
+    large = sizes > sizes[joined].sum() // 2
+    possible = sizes >= max(config.pixels_min, 1)
     possible[0] = False
     possible[labels[:, [0, -1]]] = False
+    possible &= ~joined
+    stacked = _stacked(depth_m, labels, joined, possible & large)
+    possible &= stacked | ~large
     while True:
         possible &= ~joined
         if not possible.any():
@@ -202,6 +208,25 @@ def _join(depth_m: F32, labels: I32, sizes: I64, joined: Mask, config: BodyConfi
         if not adjacent.any():
             return
         joined |= adjacent
+
+
+def _stacked(depth_m: F32, labels: I32, joined: Mask, possible: Mask) -> Mask:
+    """Return the components whose middle is above or below the joined ones, about as far away.
+
+    Another person who is that near reaches over the same rows.
+    """
+    found = np.zeros(len(possible), np.bool_)
+    numbers = np.flatnonzero(possible)
+    if not len(numbers):
+        return found
+    body = joined[labels]
+    rows, median_m = np.flatnonzero(body.any(axis=1)), float(np.median(depth_m[body]))
+    for number in numbers:
+        part = labels == number
+        middle = float(np.nonzero(part)[0].mean())
+        near = abs(float(np.median(depth_m[part])) - median_m) < STACKED_M
+        found[number] = near and not rows[0] <= middle <= rows[-1]
+    return found
 
 
 @compiled

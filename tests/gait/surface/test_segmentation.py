@@ -134,6 +134,41 @@ def test_part_occluded_at_its_joint_is_joined() -> None:
     assert single_feature_weights.mask.sum() == 40 * 10
 
 
+def carrier() -> U16:
+    """A person with a box 0.3 m before the torso and 0.35 m before the legs, which are larger."""
+    depth = wall()
+    depth[10:20, 15:25] = 2000
+    depth[20:28, 13:27] = 1700
+    depth[28:55, 15:25] = 2050
+    return depth
+
+
+@pytest.mark.parametrize("seed_m", [1.7, 2.0])
+def test_legs_below_a_carried_box_are_joined(seed_m: float) -> None:
+    body = segment_body(carrier(), BOX, seed_m, BodyConfig())
+    assert body is not None
+    assert body.mask.sum() == 10 * 10 + 8 * 14 + 27 * 10
+
+
+def test_large_part_over_the_same_rows_is_another_person() -> None:
+    depth = room()
+    depth[12:48, 25:33] = 2250
+    body = segment_body(depth, BOX, 2.0, BodyConfig())
+    assert body is not None
+    assert body.mask.sum() == 40 * 10
+
+
+def test_large_part_far_behind_is_another_person() -> None:
+    # By a part 0.35 m behind both it would be adjacent, 0.7 m behind the body.
+    depth = wall()
+    depth[10:30, 15:25] = 2000
+    depth[30:34, 15:25] = 2350
+    depth[34:55, 15:25] = 2700
+    body = segment_body(depth, BOX, 2.0, BodyConfig())
+    assert body is not None
+    assert body.mask.sum() == 20 * 10 + 4 * 10
+
+
 @pytest.mark.parametrize(
     "depth",
     [
