@@ -172,7 +172,7 @@ class Cascade:
         mesh = build_mesh(body, self._info, config.body) if body is not None else None
         state.processed, state.processed_ns = self._frame, self._stamp_ns
         points = state.layer.update(
-            MeshObservation(mesh, elapsed_s, one.keypoints, self._floor.floor)
+            MeshObservation(mesh, elapsed_s, one.keypoints, self._floor.floor, depth_mm)
         )
         if mesh is not None:
             state.depth_m = float(mesh.middle_m[2])

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from people4d.messages import F32, F64, CameraInfo
+from people4d.messages import F32, F64, U16, CameraInfo
 from services.gait.config import DepthLayerConfig
 from services.gait.points.keypoints import torso_pixel
 from services.gait.surface.floor import FloorPlane
@@ -39,6 +39,7 @@ class MeshObservation:
     dt_s: float  # since the last frame
     keypoints: F32 | None = None  # 17x3: u, v, confidence, COCO order
     floor: FloorPlane | None = None
+    depth_mm: U16 | None = None  # HxW, the entire image; 0: no reading
 
 
 @dataclass(frozen=True)

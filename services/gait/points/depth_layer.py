@@ -25,10 +25,10 @@ from services.gait.points.body import (
     lengths_m,
     measure_body,
 )
+from services.gait.points.floor_feet import FloorPosition, correct_by_floor, floor_positions
 from services.gait.points.heading import HeadingEstimator, LeftRightCheck
 from services.gait.points.keypoints import (
     COUNTERPARTS,
-    HEAD,
     START_CONFIDENCE,
     Anchor,
     anchors,
@@ -47,12 +47,12 @@ from services.gait.points.limb_anchors import feet_apart, on_own_limbs
 from services.gait.points.limb_prior import limb_priors
 from services.gait.points.limb_surface import surface_position
 from services.gait.points.normal import Normal
+from services.gait.points.occlusion import damp_occluded
 from services.gait.points.point_filter import PointEstimate, PointFilter
 from services.gait.surface.geodesic import geodesic_extrema, geodesic_m
 
 VERTICES_MIN = 30  # of a body
 CONTRADICTIONS_MAX = 2  # frames in which a keypoint contradicts a point, before it starts again
-DAMPING_S = 0.05  # [s] time constant with which an occluded point takes the head's velocity
 MARKED_TIP_MAX_M = 0.4  # [m] of a marked point to the end of its limb
 
 
@@ -74,6 +74,7 @@ class DepthLayer:
         self._acceptance = Acceptance(config, info)
         self._left_right = LeftRightCheck(config.swap_s)
         self._assigned: dict[str, Extremity] = {}  # by point
+        self._floor_feet: Mapping[str, FloorPosition] = {}  # of feet without depth
         self._stature_m = 0.0
         self._combined = config.feature == "combined"
 
@@ -117,10 +118,13 @@ class DepthLayer:
             extremities_in_view(body, self._info, self._config) if self._combined or starts else []
         )
         self._assigned = assign_all(self._points, extremities, expected, self._info)
+        self._floor_feet = floor_positions(
+            expected, self._points, observation, self._heading, self._info
+        )
         self._propagate(observation.dt_s, expected)
         self._measure_points(observation.dt_s, body, expected)
         if self._combined:
-            self._damp_occluded(observation.dt_s)
+            damp_occluded(self._points, observation.dt_s)
         self._start_points(observation, body, expected, extremities)
         if not expected and self._combined:
             pairs = self._left_right.swapped(self._points, self._heading, observation.dt_s)
@@ -213,7 +217,11 @@ class DepthLayer:
         if self._combined:
             drop_same(candidates, self._points)
         for point, own in zip(points, evidence, strict=True):
-            self._acceptance.update(point, body, candidates[point.name], own, dt_s)
+            floor = self._floor_feet.get(point.name)
+            if floor is not None and own.surface is None and point.alive:
+                correct_by_floor(point, floor, self._config.gate, dt_s)
+            else:
+                self._acceptance.update(point, body, candidates[point.name], own, dt_s)
 
     def _evidence(
         self, point: PointFilter, body: MeasuredBody, anchor: Anchor | None
@@ -234,16 +242,6 @@ class DepthLayer:
             anchor, noise_px, other, self._assigned.get(point.name), taken, surface
         )
 
-    def _damp_occluded(self, dt_s: float) -> None:
-        """Let occluded points take the head's velocity: arms do not fly off."""
-        head = self._points.get(HEAD)
-        if head is None or head.motion is None or head.state != "measured":
-            return
-        ratio = 1 - float(np.exp(-dt_s / DAMPING_S))
-        for point in self._points.values():
-            if point.motion is not None and point.state != "measured":
-                point.motion.damp(head.motion.state[3:], ratio)
-
     def _start_points(
         self,
         observation: MeshObservation,
@@ -259,8 +257,11 @@ class DepthLayer:
                 continue
             if lost or point.contradicted > CONTRADICTIONS_MAX:
                 vertex = body_vertex(anchor.pixel, body, self._info)
+                floor = self._floor_feet.get(name)
                 if vertex is not None:
                     self._start_at(name, vertex, body)
+                elif floor is not None:
+                    point.start_beside(anchor.pixel, floor.position_m, floor.noise_m2)
         if self._combined and self._config.keypoints and observation.keypoints is not None:
             for name, one in expected_starts(self._points, extremities):
                 self._start_at(name, body.mesh.nearest(one.position_m), body)

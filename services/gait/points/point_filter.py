@@ -127,6 +127,17 @@ class PointFilter:
         self.state, self.missed_s, self.confidence = "measured", 0.0, 1.0
         self.unsupported_s, self.contradicted = 0.0, 0
 
+    def start_beside(self, pixel: F64, position_m: F64, noise_m2: F64) -> None:
+        """Track the point from a position (3) and its noise (3x3) off the body on, as predicted."""
+        self.motion = PointKalmanFilter(
+            position_m, noise_m2, SPEED_MPS, self._config.acceleration_mps2
+        )
+        self.position_m, self.vertices = position_m, np.full(self._config.particles, -1)
+        self.particles = np.zeros((self._config.particles, 4))
+        self.particles[:, :2] = pixel
+        self.state, self.missed_s, self.confidence, self.likely = "predicted", 0.0, 0.0, True
+        self.unsupported_s, self.contradicted = 0.0, 0
+
     def proposals(self, anchor: Anchor | None, extremity: Extremity | None) -> list[Proposal]:
         """Return proposals at the prediction, the keypoint and the extremity."""
         assert self.motion is not None
