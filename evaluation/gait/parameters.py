@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 from scipy.stats import t as student
 
+from evaluation.gait.head_path import HeadPath, sway_m, turn_durations_s
 from evaluation.gait.literature import source_of
 from people4d.messages import F64
 from services.gait.config import StepConfig
@@ -21,17 +21,12 @@ from services.gait.steps.swings import FEET, Side
 
 LEVEL = 0.95
 RESAMPLED, SEED = 1000, 0  # bootstrap of variability and sway
-SMOOTH_S = 0.3  # [s] of the path of the head, of which turns are found
-TURN_RADPS, TURN_MIN_RAD = math.radians(15.0), math.radians(45.0)
-MOVING_MPS = 0.15  # slower, the direction of a path is not known
 LIMP_MIN = 5.0  # [%] of the mean step time: less is usual in healthy people
 LIMP_CLEAR = 2.5  # [%] that the interval must leave out
-RATE_HZ = 20.0
 # Of the interval of the asymmetry of step times: neighbouring pairs of steps share a landing, so
 # the variance of their mean is (6 + 2) / 6 of that of independent ones
 SHARED = math.sqrt(4 / 3)
 UNEVEN_MAX = 0.25  # of the median step time of a foot, of steps that count for the asymmetry
-SWAY_MIN, PATH_MIN_M = 5, 0.1  # samples and path of a stride whose sway is known
 
 
 @dataclass(frozen=True)
@@ -52,14 +47,6 @@ class GaitParameter:
         return source_of(self.name)
 
 
-@dataclass(frozen=True)
-class HeadPath:
-    """Path of the head from above."""
-
-    times_s: F64  # N, rising
-    ground_m: F64  # Nx2
-
-
 def gait_parameters(
     steps: Sequence[FootStep],
     head: HeadPath | None,
@@ -69,6 +56,7 @@ def gait_parameters(
     """Return all parameters of a walk, also those that are not known."""
     walked = walked_strides(steps, config)
     strides = [stride for _, stride in walked]
+    length_m, weights = [one.length_m for one in strides], [one.confidence for one in strides]
     stride_s = np.array([stride.time_s for stride in strides])
     swing_s = np.array([step.landed_s - step.lifted_s for step, _ in walked])
     lengths = {f: [s.length_m for s, _ in walked if s.foot == f] for f in FEET}
@@ -79,12 +67,12 @@ def gait_parameters(
     width = [s.width_m for s, _ in walked if s.width_m is not None]
     swing = 100 * swing_s / stride_s if len(walked) else []
     found = [
-        _mean("step length", "m", [s.length_m for s in strides], "half of the stride length", 0.5),
+        _mean("step length", "m", length_m, "half of the stride length", 0.5, weights),
         *(
             _mean(f"{foot} step length", "m", lengths[foot], f"to the {foot} foot, along its path")
             for foot in FEET
         ),
-        _mean("stride length", "m", [s.length_m for s in strides], "between landings of one foot"),
+        _mean("stride length", "m", length_m, "between landings of one foot", weights=weights),
         _mean("step width", "m", width, "between both feet, across their path"),
         _cadence(steps, rhythm),
         _mean("speed", "m/s", [s.length_m / s.time_s for s in strides], "stride length by time"),
@@ -95,7 +83,7 @@ def gait_parameters(
         _time_asymmetry(walked, times),
         _asymmetry("step length asymmetry", lengths["left"], lengths["right"], "step lengths"),
     ]
-    sway = _sway_m(head, [step for step, _ in walked]) if head is not None else []
+    sway = sway_m(head, [step for step, _ in walked]) if head is not None else []
     turns = turn_durations_s(head) if head is not None else []
     return [
         *found,
@@ -132,16 +120,23 @@ def recognisable_limp(parameters: Sequence[GaitParameter]) -> float | None:
 
 
 def _mean(
-    name: str, unit: str, values: Sequence[float] | F64, definition: str, scale: float = 1.0
+    name: str,
+    unit: str,
+    values: Sequence[float] | F64,
+    definition: str,
+    scale: float = 1.0,
+    weights: Sequence[float] | None = None,
 ) -> GaitParameter:
-    """Return the mean with Student's interval."""
+    """Return the mean with Student's interval, by the effective number of weighted values."""
     known = scale * np.asarray(values, np.float64)
     count = len(known)
+    shares = np.ones(count) if weights is None else np.asarray(weights, np.float64)
     if not count:
         return GaitParameter(name, unit, None, None, None, 0, definition)
-    mean, half = float(known.mean()), None
+    mean, half = float(np.average(known, weights=shares)), None
     if count > 1:
-        error = float(known.std(ddof=1)) / math.sqrt(count)
+        variance = float(np.average((known - mean) ** 2, weights=shares)) * count / (count - 1)
+        error = math.sqrt(variance * float(shares @ shares)) / float(shares.sum())
         half = float(student.ppf(0.5 + LEVEL / 2, count - 1)) * error
     low, high = (None, None) if half is None else (mean - half, mean + half)
     return GaitParameter(name, unit, mean, low, high, count, definition)
@@ -257,51 +252,3 @@ def _double_support(steps: Sequence[FootStep], config: StepConfig) -> list[float
         and id(step) in shared
         and step.stride.time_s <= 2 * config.step_max_s
     ]
-
-
-def _sway_m(head: HeadPath, steps: Sequence[FootStep]) -> list[float]:
-    """Return half of the range of the head across its path in each stride."""
-    found = []
-    for step in steps:
-        if step.stride is None:
-            continue
-        half_s = step.stride.time_s / 2
-        begins, ends = (
-            np.searchsorted(head.times_s, head.times_s + off) for off in (-half_s, half_s)
-        )
-        inside = (head.times_s >= step.landed_s - 2 * half_s) & (head.times_s <= step.landed_s)
-        inside &= (head.times_s >= head.times_s[0] + half_s) & (
-            head.times_s <= head.times_s[-1] - half_s
-        )
-        if inside.sum() < SWAY_MIN:
-            continue
-        total = np.concatenate([np.zeros((1, 2)), np.cumsum(head.ground_m, axis=0)])
-        path = (total[ends] - total[begins]) / np.maximum(ends - begins, 1)[:, None]
-        off, path = (head.ground_m - path)[inside], path[inside]
-        along = path[-1] - path[0]
-        length_m = float(np.linalg.norm(along))
-        if length_m > PATH_MIN_M:
-            across = off @ (np.array([-along[1], along[0]]) / length_m)
-            found.append(float(np.quantile(across, 0.95) - np.quantile(across, 0.05)) / 2)
-    return found
-
-
-def turn_durations_s(head: HeadPath) -> list[float]:
-    """Return the durations of turns: faster than 15 degrees a second, 45 degrees in all."""
-    if len(head.times_s) < 3 or head.times_s[-1] - head.times_s[0] < 1.0:
-        return []
-    times_s = np.arange(head.times_s[0], head.times_s[-1], 1 / RATE_HZ)
-    ground = np.stack([np.interp(times_s, head.times_s, c) for c in head.ground_m.T], axis=1)
-    ground = gaussian_filter1d(ground, SMOOTH_S * RATE_HZ, axis=0, mode="nearest")
-    velocity = np.gradient(ground, 1 / RATE_HZ, axis=0)
-    speed = np.linalg.norm(velocity, axis=1)
-    heading = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))
-    rate = np.gradient(heading, 1 / RATE_HZ)
-    found = []
-    for sign in (1.0, -1.0):
-        turning = (sign * rate > TURN_RADPS) & (speed > MOVING_MPS)
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], turning, [0]])))
-        for begin, end in edges.reshape(-1, 2).tolist():
-            if sign * (heading[end - 1] - heading[begin]) >= TURN_MIN_RAD:
-                found.append((begin, (end - begin) / RATE_HZ))
-    return [duration_s for _, duration_s in sorted(found)]

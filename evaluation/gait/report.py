@@ -11,7 +11,8 @@ import numpy as np
 from common.config import load
 from common.drawing.tiles import Tile, grid
 from common.drawing.topdown import Trajectories
-from evaluation.gait.parameters import GaitParameter, HeadPath, gait_parameters
+from evaluation.gait.head_path import HeadPath
+from evaluation.gait.parameters import GaitParameter, gait_parameters
 from evaluation.gait.person_page import person_page
 from evaluation.gait.run import BoxCorners, GaitRun, estimate_gait
 from evaluation.gait.tables import GaitTables

@@ -1,27 +1,27 @@
 """Gait parameters of walks by hand, their page, and points for tools of biomechanics."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from common.drawing.topdown import Trajectories
+from evaluation.gait.head_path import HeadPath, turn_durations_s
 from evaluation.gait.literature import REFERENCES
 from evaluation.gait.parameters import (
     GaitParameter,
-    HeadPath,
     gait_parameters,
     limping_side,
     recognisable_limp,
-    turn_durations_s,
 )
 from evaluation.gait.person_page import person_page
 from evaluation.gait.tables import PointTrajectory
 from evaluation.gait.trc import trc
 from people4d.messages import F64
 from services.gait.config import StepConfig
-from services.gait.steps.steps import FootStep, Stride, find_steps
+from services.gait.steps.steps import FootStep, Stride, find_steps, gait_measures
 from services.gait.steps.swings import Side
 from tests.gait.steps.test_steps import UP, feet, trajectory
 
@@ -61,6 +61,23 @@ def test_even_walk_by_hand(name: str, value: float, tolerance: float) -> None:
     assert None not in (one.low, one.value, one.high)
     assert sorted([one.low or 0, one.value or 0, one.high or 0]) == [one.low, one.value, one.high]
     assert one.count >= 6
+
+
+def test_mean_length_is_that_of_the_measures_and_weighted_by_confidence() -> None:
+    times_s = np.arange(0, 8, 1 / 30)
+    left, right = feet(times_s)
+    steps = find_steps(trajectory(times_s, left), trajectory(times_s, right), UP, CONFIG)
+    assert steps[-1].stride is not None
+    unsure = replace(steps[-1].stride, length_m=0.6, confidence=0.3)
+    steps[-1] = replace(steps[-1], stride=unsure)
+    one = {p.name: p for p in gait_parameters(steps, None, CONFIG)}["stride length"]
+    assert one.value == pytest.approx(gait_measures(steps, CONFIG).stride_length_m)
+    certain = replace(steps[-1], stride=replace(unsure, confidence=1.0))
+    other = {p.name: p for p in gait_parameters([*steps[:-1], certain], None, CONFIG)}
+    # The stride that is off widens the interval less, the less it counts.
+    low, high = other["stride length"].low, other["stride length"].high
+    assert None not in (one.low, one.high, low, high)
+    assert (one.high or 0) - (one.low or 0) < (high or 0) - (low or 0)
 
 
 def test_shares_of_a_stride_add_up() -> None:

