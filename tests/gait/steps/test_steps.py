@@ -184,7 +184,7 @@ def test_strides_of_unsure_footprints_count_less() -> None:
     assert found.stride_length_m == pytest.approx(expected_m, abs=0.005)
 
 
-def test_confidence_of_a_stride_is_that_of_its_less_sure_footprint() -> None:
+def test_confidence_of_a_stride_is_that_of_its_less_certain_footprint() -> None:
     times_s = np.arange(0, 6, 1 / 30)
     steps = found_steps(*feet(times_s), times_s)
     for own, step in zip(steps, steps[2:], strict=False):
