@@ -86,7 +86,7 @@ def other_background(images: Tensor) -> Tensor:
     count = len(images)
     rgb, own = images[:, RGB], images[:, OWN]
     other = images[torch.randperm(count), RGB].flip(3)
-    plain = torch.rand(count, 3, 1, 1) + 0.1 * torch.randn(count, 3, HEIGHT_PX, WIDTH_PX)
+    plain = torch.rand(count, 3, 1, 1) + 0.1 * torch.randn_like(rgb)
     other = torch.where(chance(count, 0.4), plain.clamp(0, 1), other)
     mixed = own * rgb + (1 - own) * other
     return torch.cat([torch.where(chance(count, 0.4), mixed, rgb), images[:, 3:]], 1)
@@ -95,8 +95,9 @@ def other_background(images: Tensor) -> Tensor:
 def occluded(images: Tensor) -> Tensor:
     """Return images, in some of which another person, or a rectangle, covers a part."""
     count = len(images)
-    v = torch.arange(HEIGHT_PX).view(1, 1, -1, 1) / HEIGHT_PX
-    u = torch.arange(WIDTH_PX).view(1, 1, 1, -1) / WIDTH_PX
+    height, width = images.shape[2:]
+    v = torch.arange(height).view(1, 1, -1, 1) / height
+    u = torch.arange(width).view(1, 1, 1, -1) / width
     rectangle = (v - uniform(count, 0, 1)).abs() < uniform(count, 0.05, 0.3)
     rectangle = rectangle & ((u - uniform(count, -0.2, 1.2)).abs() < uniform(count, 0.1, 0.5))
     # Another person before this one, to a side and lower in the image, since nearer
@@ -123,8 +124,8 @@ def lit(rgb: Tensor, scenes: Tensor) -> Tensor:
     """
     count, several = len(rgb), int(scenes.max()) + 1
     light = rgb.clamp(0, 1) ** 2.2
-    v = torch.linspace(-1, 1, HEIGHT_PX).view(1, 1, -1, 1)
-    u = torch.linspace(-1, 1, WIDTH_PX).view(1, 1, 1, -1)
+    v = torch.linspace(-1, 1, rgb.shape[2]).view(1, 1, -1, 1)
+    u = torch.linspace(-1, 1, rgb.shape[3]).view(1, 1, 1, -1)
     gain = torch.randn(several, 1, 1, 1) * 0.4 + torch.randn(several, 3, 1, 1) * 0.1
     gain = gain[scenes] + torch.randn(count, 1, 1, 1) * 0.25 + torch.randn(count, 3, 1, 1) * 0.05
     gain = gain + v * torch.randn(count, 1, 1, 1) * 0.2 + u * torch.randn(count, 1, 1, 1) * 0.15
@@ -165,12 +166,11 @@ def with_mask(images: Tensor) -> Tensor:
     """
     count = len(images)
     own, hides, layer = images[:, OWN], images[:, HIDES], images[:, LAYER]
-    ragged = torch.rand(count, 1, HEIGHT_PX, WIDTH_PX) * uniform(count, 0, 0.8)
+    ragged = torch.rand_like(own) * uniform(count, 0, 0.8)
     shift = int(torch.randint(-1, 2, (1,)))
     moved_layer = torch.where(chance(count, 0.4), layer.roll(shift, 3), layer)
-    holes = functional.interpolate(
-        torch.rand(count, 1, HEIGHT_PX // 4, WIDTH_PX // 4), scale_factor=4.0
-    )
+    blocks = torch.rand(count, 1, images.shape[2] // 4, images.shape[3] // 4)
+    holes = functional.interpolate(blocks, scale_factor=4.0)
     near = torch.maximum(moved_layer + ragged, (holes < uniform(count, 0, 0.3)).float())
     blank = (hides + 0.5 * (ragged - 0.4) > 0.5).float()
     kind = uniform(count, 0, 1)

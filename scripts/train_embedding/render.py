@@ -5,6 +5,7 @@ distances, before and behind each other, cut by the image's edge. Needs nothing 
 """
 
 import argparse
+import math
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -19,8 +20,10 @@ from common.geometry.transforms import (
     apply,
     camera_matrix,
     invert,
+    project,
     rotation_from_rpy,
     transform_from,
+    wrap,
 )
 from lab.bodies.skeleton import BodyPose
 from lab.camera.plan import CameraPlan
@@ -64,6 +67,9 @@ class PersonView:
     hidden: U8  # HxW, 1 on surfaces before the person
     layer: U8  # HxW, 1 on surfaces at about the person's depth
     box_px: F64  # left, top, right, bottom of the body with its hidden parts, in the image
+    shoulders_px: F64  # u and v of the middle of the shoulders
+    depth_m: float  # [m] of it
+    yaw_rad: float  # [rad] of the chest, 0 = facing away along the line of sight, + to the left
 
 
 @dataclass(frozen=True)
@@ -145,7 +151,8 @@ def draw_image(
     )
     target = np.array([left + 2.2, 0.0, rng.uniform(0.8, 1.3)]) + rng.normal(0, 0.3, 3)
     optical_from_map = invert(camera_pose(at, target, float(rng.normal(0, 0.08))))
-    meshes, shoulders_m, taken = list[Mesh](), list[F64](), [at[:2]]
+    meshes, shoulders_m, yaws_rad = list[Mesh](), list[F64](), list[float]()
+    taken = [at[:2]]
     for k, person in enumerate(people):
         taken.append(free_position(rng, kind, at, target, taken))
         pose = stage.motions[person.body].at(rng.uniform(0, MOTION_S))
@@ -153,6 +160,8 @@ def draw_image(
         dressed = stage.bodies[person.body]
         meshes.append(dressed.mesh(moved, k + 1, person.paint))
         shoulders_m.append(dressed.body.keypoints_m(moved)[SHOULDERS])
+        ahead, left = taken[-1] - at[:2]
+        yaws_rad.append(wrap(dressed.body.chest_yaw(moved) - math.atan2(left, ahead)))
     rgb = renderer.exposed([Instant(meshes, optical_from_map)], int(rng.integers(2**31)))
     owners, depth_m = draw_owners([renderer.room.mesh, *meshes], optical_from_map, renderer.info)
     views = {}
@@ -162,12 +171,18 @@ def draw_image(
         inside = (column >= 0) & (column < own.shape[1]) & (row >= 0) & (row < own.shape[0])
         if own[row[inside].astype(int), column[inside].astype(int)].any():
             body_px = project_visible(apply(optical_from_map, meshes[k].vertices_m), renderer.info)
-            views[k] = view_of(own, depth_m, body_px)
+            middle_m = apply(optical_from_map, points_m).mean(axis=0)
+            views[k] = view_of(own, depth_m, body_px, middle_m, renderer.info, yaws_rad[k])
     return rgb, views
 
 
-def view_of(own: BOOL, depth_m: F32, body_px: F64) -> PersonView:
-    """Return the view of a person from their pixels, the depth image and the projected body."""
+def view_of(
+    own: BOOL, depth_m: F32, body_px: F64, middle_m: F64, info: CameraInfo, yaw_rad: float
+) -> PersonView:
+    """Return the view of a person from their pixels, the depth image and the projected body.
+
+    `middle_m` is the middle of the shoulders in the camera's frame.
+    """
     relative_m = depth_m - np.median(depth_m[own])
     body_px = body_px[np.isfinite(body_px).all(axis=1)]
     box_px = np.concatenate([body_px.min(axis=0), body_px.max(axis=0)])
@@ -177,6 +192,9 @@ def view_of(own: BOOL, depth_m: F32, body_px: F64) -> PersonView:
         ((relative_m < LAYER_M[0]) & ~own).astype(np.uint8),
         ((relative_m >= LAYER_M[0]) & (relative_m <= LAYER_M[1])).astype(np.uint8),
         np.clip(box_px, 0, size),
+        project(middle_m, info)[0],
+        float(middle_m[2]),
+        yaw_rad,
     )
 
 
