@@ -42,6 +42,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "surface to axis": ("detector.to_axis=false",),
     "position of the torso": ("detector.position=keypoints",),
     "measured covariance": (f"{STRONG}.noise=constant",),
+    "orientation network": ("detector.orientation.network.model=",),
     "joint orientation": ("detector.orientation.method=separate",),
     "weighted orientation": (
         "detector.orientation.method=separate",

@@ -15,9 +15,9 @@ from benchmarks.lib.table import markdown, write
 from benchmarks.positions import CachedModel
 from evaluation.recordings.rendered import RenderedFrame, matches, render, yaw_error_deg
 from people4d.messages import F64, Detections
+from services.detector.build import build
 from services.detector.config import DetectorConfig
 from services.detector.models.registry import load_model
-from services.detector.node import DetectorNode
 
 # Scenario, seed and frames, none of which were used to choose a constant of the method.
 SEQUENCES = (
@@ -28,16 +28,18 @@ SEQUENCES = (
 QUICK = (("four_crossing", 80, range(60, 460, 40)),)
 GROSS_DEG = 45
 SEPARATE = {"method": "separate", "weighted": False}
+KEYPOINTS = {"method": "joint", "network": {"model": ""}}
 METHODS: dict[str, dict[str, Any]] = {
     "shoulders in 3D": SEPARATE | {"ratio": False},
     "proportions": SEPARATE | {"vector": False},
     "both (paper)": SEPARATE,
     "both, weighted": SEPARATE | {"weighted": True},
     "joint likelihood": {"method": "joint"},
-    "without depth": {"method": "joint", "body": {"use_depth": False}},
-    "without hips": {"method": "joint", "body": {"use_hips": False}},
-    "without head": {"method": "joint", "body": {"use_head": False}},
-    "with confidence": {"method": "joint", "body": {"use_confidence": True}},
+    "without the network": KEYPOINTS,
+    "and without depth": KEYPOINTS | {"body": {"use_depth": False}},
+    "and without hips": KEYPOINTS | {"body": {"use_hips": False}},
+    "and without head": KEYPOINTS | {"body": {"use_head": False}},
+    "and with confidence": KEYPOINTS | {"body": {"use_confidence": True}},
 }
 HEADER = [
     "method",
@@ -52,7 +54,7 @@ HEADER = [
 
 def errors_deg(config: DetectorConfig, model: CachedModel, taken: Sequence[RenderedFrame]) -> F64:
     """Return the errors of all people found, NaN where no angle is told."""
-    node, errors = DetectorNode(model, config), list[float]()
+    node, errors = build(config, model), list[float]()
     for rendered in taken:
         node.handle(rendered.info, 0)
         output = node.handle(rendered.frame, 0)[-1]

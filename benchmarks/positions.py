@@ -16,10 +16,10 @@ from benchmarks.lib.table import markdown, write
 from benchmarks.real_inputs import ROOT, models
 from evaluation.recordings.rendered import HELD_OUT, RenderedFrame, matches, render
 from people4d.messages import F64, U8, Detection, Detections
+from services.detector.build import build
 from services.detector.config import DetectorConfig
 from services.detector.models.base import DetectedPerson, PersonModel
 from services.detector.models.registry import load_model
-from services.detector.node import DetectorNode
 
 SEPARATE = {"method": "separate", "weighted": False}  # orientation, by which to_axis works
 METHODS = {
@@ -63,7 +63,7 @@ class CachedModel:
 
 def measure(model: PersonModel, config: DetectorConfig, taken: Sequence[RenderedFrame]) -> Errors:
     """Return the errors of one method over all frames."""
-    node, errors = DetectorNode(model, config), Errors()
+    node, errors = build(config, model), Errors()
     for rendered in taken:
         node.handle(rendered.info, 0)
         output = node.handle(rendered.frame, 0)[-1]

@@ -59,16 +59,21 @@ def content_digest(path: Path) -> str:
         raise SourceError(f"recording {path} cannot be read: {error.strerror}") from error
 
 
-def model_digest(config: DetectorConfig | ReidConfig) -> str:
-    """Return the checksum of a configured model's file.
+def model_digests(config: DetectorConfig | ReidConfig) -> tuple[str, ...]:
+    """Return the checksums of the files of configured models, that of people first.
 
     Raises:
-        ModelError: The model is unknown, or its file is absent.
+        ModelError: A model is unknown, or its file is absent.
     """
-    model = config.network if isinstance(config, ReidConfig) else config.model
-    if not model:
-        return ""  # an embedder without a file
-    path, entry = weights.locate(model, config.folder)
+    if isinstance(config, ReidConfig):
+        models = [config.network]
+    else:
+        models = [config.model, config.orientation_network]
+    return tuple(_model_digest(model, config.folder) for model in models if model)
+
+
+def _model_digest(model: str, folder: str) -> str:
+    path, entry = weights.locate(model, folder)
     return entry.sha256 if entry else weights.checksum(path)
 
 

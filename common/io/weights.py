@@ -35,7 +35,7 @@ class ModelFile(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One model of the manifest."""
 
     name: Printable  # in configurations
-    # movenet, yolov8-pose, yolov8-seg (detector), appearance or osnet (re-identification)
+    # Detector: movenet, yolov8-pose, yolov8-seg, orientation; re-identification: appearance, osnet
     kind: Printable
     # Name in one of the model folders
     file: Annotated[str, Rule("a plain file name", lambda name: bool(FILE_NAME.fullmatch(name)))]

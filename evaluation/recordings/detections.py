@@ -17,7 +17,7 @@ from evaluation.cache import (
     code_digest,
     content_digest,
     key_of,
-    model_digest,
+    model_digests,
 )
 from evaluation.pipeline import PipelineStep, lockstep, play
 from evaluation.recordings import detection_cache
@@ -64,7 +64,7 @@ class DetectionJob:
     def cache_file(self) -> Path:
         """Return the file of the network's detections by image."""
         code = code_digest(detection_cache.CODE)
-        key = key_of(code, self.network, model_digest(self.detector))
+        key = key_of(code, self.network, model_digests(self.detector)[0])
         return self.folder / "network" / f"{self.source.stem}-{key}.npz"
 
     def file(self, content: str, reid: ReidConfig | None = None) -> Path:
@@ -73,9 +73,9 @@ class DetectionJob:
         It depends on the digest of the source's content.
         """
         digest = code_digest(DETECTOR_CODE if reid is None else REID_CODE)
-        parts = [content, digest, self.camera, self.detector, model_digest(self.detector)]
+        parts = [content, digest, self.camera, self.detector, model_digests(self.detector)]
         if reid:
-            parts += [reid, model_digest(reid)]
+            parts += [reid, model_digests(reid)]
         kind = "embeddings" if reid else "detections"
         return self.folder / kind / f"{self.source.stem}-{key_of(*parts)}.mcap"
 

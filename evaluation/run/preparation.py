@@ -9,7 +9,7 @@ from typing import TypeAlias
 import msgspec
 
 from common.io.recording import open_recording
-from evaluation.cache import model_digest
+from evaluation.cache import model_digests
 from evaluation.methods import Method
 from evaluation.pool import OnProgress, Pool
 from evaluation.recordings.detections import (
@@ -49,9 +49,9 @@ def check_models(plan: EvaluationPlan) -> None:
     if all(_has_no_images(recording) for recording in plan.recordings):
         return
     for method in plan.methods:
-        model_digest(method.detector)
+        model_digests(method.detector)
         if method.reid:
-            model_digest(method.reid)
+            model_digests(method.reid)
 
 
 def warnings_of(plan: EvaluationPlan) -> list[str]:

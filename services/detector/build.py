@@ -2,17 +2,44 @@
 
 from msgspec.structs import replace
 
+from common.inference.engines import open_session
+from common.io import weights
 from common.runtime.node import Node
 from services.detector.config import DetectorConfig
 from services.detector.models.base import PersonModel
-from services.detector.models.registry import load_model
+from services.detector.models.registry import check_model, load_model
 from services.detector.node import DetectorNode
+from services.detector.orientation.network import OrientationNetwork
 
 
 def build(config: DetectorConfig, model: PersonModel | None = None) -> Node:
-    """Make the detector; its model is loaded here, so that a missing one is reported at start."""
+    """Make the detector; its models are loaded here, so that a missing one is reported at start."""
     near, near_model = config.near_input, None
     if near.height:
         settings = replace(config, input_height=near.height, input_width=near.width)
         near_model = load_model(settings)
-    return DetectorNode(model or load_model(config), config, near_model)
+    return DetectorNode(model or load_model(config), config, near_model, load_network(config))
+
+
+def load_network(config: DetectorConfig) -> OrientationNetwork | None:
+    """Find, check and load the configured orientation network; None if there is none.
+
+    Raises:
+        ModelError: The file is absent, altered or not such a network.
+    """
+    if not config.orientation_network:
+        return None
+    path, _ = weights.locate(config.orientation_network, config.folder)
+    return OrientationNetwork(open_session(path))
+
+
+def check(config: DetectorConfig) -> None:
+    """Check that the configured models can be loaded, without loading them.
+
+    Raises:
+        ConfigError: The kind of the people model is unknown or cannot be loaded.
+        ModelError: A file is absent or altered.
+    """
+    check_model(config)
+    if config.orientation_network:
+        weights.locate(config.orientation_network, config.folder)

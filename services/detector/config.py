@@ -67,9 +67,6 @@ class KeypointConfig(Config, frozen=True, kw_only=True):
     """Keypoints that make a position; docs/method.md section 2 [PIC4SeR]."""
 
     confidence_min: Confidence = 0.6  # keypoints must be more confident than this
-    # likewise for the joint likelihood of the yaw, which is less certain with joints of little
-    # confidence; these are mostly right
-    yaw_confidence_min: Confidence = 0.1
     window_px: OddWindow = 1  # [px] side of the window whose median depth is read
     torso_gap_max_m: PositiveOrInfinite = math.inf  # [m] farther from the torso: does not count
 
@@ -165,9 +162,7 @@ class UncertaintyConfig(Config, frozen=True, kw_only=True):
 # 0.3 they still agree with YOLOv8's. In the simulated room this takes the standard deviation of
 # positions from 0.071 to 0.048 m in depth and from 0.089 to 0.028 m in height.
 MODEL_KEYPOINTS = {
-    "movenet": KeypointConfig(
-        confidence_min=0.3, yaw_confidence_min=0.3, window_px=5, torso_gap_max_m=0.6
-    ),
+    "movenet": KeypointConfig(confidence_min=0.3, window_px=5, torso_gap_max_m=0.6),
 }
 
 # MoveNet is as confident of a hidden ear as of a visible one: by visibility it gives the side of
@@ -224,6 +219,11 @@ class DetectorConfig(ModelSettings, frozen=True, kw_only=True):
             "torso_gap_max_m": self.torso_gap_max_m,
         }
         return msgspec.structs.replace(suited, **{k: v for k, v in values.items() if v is not None})
+
+    @property
+    def orientation_network(self) -> str:
+        """Name or path of the orientation network; empty if none is used."""
+        return self.orientation.network.model if self.orientation.method == "joint" else ""
 
     def orientation_for(self, model: str) -> OrientationConfig:
         """Return the configuration of yaw; the face as set, else as suits the model."""

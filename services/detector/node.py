@@ -13,6 +13,7 @@ from common.runtime.node import NO_LOOP, LoopCallbacks, Node, Sharing, Status
 from common.transport.trace import span
 from people4d.messages import (
     F32,
+    U8,
     CameraInfo,
     Crops,
     Detection,
@@ -28,6 +29,7 @@ from services.detector.input_size import InputSizeChoice
 from services.detector.models.base import DetectedPerson, PersonModel
 from services.detector.orientation.angle import YawEstimate, heading_vector
 from services.detector.orientation.joint import joint_yaws
+from services.detector.orientation.network import OrientationNetwork, upper_bodies
 from services.detector.orientation.separate import separate_yaws
 from services.detector.position.estimator import PositionEstimator
 from services.detector.position.silhouette import grow_mask
@@ -48,6 +50,7 @@ class DetectorNode(Node):
         config: Configuration of the service.
         near_model: The same with a smaller input, for frames in which all people are near; None:
             there is none.
+        orientation_network: Yaws by images of people; None: they are by keypoints and depth alone.
     """
 
     inputs: tuple[type[Message], ...] = (CameraInfo, RgbdFrame)
@@ -60,6 +63,7 @@ class DetectorNode(Node):
         model: PersonModel,
         config: DetectorConfig,
         near_model: PersonModel | None = None,
+        orientation_network: OrientationNetwork | None = None,
     ) -> None:
         self._model, self._near_model = model, near_model or model
         self._sizes = InputSizeChoice(config.near_input) if near_model else None
@@ -67,6 +71,7 @@ class DetectorNode(Node):
         self._keypoints = config.keypoints_for(model.name)
         self._positions = PositionEstimator(config, model.name)
         self._orientation = config.orientation_for(model.name)
+        self._orientation_network = orientation_network
         self._lock = threading.Lock()
         self._calibrations: dict[str, CameraInfo] = {}
         self._counters: Counter[str] = Counter()
@@ -128,7 +133,7 @@ class DetectorNode(Node):
             # Crops first: the tracker waits longest for their embeddings.
             (self._loop.publish or outputs.append)(self._crops(people, torsos, frame))
         with span("locate"):
-            detections = self._detections(people, torsos, image)
+            detections = self._detections(people, torsos, frame.rgb, image)
         with self._lock:
             self._counters["people"] += len(people)
             self._counters["with_position"] += sum(d.position_m is not None for d in detections)
@@ -189,9 +194,10 @@ class DetectorNode(Node):
         self,
         people: Sequence[DetectedPerson],
         torsos: Sequence[LayeredTorso | None],
+        rgb: U8,
         image: DepthImage,
     ) -> tuple[Detection, ...]:
-        yaws = self._yaws(people, torsos, image)
+        yaws = self._yaws(people, torsos, rgb, image)
         yaws_rad = [None if yaw is None else yaw.rad for yaw in yaws]
         positions = self._positions.estimate(people, torsos, image, yaws_rad)
         return tuple(map(_detection, people, yaws, positions, keypoint_surfaces(people, image)))
@@ -200,6 +206,7 @@ class DetectorNode(Node):
         self,
         people: Sequence[DetectedPerson],
         torsos: Sequence[LayeredTorso | None],
+        rgb: U8,
         image: DepthImage,
     ) -> list[YawEstimate | None]:
         config, used = self._orientation, self._keypoints
@@ -219,7 +226,11 @@ class DetectorNode(Node):
         }
         if known:
             keypoints, layers_m = map(np.array, zip(*known.values(), strict=True))
-            found = joint_yaws(keypoints, layers_m, image, used.yaw_confidence_min, config.body)
+            by_image = None
+            if self._orientation_network is not None:
+                bodies = upper_bodies(rgb, image, keypoints, layers_m)
+                by_image = self._orientation_network.log_likelihood(bodies, config.network)
+            found = joint_yaws(keypoints, layers_m, image, config.body, by_image)
             for k, yaw in zip(known, found, strict=True):
                 yaws[k] = yaw
         return yaws

@@ -50,6 +50,9 @@ class BodyModelConfig(Config, frozen=True, kw_only=True):
     All values are this project's, fitted to renders of the simulated room for tuning.
     """
 
+    # Keypoints must be more confident than this, positions need more: those of little confidence
+    # are mostly right, and the yaw is less certain with them
+    confidence_min: Confidence = 0.1
     use_shoulders: bool = True
     use_hips: bool = True
     use_depth: bool = True  # of shoulders and hips; off: only their distance in the image
@@ -84,6 +87,16 @@ class BodyModelConfig(Config, frozen=True, kw_only=True):
     outliers_confidence: Fraction = 0.1
 
 
+class OrientationNetworkConfig(Config, frozen=True, kw_only=True):
+    """Yaw by the image of the upper body, as one more cue of "joint"; docs/method.md section 11."""
+
+    # Name in the manifest of models, or path of an .onnx file; empty: there is none
+    model: str = "orientation-lab"
+    # Exponent of its probabilities: the image is not independent of the keypoints
+    weight: Annotated[float, Meta(gt=0, le=1)] = 0.6
+    outliers: Fraction = 0.05  # probability of an image that shows something else
+
+
 class OrientationConfig(Config, frozen=True, kw_only=True):
     """Yaw of the chest from keypoints; each part can be switched off."""
 
@@ -103,3 +116,4 @@ class OrientationConfig(Config, frozen=True, kw_only=True):
     sigma_point_m: Positive = 0.05  # [m] each point of the pair, across the pair
     sigma_ratio: Positive = 0.18  # ratio over the largest ratio
     body: BodyModelConfig = BodyModelConfig()  # of "joint"
+    network: OrientationNetworkConfig = OrientationNetworkConfig()  # of "joint"

@@ -30,6 +30,7 @@ FROM_BEHIND = (1 + COSINE) / 2
 NEAR_RAD = math.radians(60)  # mean and variance are those of the angles so near to the best
 FAR_MAX = 0.1  # probability that may lie elsewhere
 SPAN_M = 1.0  # [m] range of distances between joints that are outliers
+SWAPPED_MAX = 0.5  # probability that left and right are taken for each other, at most
 SIGMA_MAX_RAD = math.pi / 2  # a less certain angle is not estimated
 
 
@@ -37,12 +38,19 @@ def joint_yaws(
     keypoints: F32,
     layers_m: F64,
     image: DepthImage,
-    confidence_min: float,
     config: BodyModelConfig,
+    by_image: F64 | None = None,
 ) -> list[YawEstimate | None]:
-    """Estimate the yaws of N people from all cues at once; arguments as of `observe_bodies`."""
-    observations = observe_bodies(keypoints, layers_m, image, confidence_min, config)
-    best_rad, sigma_rad = best_angles(log_likelihood(observations, image.info.fx, config))
+    """Estimate the yaws of N people from all cues at once.
+
+    Arguments are as of `observe_bodies`; `by_image` is the log likelihood of `ANGLES` by the images
+    of the people, NxA, see `OrientationNetwork`.
+    """
+    observations = observe_bodies(keypoints, layers_m, image, config)
+    log_p = log_likelihood(observations, image.info.fx, config)
+    if by_image is not None:
+        log_p += by_image
+    best_rad, sigma_rad = best_angles(log_p)
     sigma_rad *= sigma_factors(observations, config)
     yaws_rad = best_rad + observations.ray_rad
     return [
@@ -55,8 +63,11 @@ def log_likelihood(observations: YawObservations, fx: float, config: BodyModelCo
     """Return the logarithm of the likelihood of each of `ANGLES`, NxA; fx in pixels."""
     flat = np.zeros((len(observations.z_m), len(ANGLES)))
     total: F64 = sum(_cues(observations, fx, config), flat)
-    swapped = np.roll(total, len(ANGLES) // 2, axis=1)
-    total = np.logaddexp(math.log(1 - config.swapped) + total, math.log(config.swapped) + swapped)
+    # A network that is less confident of the joints of a side takes it for the other more often
+    factors = sigma_factors(observations, config)[:, None]
+    swapped = np.minimum(config.swapped * factors**2, SWAPPED_MAX)
+    turned = np.roll(total, len(ANGLES) // 2, axis=1)
+    total = np.logaddexp(np.log1p(-swapped) + total, np.log(swapped) + turned)
     if config.use_confidence:
         total += _face_confidence(observations, config)
     return total

@@ -55,7 +55,6 @@ def observe_bodies(
     keypoints: F32,
     layers_m: F64,
     image: DepthImage,
-    confidence_min: float,
     config: BodyModelConfig,
 ) -> YawObservations:
     """Measure the bodies of N people, each in a layer of depth.
@@ -63,7 +62,7 @@ def observe_bodies(
     Keypoints are Nx17x3, u and v in pixels and confidence, which must be more than
     `confidence_min`; layers N in metres.
     """
-    pixels = confident_pixels(keypoints, confidence_min)
+    pixels = confident_pixels(keypoints, config.confidence_min)
     rays_rad = bearings(pixels, image.info)
     points_m = deproject(pixels.reshape(-1, 2), np.repeat(layers_m, 17), image.info)
     across_m = points_m[:, 0].reshape(-1, 17) * np.cos(rays_rad)[:, None]

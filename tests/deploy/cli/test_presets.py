@@ -108,8 +108,7 @@ def test_the_third_method_measures_by_sections_2_and_6() -> None:
         0.66,
     )
     twin = config_of(DetectorConfig, "detector", "pose-strongsort-movenet")
-    keypoints = KeypointConfig(confidence_min=0.3, yaw_confidence_min=0.3)
-    assert twin.keypoints_for(twin.model) == keypoints
+    assert twin.keypoints_for(twin.model) == KeypointConfig(confidence_min=0.3)
     assert twin.orientation_for(twin.model).face == FaceConfig(cue="nose", confidence_min=0.3)
 
 

@@ -9,7 +9,6 @@ from msgspec.structs import replace
 
 from common.geometry.transforms import wrap
 from people4d.messages import F32, F64, U16
-from services.detector.config import DetectorConfig
 from services.detector.orientation.config import HIPS, SHOULDERS, BodyModelConfig
 from services.detector.orientation.joint import (
     ANGLES,
@@ -143,6 +142,17 @@ def test_parts_are_switched_off() -> None:
     assert at(flat, 135) == pytest.approx(at(flat, -135))
 
 
+def test_reversals_are_likelier_where_the_network_is_not_confident_of_a_side() -> None:
+    offsets_by_side = [
+        log_likelihood(replace_fields(observation(30), side=np.array([side])), FX, CONFIG)[0]
+        for side in (0.9, 0.3, 0.05)
+    ]
+    ratios = [at(log_p, 30) - at(log_p, -150) for log_p in offsets_by_side]
+    assert ratios[0] == pytest.approx(math.log(0.97 / 0.03), abs=0.05)
+    assert ratios[1] == pytest.approx(math.log(0.88 / 0.12), abs=0.05)
+    assert ratios[2] == pytest.approx(0.0, abs=0.05)
+
+
 def test_sigma_grows_where_the_network_is_not_confident_of_a_side() -> None:
     # 0.6 / 0.3 = 2.
     for side, factor in ((0.3, 2.0), (0.7, 1.0), (0.0, 1.0), (math.nan, 1.0)):
@@ -158,6 +168,7 @@ def scene(right_m: float = -0.3, hidden: bool = False) -> tuple[F32, U16]:
     The right half of the body is 0.1 m farther than the left one, or somebody stands before it.
     """
     keypoints = np.zeros((17, 3), np.float32)
+    keypoints[7:, 2] = 0.8  # arms and legs
     half_px = right_m / 2 * FX / 3
     for left, right, share, v in ((5, 6, 1.0, 180), (11, 12, 0.6, 280)):
         keypoints[left] = 320 - share * half_px, v, 0.8
@@ -171,7 +182,7 @@ def scene(right_m: float = -0.3, hidden: bool = False) -> tuple[F32, U16]:
 def observed(keypoints: F32, depth: U16, ray_rad: float = 0.0) -> YawObservations:
     """Return the observation by a camera whose axis is turned so far from the body."""
     info = replace(INFO, cx=INFO.cx + FX * math.tan(ray_rad))
-    return observe_bodies(keypoints[None], LAYER_M, DepthImage(depth, info), 0.3, CONFIG)
+    return observe_bodies(keypoints[None], LAYER_M, DepthImage(depth, info), CONFIG)
 
 
 def test_pairs_are_measured_from_the_ray_to_the_torso() -> None:
@@ -206,8 +217,8 @@ def test_a_mirrored_image_mirrors_the_angle() -> None:
     mirrored = keypoints[MIRRORED].copy()
     mirrored[:, 0] = 640 - mirrored[:, 0]
     flipped = DepthImage(depth[:, ::-1].copy(), INFO)
-    (one,) = joint_yaws(keypoints[None], LAYER_M, DepthImage(depth, INFO), 0.3, CONFIG)
-    (other,) = joint_yaws(mirrored[None], LAYER_M, flipped, 0.3, CONFIG)
+    (one,) = joint_yaws(keypoints[None], LAYER_M, DepthImage(depth, INFO), CONFIG)
+    (other,) = joint_yaws(mirrored[None], LAYER_M, flipped, CONFIG)
     assert one is not None
     assert other is not None
     assert one.rad == pytest.approx(-other.rad, abs=1e-6)
@@ -218,27 +229,21 @@ def test_a_mirrored_image_mirrors_the_angle() -> None:
 def test_joints_of_little_confidence_give_a_less_certain_yaw() -> None:
     keypoints, depth = scene()
     faint = keypoints.copy()
-    keypoints[:, 2], faint[:, 2] = 0.9, 0.2
+    keypoints[:, 2], faint[:, 2] = 0.9, 0.3
     image = DepthImage(depth, INFO)
-    (clear,) = joint_yaws(keypoints[None], LAYER_M, image, 0.1, CONFIG)
-    (unclear,) = joint_yaws(faint[None], LAYER_M, image, 0.1, CONFIG)
+    (clear,) = joint_yaws(keypoints[None], LAYER_M, image, CONFIG)
+    (unclear,) = joint_yaws(faint[None], LAYER_M, image, CONFIG)
     assert clear is not None
     assert unclear is not None
-    assert unclear.rad == pytest.approx(clear.rad)
-    assert unclear.sigma_rad == pytest.approx(3 * clear.sigma_rad)  # 0.6 / 0.2
-    assert joint_yaws(faint[None], LAYER_M, image, 0.3, CONFIG) == [None]
-
-
-def test_least_confidence_suits_the_model() -> None:
-    config = DetectorConfig()
-    assert config.keypoints_for("yolov8n-pose").yaw_confidence_min == 0.1
-    assert config.keypoints_for("movenet-multipose-int8").yaw_confidence_min == 0.3
+    assert unclear.rad == pytest.approx(clear.rad, abs=0.01)
+    assert unclear.sigma_rad > 2 * clear.sigma_rad  # 0.6 / 0.3, and the chance of a reversal
+    assert joint_yaws(faint[None], LAYER_M, image, replace(CONFIG, confidence_min=0.35)) == [None]
 
 
 def test_an_empty_depth_image_gives_no_yaw_by_shoulders_and_hips() -> None:
     keypoints, depth = scene()
     empty = DepthImage(np.zeros_like(depth), INFO)
-    assert joint_yaws(keypoints[None], LAYER_M, empty, 0.3, CONFIG) == [None]
+    assert joint_yaws(keypoints[None], LAYER_M, empty, CONFIG) == [None]
 
 
 def test_people_are_measured_as_each_alone() -> None:
@@ -248,10 +253,8 @@ def test_people_are_measured_as_each_alone() -> None:
     aside[6, 2] = 0.1  # not confident
     image, layers_m = DepthImage(depth, INFO), np.array([3.0, 3.05, 2.9])
     people = np.array([keypoints, aside, np.zeros_like(keypoints)])
-    together = joint_yaws(people, layers_m, image, 0.3, CONFIG)
-    alone = [
-        joint_yaws(people[k : k + 1], layers_m[k : k + 1], image, 0.3, CONFIG)[0] for k in range(3)
-    ]
+    together = joint_yaws(people, layers_m, image, CONFIG)
+    alone = [joint_yaws(people[k : k + 1], layers_m[k : k + 1], image, CONFIG)[0] for k in range(3)]
     assert together == alone
     assert together[2] is None
 

@@ -1,0 +1,1 @@
+"""Training of the orientation network on people of the virtual lab; see README.md."""

@@ -1,0 +1,128 @@
+"""The orientation network: yaws by images, trained on simulated people (scripts/train_orientation).
+
+It sees what keypoints do not tell: hair or a face, the back or the front of clothes.
+"""
+
+import math
+from functools import cache
+
+import cv2
+import numpy as np
+
+from common.inference.session import Session
+from people4d.errors import ModelError
+from people4d.messages import F32, F64, HIDDEN_RGB, U8
+from services.detector.orientation.angle import SHOULDERS
+from services.detector.orientation.config import OrientationNetworkConfig
+from services.detector.orientation.joint import ANGLES
+from services.detector.position.surface import DepthImage
+
+SIZE_PX = (64, 48)  # of the input
+SIZE_M = (1.1, 0.827)  # height and width of what it shows, at the person's depth
+ABOVE_M = 0.5  # of it above the shoulders
+LAYER_M = (-0.4, 0.5)  # depths of the person's mask, relative to the person's depth
+LOG_MIN = -50.0
+
+
+class OrientationNetwork:
+    """Nx4x64x48, RGB and mask, 0 to 1, to NxS log probabilities of sectors of the yaw.
+
+    Yaws count from the line of sight; the middle of the first sector is 0, facing away, the next
+    ones are to the left.
+
+    Args:
+        session: The network.
+
+    Raises:
+        ModelError: The network takes or gives something else.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        if session.input_shape != (None, 4, *SIZE_PX):
+            expected = f"an input of Nx4x{SIZE_PX[0]}x{SIZE_PX[1]}"
+            raise ModelError(
+                f"orientation network: expected {expected}, got {list(session.input_shape)}"
+            )
+        output = self._run(np.zeros((1, 4, *SIZE_PX), np.float32))
+        if output.ndim != 2:
+            found = list(output.shape)
+            raise ModelError(f"orientation network: expected an output of NxS, got {found}")
+
+    def log_likelihood(self, images: F32, config: OrientationNetworkConfig) -> F64:
+        """Return the logarithm of the likelihood of `ANGLES` by N images (Nx4x64x48), NxA."""
+        log_p = config.weight * np.clip(self._run(images), LOG_MIN, 0.0)
+        sectors = np.exp(log_p - log_p.max(axis=1, keepdims=True))
+        sectors /= sectors.sum(axis=1, keepdims=True)
+        count = sectors.shape[1]
+        sectors = (1 - config.outliers) * sectors + config.outliers / count
+        by_image: F64 = np.log(sectors) @ between(count)
+        return by_image
+
+    def _run(self, images: F32) -> F64:
+        output = next(iter(self._session.run(images).values()))
+        return np.asarray(output, np.float64)
+
+
+@cache
+def between(sectors: int) -> F64:
+    """Return the weights of values at the middles of S sectors at `ANGLES` between them, SxA."""
+    off = np.abs(ANGLES / (2 * math.pi / sectors) - np.arange(sectors)[:, None]) % sectors
+    weights: F64 = np.maximum(1 - np.minimum(off, sectors - off), 0.0)
+    return weights
+
+
+def upper_bodies(rgb: U8, image: DepthImage, keypoints: F32, depths_m: F64) -> F32:
+    """Return the upper bodies of N people as the network takes them, Nx4x64x48.
+
+    Args:
+        rgb: Colour image, HxWx3.
+        image: Depth image, HxW.
+        keypoints: Nx17x3, u and v in pixels and confidence, COCO order.
+        depths_m: [m] N, depths of the people.
+    """
+    shoulders_px = keypoints[:, list(SHOULDERS), :2].astype(np.float64).mean(axis=1)
+    px_per_m = np.array([[image.info.fy, image.info.fx]]) / depths_m[:, None]
+    sizes_px = np.array(SIZE_M) * px_per_m
+    corners_px = np.nan_to_num(shoulders_px[:, ::-1]) - (ABOVE_M, SIZE_M[1] / 2) * px_per_m
+    pairs = zip(corners_px, sizes_px, depths_m.tolist(), strict=True)
+    return np.stack([upper_body(rgb, image, corner, size, z_m) for corner, size, z_m in pairs])
+
+
+def upper_body(rgb: U8, image: DepthImage, corner_px: F64, size_px: F64, depth_m: float) -> F32:
+    """Return one window (4x64x48): its corner and size in pixels are of rows and columns.
+
+    What is nearer than the person, and what lies out of the image, is blanked.
+    """
+    shape = np.array(rgb.shape[:2])
+    low = np.rint(np.clip(corner_px, -shape, 2 * shape)).astype(int)
+    high = np.maximum(np.rint(np.clip(corner_px + size_px, -shape, 2 * shape)).astype(int), low + 4)
+    first, end = np.clip(low, 0, shape), np.clip(high, 0, shape)
+    inside = (slice(first[0], end[0]), slice(first[1], end[1]))
+    hidden, mask = np.ones(SIZE_PX, np.bool_), np.zeros(SIZE_PX, np.bool_)
+    tensor = np.empty((4, *SIZE_PX), np.float32)
+    if (first < end).all():
+        depths_mm = image.depth_mm[inside]
+        nearest_mm, farthest_mm = (round(1000 * (depth_m + reach_m)) for reach_m in LAYER_M)
+        nearer = (depths_mm > 0) & (depths_mm < nearest_mm)
+        own = ~nearer & (depths_mm <= farthest_mm)
+        top, left, bottom, right = (int(n) for n in (*(first - low), *(high - end)))
+        edges = (top, bottom, left, right)
+        colours = _resized(rgb[inside], edges, HIDDEN_RGB)
+        hidden = _resized(nearer.astype(np.float32), edges, (1.0,)) > 0.5
+        mask = _resized(own.astype(np.float32), edges, (0.0,)) > 0.5
+        tensor[:3] = colours.transpose(2, 0, 1)
+    for channel, value in zip(tensor, HIDDEN_RGB, strict=False):
+        channel[hidden] = value
+    tensor[:3] /= 255
+    tensor[3] = mask & ~hidden
+    return tensor
+
+
+def _resized(window: U8 | F32, edges: tuple[int, int, int, int], value: tuple[float, ...]) -> F32:
+    """Return a window at the network's size, with edges of a value about it."""
+    if any(edges):
+        bordered = cv2.copyMakeBorder(window, *edges, cv2.BORDER_CONSTANT, value=value)
+    else:
+        bordered = window
+    return np.asarray(cv2.resize(bordered, SIZE_PX[::-1], interpolation=cv2.INTER_AREA), np.float32)
