@@ -3,8 +3,6 @@
 It runs in an environment of its own, see README.md; the result is models/appearance-lab.onnx.
 """
 
-import argparse
-import time
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +11,12 @@ from torch import Tensor
 
 from scripts.train_embedding.augment import augment
 from scripts.train_embedding.network import HEIGHT_PX, WIDTH_PX, AppearanceNetwork
+from scripts.train_embedding.training import arguments, export, optimise
 
 OUTPUT = Path(__file__).resolve().parents[2] / "models" / "appearance-lab.onnx"
 SCENES, CROPS = 6, 4  # in a batch: scenes, and crops of each of their people
 TEMPERATURE = 0.1
-RATE, DECAY = 2e-3, 1e-4
+DECAY = 1e-4
 SHARED_SCENE = 6  # identities of a scene, see render.PEOPLE
 
 
@@ -54,55 +53,25 @@ def contrastive_loss(vectors: Tensor, owners: Tensor) -> Tensor:
     return -(log_share * same).sum(1).div(same.sum(1)).mean()
 
 
-def export(network: AppearanceNetwork, path: Path) -> None:
-    """Write the network as ONNX."""
-    network.eval()
-    torch.onnx.export(
-        network,
-        (torch.zeros(1, 4, HEIGHT_PX, WIDTH_PX),),
-        str(path),
-        input_names=["images"],
-        output_names=["vectors"],
-        dynamic_axes={"images": {0: "N"}, "vectors": {0: "N"}},
-        opset_version=17,
-        dynamo=False,
-    )
-    network.train()
-
-
 def main() -> None:
     """Train and export."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("data", type=Path, help="folder that render.py wrote")
-    parser.add_argument("--steps", type=int, default=2200)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--output", type=Path, default=OUTPUT, help="default: %(default)s")
-    flags = parser.parse_args()
-    torch.set_num_threads(1)
-    torch.manual_seed(flags.seed)
+    flags = arguments(__doc__.splitlines()[0], 2200, OUTPUT)
     rng = np.random.default_rng(flags.seed)
     crops, owners = read_crops(flags.data)
     print(f"{len(crops)} crops of {len(np.unique(owners))} people", flush=True)
     network = AppearanceNetwork()
-    optimiser = torch.optim.AdamW(network.parameters(), RATE, weight_decay=DECAY)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, flags.steps + 1, pct_start=0.1)
-    total = 0.0
-    for step in range(1, flags.steps + 1):
+
+    def loss_of_batch() -> Tensor:
         indices, people = batches(owners, rng)
         number, scene = (
             torch.from_numpy(np.unique(groups, return_inverse=True)[1])
             for groups in (people, people // SHARED_SCENE)
         )
-        loss = contrastive_loss(network(augment(crops[indices], number, scene)), number)
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
-        schedule.step()
-        total += loss.item()
-        if step % 50 == 0:
-            print(f"{step}: loss {total / 50:.3f}, {time.process_time():.0f} s", flush=True)
-            total = 0.0
-    export(network, flags.output)
+        return contrastive_loss(network(augment(crops[indices], number, scene)), number)
+
+    for _ in optimise(network, loss_of_batch, flags.steps, DECAY):
+        pass
+    export(network, flags.output, (HEIGHT_PX, WIDTH_PX), "vectors")
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ distances, before and behind each other, cut by the image's edge. Needs nothing 
 import argparse
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -115,8 +115,8 @@ def draw_motion(rng: Rng, body: DressedBody) -> PersonMotion:
     return simulate([plan], [body.body.skeleton], MOTION_S, int(rng.integers(2**31)))[0]
 
 
-def crops_of_scene(rng: Rng, stage: Stage, views: int) -> Iterator[tuple[int, U8]]:
-    """Yield the crops of one scene: number of the person, HEIGHT_PX x WIDTH_PX x 6.
+def crops_of_scene(rng: Rng, stage: Stage, views: int) -> Iterator[tuple[int, U8, float]]:
+    """Yield the crops of one scene: number of the person, HEIGHT_PX x WIDTH_PX x 6, yaw in rad.
 
     The last channels are `own`, `hidden` and `layer` of PersonView. Half of the views are in one
     room.
@@ -130,7 +130,7 @@ def crops_of_scene(rng: Rng, stage: Stage, views: int) -> Iterator[tuple[int, U8
         for k, person_view in person_views.items():
             crop = cut(rng, rgb, person_view)
             if crop is not None:
-                yield k, crop
+                yield k, crop, person_view.yaw_rad
 
 
 def draw_identity(rng: Rng, stage: Stage, dark: bool) -> Identity:
@@ -259,9 +259,14 @@ def cut(rng: Rng, rgb: U8, view: PersonView) -> U8 | None:
     return np.dstack([cv2.resize(part, size_px, interpolation=cv2.INTER_AREA) for part in parts])
 
 
-def main() -> None:
-    """Render and write a file for each part."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+def write_parts(
+    description: str, crops_of: Callable[[Rng, Stage, int], Iterator[tuple[int, U8, float]]]
+) -> None:
+    """Read the command line, render and write a file for each part.
+
+    `crops_of` draws one scene with so many views, see `crops_of_scene`.
+    """
+    parser = argparse.ArgumentParser(description=description)
     parser.add_argument("out", type=Path, help="folder to write to")
     parser.add_argument("--parts", type=int, default=12, help="files; each draws its own stage")
     parser.add_argument("--first", type=int, default=0, help="number of the first, and its seed")
@@ -276,14 +281,20 @@ def main() -> None:
         start_s = time.process_time()
         rng = np.random.default_rng(part)
         stage = make_stage(rng, flags.cuts, flags.rooms)
-        crops, owners = list[U8](), list[int]()
+        crops, owners, yaws_rad = list[U8](), list[int](), list[float]()
         for scene in range(flags.scenes):
-            for k, crop in crops_of_scene(rng, stage, flags.views):
+            for k, crop, yaw_rad in crops_of(rng, stage, flags.views):
                 crops.append(crop)
                 owners.append(scene * PEOPLE + k)
-        np.savez(flags.out / f"{part:03}.npz", crops=np.stack(crops), owners=np.array(owners))
+                yaws_rad.append(yaw_rad)
+        np.savez(
+            flags.out / f"{part:03}.npz",
+            crops=np.stack(crops),
+            owners=np.array(owners),
+            yaws_rad=np.array(yaws_rad),
+        )
         print(f"{part}: {len(crops)} crops, {time.process_time() - start_s:.0f} s", flush=True)
 
 
 if __name__ == "__main__":
-    main()
+    write_parts(__doc__.splitlines()[0], crops_of_scene)

@@ -3,9 +3,7 @@
 It runs in an environment of its own, see README.md; the result is models/orientation-lab.onnx.
 """
 
-import argparse
 import math
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,11 +14,12 @@ from torch import Tensor
 from torch.nn import functional  # type: ignore[import-not-found]
 
 from scripts.train_embedding.augment import RGB, blurred, lit, occluded, other_background, with_mask
+from scripts.train_embedding.training import arguments, export, optimise
 from scripts.train_orientation.network import SECTORS, SIZE_PX, OrientationNetwork
 
 OUTPUT = Path(__file__).resolve().parents[2] / "models" / "orientation-lab.onnx"
 BATCH = 128
-RATE, DECAY = 2e-3, 1e-3
+DECAY = 1e-3
 SIGMA_RAD = math.radians(10)  # of the labels
 SCENE = 6  # people of a scene, see render.PEOPLE
 INPUT = 2 / 3  # side of the network's input over that of stored crops
@@ -103,56 +102,24 @@ def test(network: OrientationNetwork, crops: Crops) -> str:
     return f"loss {torch.cat(losses).mean():.3f}, median {deg.median():.1f} degrees, {far}"
 
 
-def export(network: OrientationNetwork, path: Path) -> None:
-    """Write the network as ONNX."""
-    network.eval()
-    torch.onnx.export(
-        network,
-        (torch.zeros(1, 4, *SIZE_PX),),
-        str(path),
-        input_names=["images"],
-        output_names=["log_probabilities"],
-        dynamic_axes={"images": {0: "N"}, "log_probabilities": {0: "N"}},
-        opset_version=17,
-        dynamo=False,
-    )
-    network.train()
-
-
 def main() -> None:
     """Train, test and export."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("data", type=Path, help="folder that render.py wrote")
-    parser.add_argument("--steps", type=int, default=5000)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--output", type=Path, default=OUTPUT, help="default: %(default)s")
-    flags = parser.parse_args()
-    torch.set_num_threads(1)
-    torch.manual_seed(flags.seed)
+    flags = arguments(__doc__.splitlines()[0], 5000, OUTPUT)
     rng = np.random.default_rng(flags.seed)
     paths = sorted(flags.data.glob("*.npz"))
     tested = Crops.read(paths[::TESTED])
     crops = Crops.read([path for k, path in enumerate(paths) if k % TESTED])
     print(f"{len(crops.images)} crops of {len(np.unique(crops.scenes))} scenes", flush=True)
     network = OrientationNetwork()
-    optimiser = torch.optim.AdamW(network.parameters(), RATE, weight_decay=DECAY)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, flags.steps + 1, pct_start=0.1)
-    total = 0.0
-    for step in range(1, flags.steps + 1):
+
+    def loss_of_batch() -> Tensor:
         inputs, yaws_rad = crops.augmented(rng.choice(len(crops.images), BATCH, replace=False))
-        loss = -(labels(yaws_rad) * network(inputs)).sum(1).mean()
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
-        schedule.step()
-        total += loss.item()
-        if step % 50 == 0:
-            print(f"{step}: loss {total / 50:.3f}, {time.process_time():.0f} s", flush=True)
-            total = 0.0
+        return -(labels(yaws_rad) * network(inputs)).sum(1).mean()
+
+    for step in optimise(network, loss_of_batch, flags.steps, DECAY):
         if step % 1000 == 0:
             print(test(network, tested), flush=True)
-            export(network, flags.output)
-    export(network, flags.output)
+    export(network, flags.output, SIZE_PX, "log_probabilities")
 
 
 if __name__ == "__main__":

@@ -4,22 +4,22 @@
 (N) and yaws_rad (N); the scenes are those of `scripts.train_embedding.render`.
 """
 
-import argparse
-import time
-from pathlib import Path
+from collections.abc import Iterator
 
 import cv2
 import numpy as np
 
 from people4d.messages import HIDDEN_RGB, U8
+from scripts.train_embedding.outfits import Rng
 from scripts.train_embedding.render import (
     DARK_SCENES,
     PEOPLE,
     PIXELS_MIN,
     PersonView,
+    Stage,
     draw_identity,
     draw_image,
-    make_stage,
+    write_parts,
 )
 
 SIZE_PX = (96, 72)  # height and width of stored crops
@@ -56,42 +56,18 @@ def upper_body(rgb: U8, view: PersonView, fx: float) -> U8 | None:
     return np.dstack(halves)
 
 
-def main() -> None:
-    """Render and write a file for each part."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("out", type=Path, help="folder to write to")
-    parser.add_argument("--parts", type=int, default=12, help="files; each draws its own stage")
-    parser.add_argument("--first", type=int, default=0, help="number of the first, and its seed")
-    parser.add_argument("--scenes", type=int, default=25, help="of each part")
-    parser.add_argument("--views", type=int, default=14, help="images of each scene")
-    flags = parser.parse_args()
-    cv2.setNumThreads(1)
-    flags.out.mkdir(parents=True, exist_ok=True)
-    for part in range(flags.first, flags.first + flags.parts):
-        start_s = time.process_time()
-        rng = np.random.default_rng(part)
-        stage = make_stage(rng, cuts=16, rooms=8)
-        crops, owners, yaws_rad = list[U8](), list[int](), list[float]()
-        for scene in range(flags.scenes):
-            dark = bool(rng.random() < DARK_SCENES)
-            people = [draw_identity(rng, stage, dark) for _ in range(PEOPLE)]
-            for _ in range(flags.views):
-                room = int(rng.integers(len(stage.rooms)))
-                rgb, views = draw_image(rng, stage, people, room)
-                for k, view in views.items():
-                    crop = upper_body(rgb, view, stage.rooms[room][1].info.fx)
-                    if crop is not None:
-                        crops.append(crop)
-                        owners.append(scene * PEOPLE + k)
-                        yaws_rad.append(view.yaw_rad)
-        np.savez(
-            flags.out / f"{part:03}.npz",
-            crops=np.stack(crops),
-            owners=np.array(owners),
-            yaws_rad=np.array(yaws_rad),
-        )
-        print(f"{part}: {len(crops)} crops, {time.process_time() - start_s:.0f} s", flush=True)
+def crops_of_scene(rng: Rng, stage: Stage, views: int) -> Iterator[tuple[int, U8, float]]:
+    """Yield the crops of one scene: number of the person, HxWx6, yaw in rad."""
+    dark = bool(rng.random() < DARK_SCENES)
+    people = [draw_identity(rng, stage, dark) for _ in range(PEOPLE)]
+    for _ in range(views):
+        room = int(rng.integers(len(stage.rooms)))
+        rgb, person_views = draw_image(rng, stage, people, room)
+        for k, view in person_views.items():
+            crop = upper_body(rgb, view, stage.rooms[room][1].info.fx)
+            if crop is not None:
+                yield k, crop, view.yaw_rad
 
 
 if __name__ == "__main__":
-    main()
+    write_parts(__doc__.splitlines()[0], crops_of_scene)

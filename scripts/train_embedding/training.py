@@ -1,0 +1,60 @@
+"""What the training of networks has in common: command line, optimisation and export."""
+
+import argparse
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import torch  # type: ignore[import-not-found]
+from torch import Tensor, nn
+
+RATE = 2e-3
+
+
+def arguments(description: str, steps: int, output: Path) -> argparse.Namespace:
+    """Read the command line; seed torch and keep it to one thread."""
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("data", type=Path, help="folder that render.py wrote")
+    parser.add_argument("--steps", type=int, default=steps)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--output", type=Path, default=output, help="default: %(default)s")
+    flags = parser.parse_args()
+    torch.set_num_threads(1)
+    torch.manual_seed(flags.seed)
+    return flags
+
+
+def optimise(
+    network: nn.Module, loss_of_batch: Callable[[], Tensor], steps: int, decay: float
+) -> Iterator[int]:
+    """Train a network; yield the number of each step, from 1, and print the loss at times."""
+    optimiser = torch.optim.AdamW(network.parameters(), RATE, weight_decay=decay)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, steps + 1, pct_start=0.1)
+    total = 0.0
+    for step in range(1, steps + 1):
+        loss = loss_of_batch()
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+        schedule.step()
+        total += loss.item()
+        if step % 50 == 0:
+            print(f"{step}: loss {total / 50:.3f}, {time.process_time():.0f} s", flush=True)
+            total = 0.0
+        yield step
+
+
+def export(network: nn.Module, path: Path, size_px: tuple[int, int], output: str) -> None:
+    """Write a network of crops (Nx4xHxW of a size) as ONNX, its output under a name."""
+    network.eval()
+    torch.onnx.export(
+        network,
+        (torch.zeros(1, 4, *size_px),),
+        str(path),
+        input_names=["images"],
+        output_names=[output],
+        dynamic_axes={"images": {0: "N"}, output: {0: "N"}},
+        opset_version=17,
+        dynamo=False,
+    )
+    network.train()
