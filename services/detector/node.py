@@ -13,6 +13,7 @@ from common.runtime.node import NO_LOOP, LoopCallbacks, Node, Sharing, Status
 from common.transport.trace import span
 from people4d.messages import (
     F32,
+    F64,
     U8,
     CameraInfo,
     Crops,
@@ -132,8 +133,9 @@ class DetectorNode(Node):
         if self._config.crops:
             # Crops first: the tracker waits longest for their embeddings.
             (self._loop.publish or outputs.append)(self._crops(people, torsos, frame))
+        by_image = self._yaws_by_image(people, torsos, frame.rgb, image)
         with span("locate"):
-            detections = self._detections(people, torsos, frame.rgb, image)
+            detections = self._detections(people, torsos, image, by_image)
         with self._lock:
             self._counters["people"] += len(people)
             self._counters["with_position"] += sum(d.position_m is not None for d in detections)
@@ -194,20 +196,35 @@ class DetectorNode(Node):
         self,
         people: Sequence[DetectedPerson],
         torsos: Sequence[LayeredTorso | None],
-        rgb: U8,
         image: DepthImage,
+        by_image: F64 | None,
     ) -> tuple[Detection, ...]:
-        yaws = self._yaws(people, torsos, rgb, image)
+        yaws = self._yaws(people, torsos, image, by_image)
         yaws_rad = [None if yaw is None else yaw.rad for yaw in yaws]
         positions = self._positions.estimate(people, torsos, image, yaws_rad)
         return tuple(map(_detection, people, yaws, positions, keypoint_surfaces(people, image)))
 
-    def _yaws(
+    def _yaws_by_image(
         self,
         people: Sequence[DetectedPerson],
         torsos: Sequence[LayeredTorso | None],
         rgb: U8,
         image: DepthImage,
+    ) -> F64 | None:
+        """Return the log likelihood of yaws by images of `_in_layers`; None without a network."""
+        known = _in_layers(people, torsos)
+        if self._orientation_network is None or not known:
+            return None
+        with span("locate"):  # inference measures itself
+            bodies = upper_bodies(rgb, image, *map(np.array, zip(*known.values(), strict=True)))
+        return self._orientation_network.log_likelihood(bodies, self._orientation.network)
+
+    def _yaws(
+        self,
+        people: Sequence[DetectedPerson],
+        torsos: Sequence[LayeredTorso | None],
+        image: DepthImage,
+        by_image: F64 | None,
     ) -> list[YawEstimate | None]:
         config, used = self._orientation, self._keypoints
         if config.method == "separate":
@@ -218,18 +235,9 @@ class DetectorNode(Node):
                 for person in people
             ]
         yaws: list[YawEstimate | None] = [None] * len(people)
-        pairs = zip(people, torsos, strict=True)
-        known = {
-            k: (person.keypoints, torso[1].depth_m)
-            for k, (person, torso) in enumerate(pairs)
-            if person.keypoints is not None and torso is not None
-        }
+        known = _in_layers(people, torsos)
         if known:
             keypoints, layers_m = map(np.array, zip(*known.values(), strict=True))
-            by_image = None
-            if self._orientation_network is not None:
-                bodies = upper_bodies(rgb, image, keypoints, layers_m)
-                by_image = self._orientation_network.log_likelihood(bodies, config.network)
             found = joint_yaws(keypoints, layers_m, image, config.body, by_image)
             for k, yaw in zip(known, found, strict=True):
                 yaws[k] = yaw
@@ -262,6 +270,17 @@ class DetectorNode(Node):
         with self._lock:
             self._counters[counter] += 1
             self._faults[frame.camera] = reason
+
+
+def _in_layers(
+    people: Sequence[DetectedPerson], torsos: Sequence[LayeredTorso | None]
+) -> dict[int, tuple[F32, float]]:
+    """Return keypoints and depth [m] of the people who have both, by their index."""
+    return {
+        k: (person.keypoints, torso[1].depth_m)
+        for k, (person, torso) in enumerate(zip(people, torsos, strict=True))
+        if person.keypoints is not None and torso is not None
+    }
 
 
 def _detection(

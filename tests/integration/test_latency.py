@@ -109,6 +109,6 @@ def test_localisation_runs_beside_reid(arrivals: list[tuple[Arrival, int]]) -> N
     for arrival, _ in arrivals:
         if isinstance(arrival.message, Detections):
             stages = [span.stage for span in arrival.message.trace]
-            assert stages[-4:] == [
-                f"detector.{s}" for s in ("crops", "publish", "locate", "publish")
-            ]
+            after = [stage.removeprefix("detector.") for stage in stages[-7:]]
+            of_network = ["locate", "inference_wait", "inference"]  # of the orientation
+            assert after == ["crops", "publish", *of_network, "locate", "publish"]
