@@ -1,4 +1,4 @@
-"""What the training of networks has in common: command line, optimisation and export."""
+"""Command line, optimisation and export of networks that are trained on crops."""
 
 import argparse
 import time
