@@ -11,13 +11,12 @@ from torch import Tensor
 
 from scripts.train_embedding.augment import augment
 from scripts.train_embedding.network import HEIGHT_PX, WIDTH_PX, AppearanceNetwork
-from scripts.train_embedding.training import arguments, export, optimise
+from scripts.train_embedding.training import SHARED_SCENE, arguments, export, optimise
 
 OUTPUT = Path(__file__).resolve().parents[2] / "models" / "appearance-lab.onnx"
 SCENES, CROPS = 6, 4  # in a batch: scenes, and crops of each of their people
 TEMPERATURE = 0.1
 DECAY = 1e-4
-SHARED_SCENE = 6  # identities of a scene, see render.PEOPLE
 
 
 def read_crops(folder: Path) -> tuple[Tensor, np.ndarray]:

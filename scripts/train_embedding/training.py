@@ -9,6 +9,7 @@ import torch  # type: ignore[import-not-found]
 from torch import Tensor, nn
 
 RATE = 2e-3
+SHARED_SCENE = 6  # identities of a scene, see render.PEOPLE
 
 
 def arguments(description: str, steps: int, output: Path) -> argparse.Namespace:

@@ -14,14 +14,13 @@ from torch import Tensor
 from torch.nn import functional  # type: ignore[import-not-found]
 
 from scripts.train_embedding.augment import RGB, blurred, lit, occluded, other_background, with_mask
-from scripts.train_embedding.training import arguments, export, optimise
+from scripts.train_embedding.training import SHARED_SCENE, arguments, export, optimise
 from scripts.train_orientation.network import SECTORS, SIZE_PX, OrientationNetwork
 
 OUTPUT = Path(__file__).resolve().parents[2] / "models" / "orientation-lab.onnx"
 BATCH = 128
 DECAY = 1e-3
 SIGMA_RAD = math.radians(10)  # of the labels
-SCENE = 6  # people of a scene, see render.PEOPLE
 INPUT = 2 / 3  # side of the network's input over that of stored crops
 SHOULDERS = -1 / 11  # row of the shoulders, of both, from -1 to 1
 TESTED = 10  # one file of so many is for testing
@@ -42,7 +41,7 @@ class Crops:
         for k, path in enumerate(paths):
             with np.load(path) as file:
                 images.append(file["crops"].transpose(0, 3, 1, 2))
-                scenes.append(file["owners"] // SCENE + 1000 * k)
+                scenes.append(file["owners"] // SHARED_SCENE + 1000 * k)
                 yaws_rad.append(file["yaws_rad"])
         yaws = torch.from_numpy(np.concatenate(yaws_rad)).float()
         return cls(torch.from_numpy(np.concatenate(images)), np.concatenate(scenes), yaws)
