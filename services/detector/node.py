@@ -7,14 +7,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import ClassVar
 
-import numpy as np
-
 from common.runtime.node import NO_LOOP, LoopCallbacks, Node, Sharing, Status
 from common.transport.trace import span
 from people4d.messages import (
     F32,
-    F64,
-    U8,
     CameraInfo,
     Crops,
     Detection,
@@ -29,9 +25,8 @@ from services.detector.crops import crop_person, hidden_pixels
 from services.detector.input_size import InputSizeChoice
 from services.detector.models.base import DetectedPerson, PersonModel
 from services.detector.orientation.angle import YawEstimate, heading_vector
-from services.detector.orientation.joint import joint_yaws
-from services.detector.orientation.network import OrientationNetwork, upper_bodies
-from services.detector.orientation.separate import separate_yaws
+from services.detector.orientation.estimator import OrientationEstimator
+from services.detector.orientation.network import OrientationNetwork
 from services.detector.position.estimator import PositionEstimator
 from services.detector.position.silhouette import grow_mask
 from services.detector.position.surface import DepthImage, PositionEstimate, keypoint_surfaces
@@ -69,10 +64,8 @@ class DetectorNode(Node):
         self._model, self._near_model = model, near_model or model
         self._sizes = InputSizeChoice(config.near_input) if near_model else None
         self._config = config
-        self._keypoints = config.keypoints_for(model.name)
         self._positions = PositionEstimator(config, model.name)
-        self._orientation = config.orientation_for(model.name)
-        self._orientation_network = orientation_network
+        self._orientation = OrientationEstimator(config, model.name, orientation_network)
         self._lock = threading.Lock()
         self._calibrations: dict[str, CameraInfo] = {}
         self._counters: Counter[str] = Counter()
@@ -133,9 +126,10 @@ class DetectorNode(Node):
         if self._config.crops:
             # Crops first: the tracker waits longest for their embeddings.
             (self._loop.publish or outputs.append)(self._crops(people, torsos, frame))
-        by_image = self._yaws_by_image(people, torsos, frame.rgb, image)
+        observed = self._orientation.observe(people, torsos, frame.rgb, image)
         with span("locate"):
-            detections = self._detections(people, torsos, image, by_image)
+            yaws = self._orientation.estimate(people, image, observed)
+            detections = self._detections(people, torsos, image, yaws)
         with self._lock:
             self._counters["people"] += len(people)
             self._counters["with_position"] += sum(d.position_m is not None for d in detections)
@@ -188,7 +182,7 @@ class DetectorNode(Node):
         self, people: Sequence[DetectedPerson], image: DepthImage
     ) -> Sequence[LayeredTorso | None]:
         """Return the torsos where positions or yaws need them, else None each."""
-        if self._orientation.method == "joint" or self._config.position == "torso":
+        if self._orientation.config.method == "joint" or self._config.position == "torso":
             return self._positions.torsos(people, image)
         return [None] * len(people)
 
@@ -197,51 +191,11 @@ class DetectorNode(Node):
         people: Sequence[DetectedPerson],
         torsos: Sequence[LayeredTorso | None],
         image: DepthImage,
-        by_image: F64 | None,
+        yaws: Sequence[YawEstimate | None],
     ) -> tuple[Detection, ...]:
-        yaws = self._yaws(people, torsos, image, by_image)
         yaws_rad = [None if yaw is None else yaw.rad for yaw in yaws]
         positions = self._positions.estimate(people, torsos, image, yaws_rad)
         return tuple(map(_detection, people, yaws, positions, keypoint_surfaces(people, image)))
-
-    def _yaws_by_image(
-        self,
-        people: Sequence[DetectedPerson],
-        torsos: Sequence[LayeredTorso | None],
-        rgb: U8,
-        image: DepthImage,
-    ) -> F64 | None:
-        """Return the log likelihood of yaws by images of `_in_layers`; None without a network."""
-        known = _in_layers(people, torsos)
-        if self._orientation_network is None or not known:
-            return None
-        with span("locate"):  # inference measures itself
-            bodies = upper_bodies(rgb, image, *map(np.array, zip(*known.values(), strict=True)))
-        return self._orientation_network.log_likelihood(bodies, self._orientation.network)
-
-    def _yaws(
-        self,
-        people: Sequence[DetectedPerson],
-        torsos: Sequence[LayeredTorso | None],
-        image: DepthImage,
-        by_image: F64 | None,
-    ) -> list[YawEstimate | None]:
-        config, used = self._orientation, self._keypoints
-        if config.method == "separate":
-            return [
-                None
-                if person.keypoints is None
-                else separate_yaws(person.keypoints, image, config, used).fuse(config.weighted)
-                for person in people
-            ]
-        yaws: list[YawEstimate | None] = [None] * len(people)
-        known = _in_layers(people, torsos)
-        if known:
-            keypoints, layers_m = map(np.array, zip(*known.values(), strict=True))
-            found = joint_yaws(keypoints, layers_m, image, config.body, by_image)
-            for k, yaw in zip(known, found, strict=True):
-                yaws[k] = yaw
-        return yaws
 
     def _crops(
         self,
@@ -270,17 +224,6 @@ class DetectorNode(Node):
         with self._lock:
             self._counters[counter] += 1
             self._faults[frame.camera] = reason
-
-
-def _in_layers(
-    people: Sequence[DetectedPerson], torsos: Sequence[LayeredTorso | None]
-) -> dict[int, tuple[F32, float]]:
-    """Return keypoints and depth [m] of the people who have both, by their index."""
-    return {
-        k: (person.keypoints, torso[1].depth_m)
-        for k, (person, torso) in enumerate(zip(people, torsos, strict=True))
-        if person.keypoints is not None and torso is not None
-    }
 
 
 def _detection(

@@ -1,0 +1,96 @@
+"""Yaws of people by the configured method."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from common.transport.trace import span
+from people4d.messages import F32, F64, U8
+from services.detector.config import DetectorConfig
+from services.detector.models.base import DetectedPerson
+from services.detector.orientation.angle import YawEstimate
+from services.detector.orientation.joint import joint_yaws
+from services.detector.orientation.network import OrientationNetwork, upper_bodies
+from services.detector.orientation.separate import separate_yaws
+from services.detector.position.surface import DepthImage
+from services.detector.position.torso import LayeredTorso
+
+
+@dataclass(frozen=True, slots=True)
+class LayeredPeople:
+    """The N people of a frame who have keypoints and a layer of depth."""
+
+    indices: Sequence[int]  # N, of the people of the frame
+    keypoints: F32  # Nx17x3
+    layers_m: F64  # [m] N
+    by_image: F64 | None  # NxA, log likelihood of the yaws by images; None without a network
+
+
+class OrientationEstimator:
+    """Estimates yaws of people, by the method that suits a people model.
+
+    Args:
+        config: Configuration of the service.
+        model: Name of the people model.
+        network: Yaws by images of people; None: they are by keypoints and depth alone.
+    """
+
+    def __init__(
+        self, config: DetectorConfig, model: str, network: OrientationNetwork | None
+    ) -> None:
+        self.config = config.orientation_for(model)
+        self._keypoints = config.keypoints_for(model)
+        self._network = network
+
+    def observe(
+        self,
+        people: Sequence[DetectedPerson],
+        torsos: Sequence[LayeredTorso | None],
+        rgb: U8,
+        image: DepthImage,
+    ) -> LayeredPeople | None:
+        """Return the people whose yaws the method "joint" estimates; None if there are none.
+
+        The network's inference is a stage of its own: it is not to be called inside another one.
+        """
+        known = {
+            k: (person.keypoints, torso[1].depth_m)
+            for k, (person, torso) in enumerate(zip(people, torsos, strict=True))
+            if person.keypoints is not None and torso is not None
+        }
+        if self.config.method == "separate" or not known:
+            return None
+        keypoints, layers_m = map(np.array, zip(*known.values(), strict=True))
+        by_image = None
+        if self._network is not None:
+            with span("locate"):
+                bodies = upper_bodies(rgb, image, keypoints, layers_m)
+            by_image = self._network.log_likelihood(bodies, self.config.network)
+        return LayeredPeople(list(known), keypoints, layers_m, by_image)
+
+    def estimate(
+        self, people: Sequence[DetectedPerson], image: DepthImage, observed: LayeredPeople | None
+    ) -> list[YawEstimate | None]:
+        """Return the yaws of people, `observed` as of `observe`; None where they are unknown."""
+        if self.config.method == "separate":
+            return [
+                None
+                if person.keypoints is None
+                else separate_yaws(person.keypoints, image, self.config, self._keypoints).fuse(
+                    self.config.weighted
+                )
+                for person in people
+            ]
+        yaws: list[YawEstimate | None] = [None] * len(people)
+        if observed is not None:
+            found = joint_yaws(
+                observed.keypoints,
+                observed.layers_m,
+                image,
+                self.config.body,
+                observed.by_image,
+            )
+            for k, yaw in zip(observed.indices, found, strict=True):
+                yaws[k] = yaw
+        return yaws
