@@ -5,13 +5,14 @@ It sees what keypoints do not tell: hair or a face, the back or the front of clo
 
 import math
 from functools import cache
+from typing import TypeVar, cast
 
 import cv2
 import numpy as np
 
 from common.inference.session import Session
 from people4d.errors import ModelError
-from people4d.messages import F32, F64, HIDDEN_RGB, U8
+from people4d.messages import F32, F64, HIDDEN_RGB, U8, U16
 from services.detector.orientation.angle import SHOULDERS
 from services.detector.orientation.config import OrientationNetworkConfig
 from services.detector.orientation.joint import ANGLES
@@ -22,6 +23,9 @@ SIZE_M = (1.1, 0.827)  # height and width of what it shows, at the person's dept
 ABOVE_M = 0.5  # of it above the shoulders
 LAYER_M = (-0.4, 0.5)  # depths of the person's mask, relative to the person's depth
 LOG_MIN = -50.0
+OUTSIDE_MM = 1  # depth of what lies out of the image
+
+Image = TypeVar("Image", U8, U16)
 
 
 class OrientationNetwork:
@@ -98,31 +102,35 @@ def upper_body(rgb: U8, image: DepthImage, corner_px: F64, size_px: F64, depth_m
     low = np.rint(np.clip(corner_px, -shape, 2 * shape)).astype(int)
     high = np.maximum(np.rint(np.clip(corner_px + size_px, -shape, 2 * shape)).astype(int), low + 4)
     first, end = np.clip(low, 0, shape), np.clip(high, 0, shape)
-    inside = (slice(first[0], end[0]), slice(first[1], end[1]))
-    hidden, mask = np.ones(SIZE_PX, np.bool_), np.zeros(SIZE_PX, np.bool_)
-    tensor = np.empty((4, *SIZE_PX), np.float32)
+    tensor = np.zeros((4, *SIZE_PX), np.float32)
+    tensor[:3] = np.array(HIDDEN_RGB)[:, None, None]
     if (first < end).all():
-        depths_mm = image.depth_mm[inside]
-        nearest_mm, farthest_mm = (round(1000 * (depth_m + reach_m)) for reach_m in LAYER_M)
-        nearer = (depths_mm > 0) & (depths_mm < nearest_mm)
-        own = ~nearer & (depths_mm <= farthest_mm)
+        inside = (slice(first[0], end[0]), slice(first[1], end[1]))
         top, left, bottom, right = (int(n) for n in (*(first - low), *(high - end)))
         edges = (top, bottom, left, right)
-        colours = _resized(rgb[inside], edges, HIDDEN_RGB)
-        hidden = _resized(nearer.astype(np.float32), edges, (1.0,)) > 0.5
-        mask = _resized(own.astype(np.float32), edges, (0.0,)) > 0.5
+        nearest_mm, farthest_mm = (round(1000 * (depth_m + reach_m)) for reach_m in LAYER_M)
+        bordered_mm = _bordered(image.depth_mm[inside], edges, (OUTSIDE_MM,))
+        depths_mm = cv2.resize(bordered_mm, SIZE_PX[::-1], interpolation=cv2.INTER_NEAREST)
+        hidden = (depths_mm > 0) & (depths_mm < max(nearest_mm, OUTSIDE_MM + 1))
+        colours = _reduced(_bordered(rgb[inside], edges, HIDDEN_RGB))
+        colours[hidden] = HIDDEN_RGB
         tensor[:3] = colours.transpose(2, 0, 1)
-    for channel, value in zip(tensor, HIDDEN_RGB, strict=False):
-        channel[hidden] = value
+        tensor[3] = ~hidden & (depths_mm <= farthest_mm)
     tensor[:3] /= 255
-    tensor[3] = mask & ~hidden
     return tensor
 
 
-def _resized(window: U8 | F32, edges: tuple[int, int, int, int], value: tuple[float, ...]) -> F32:
-    """Return a window at the network's size, with edges of a value about it."""
-    if any(edges):
-        bordered = cv2.copyMakeBorder(window, *edges, cv2.BORDER_CONSTANT, value=value)
-    else:
-        bordered = window
-    return np.asarray(cv2.resize(bordered, SIZE_PX[::-1], interpolation=cv2.INTER_AREA), np.float32)
+def _bordered(window: Image, edges: tuple[int, int, int, int], value: tuple[int, ...]) -> Image:
+    """Return a window with edges of a value about it."""
+    if not any(edges):
+        return window
+    return cast(Image, cv2.copyMakeBorder(window, *edges, cv2.BORDER_CONSTANT, value=value))
+
+
+def _reduced(rgb: U8) -> U8:
+    """Return an image at the network's size: halves first, which are fast."""
+    height, width = SIZE_PX
+    while rgb.shape[0] >= 2 * height and rgb.shape[1] >= 2 * width:
+        even = rgb[: rgb.shape[0] // 2 * 2, : rgb.shape[1] // 2 * 2]
+        rgb = cast(U8, cv2.resize(even, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
+    return cast(U8, cv2.resize(rgb, (width, height), interpolation=cv2.INTER_AREA))
