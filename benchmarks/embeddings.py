@@ -29,7 +29,7 @@ from services.detector.build import build as build_detector
 from services.reid.config import ReidConfig
 from services.reid.embedders import Embedder, load_embedder
 from services.reid.osnet import OsnetEmbedder
-from services.tracker.config import COSINE_DISTANCE_MAX
+from services.tracker.strongsort3d.config import COSINE_DISTANCE_MAX
 
 APART_S = 2.0  # crops of one person compare when at least this far apart
 FALSE_MATCHES = 0.05  # share of different people at whose distance the matches are counted

@@ -19,7 +19,7 @@ from services.detector.models.base import DetectedPerson, InstanceMask
 from services.reid.config import ReidConfig
 from services.reid.embedders import Embedder, load_embedder
 from services.reid.osnet import OsnetEmbedder
-from services.tracker.config import COSINE_DISTANCE_MAX
+from services.tracker.strongsort3d.config import COSINE_DISTANCE_MAX
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 SCENARIOS = ("three_crossing", "four_dense", "twins", "pmrm2", "port1")  # in two rooms

@@ -3,7 +3,7 @@ import pytest
 
 from people4d.messages import F32, HIDDEN_RGB, U8, Crop
 from services.reid.histogram import BINS, PART_WEIGHTS, HistogramEmbedder
-from services.tracker.config import COSINE_DISTANCE_MAX
+from services.tracker.strongsort3d.config import COSINE_DISTANCE_MAX
 
 RED, BLUE, GREEN = (200, 20, 20), (20, 20, 200), (20, 180, 20)
 WHITE, GREY, BLACK = (240, 240, 240), (120, 120, 120), (12, 12, 12)

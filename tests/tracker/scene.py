@@ -10,8 +10,9 @@ from msgspec.structs import replace
 from common.config import load
 from people4d.messages import F64
 from services.presets import preset_settings
-from services.tracker.config import StrongSort3dConfig, TrackerConfig
+from services.tracker.config import TrackerConfig
 from services.tracker.interface import Measurement, Observation
+from services.tracker.strongsort3d.config import StrongSort3dConfig
 
 FRAME_NS = 100_000_000
 FOCAL_PX = 600.0

@@ -8,12 +8,8 @@ import pytest
 from people4d.errors import DecodeError
 from people4d.messages import Track
 from services.tracker.build import make_tracker
-from services.tracker.config import (
-    ContactConfig,
-    IdentityConfig,
-    OcclusionConfig,
-)
 from services.tracker.interface import Tracker
+from services.tracker.strongsort3d.config import ContactConfig, IdentityConfig, OcclusionConfig
 from tests.tracker.scene import frame, person, published, published_config
 
 RED, BLUE = (1.0, 0.0, 0.1), (0.0, 1.0, 0.1)

@@ -7,12 +7,8 @@ import pytest
 
 from people4d.messages import Detection, Embeddings, ImageTracks, Message, Tracks
 from services.tracker.build import TRACKERS, build
-from services.tracker.config import (
-    ContactConfig,
-    IdentityConfig,
-    OcclusionConfig,
-    TrackerConfig,
-)
+from services.tracker.config import TrackerConfig
+from services.tracker.strongsort3d.config import ContactConfig, IdentityConfig, OcclusionConfig
 from tests import builders
 from tests.tracker.scene import published, published_config
 

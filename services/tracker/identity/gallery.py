@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from people4d.messages import F64
-from services.tracker.config import IdentityConfig
 from services.tracker.interface import GalleryEntry
 from services.tracker.motion.track_record import IdentityDecision
+from services.tracker.strongsort3d.config import IdentityConfig
 
 
 @dataclass(frozen=True, slots=True)

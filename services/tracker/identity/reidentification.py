@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from people4d.messages import F64
-from services.tracker.config import IdentityConfig
 from services.tracker.identity.gallery import Gallery, IdentityQuery
 from services.tracker.interface import GalleryEntry, Observation
 from services.tracker.motion.track_record import BOOL, IdentityDecision, TrackRecord
 from services.tracker.motion.track_set import TrackSet
 from services.tracker.sort3d.association import distances, match_probabilities
+from services.tracker.strongsort3d.config import IdentityConfig
 from services.tracker.strongsort3d.policies import (
     AssociationResult,
     FrameContext,

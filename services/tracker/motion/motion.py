@@ -9,8 +9,9 @@ import numpy.typing as npt
 
 from common import kalman
 from people4d.messages import F64
-from services.tracker.config import Sort3dConfig, StrongSort3dConfig
+from services.tracker.config import Sort3dConfig
 from services.tracker.interface import Measurement
+from services.tracker.strongsort3d.config import StrongSort3dConfig
 
 # Parts of matrices of position and velocity (6x6), by block.
 OF_POSITION = np.diag([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])

@@ -11,9 +11,9 @@ import numpy as np
 
 from common import kalman
 from people4d.messages import F64
-from services.tracker.config import ImmConfig, OcclusionConfig
 from services.tracker.motion.motion import Motion, PositionMotion
 from services.tracker.motion.track_record import BOOL, ImmState, TrackRecord, stack
+from services.tracker.strongsort3d.config import ImmConfig, OcclusionConfig
 
 STANDING, WALKING = 0, 1  # modes
 IS_POSITION = np.pad(np.ones((3, 3)), (0, 3))  # elements of a covariance

@@ -2,7 +2,7 @@
 
 from functools import partial
 
-from services.tracker.config import StrongSort3dConfig, TrackerConfig
+from services.tracker.config import TrackerConfig
 from services.tracker.identity.reidentification import Reidentification
 from services.tracker.motion.motion import PositionMotion
 from services.tracker.motion.state_filter import (
@@ -15,6 +15,7 @@ from services.tracker.motion.state_filter import (
 from services.tracker.motion.track_set import LifecyclePolicy, TrackSet
 from services.tracker.motion.yaw_sources import make_yaw
 from services.tracker.strongsort3d.base_drift import BaseDrift
+from services.tracker.strongsort3d.config import StrongSort3dConfig
 from services.tracker.strongsort3d.contact import Contact
 from services.tracker.strongsort3d.occlusion import FieldOfView, Occlusion
 from services.tracker.strongsort3d.policies import (

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from people4d.messages import F64
-from services.tracker.config import ContactConfig
 from services.tracker.interface import Measurement
 from services.tracker.motion.track_record import TrackRecord
 from services.tracker.sort3d.association import distances
+from services.tracker.strongsort3d.config import ContactConfig
 from services.tracker.strongsort3d.policies import AssociationResult, ContactPolicy, FrameContext
 
 

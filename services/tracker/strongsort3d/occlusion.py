@@ -4,10 +4,10 @@ import numpy as np
 
 from common.geometry.transforms import apply
 from people4d.messages import F64
-from services.tracker.config import OcclusionConfig
 from services.tracker.interface import Observation
 from services.tracker.motion.track_record import BOOL
 from services.tracker.motion.track_set import TrackSet
+from services.tracker.strongsort3d.config import OcclusionConfig
 from services.tracker.strongsort3d.policies import AssociationResult, TrackPolicy
 from services.tracker.strongsort3d.visibility import NEAR_M, intervals, overlap_ratios
 

@@ -7,12 +7,12 @@ from functools import cached_property
 import numpy as np
 
 from people4d.messages import F64
-from services.tracker.config import StrongSort3dConfig
 from services.tracker.interface import GalleryEntry, Measurement, Observation
 from services.tracker.motion.track_record import BOOL, TrackRecord
 from services.tracker.motion.track_set import TrackSet
 from services.tracker.sort3d.association import RoundMatches
 from services.tracker.strongsort3d import visibility
+from services.tracker.strongsort3d.config import StrongSort3dConfig
 
 Match = tuple[TrackRecord, Measurement]
 

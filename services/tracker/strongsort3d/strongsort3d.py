@@ -12,7 +12,6 @@ import numpy as np
 
 from common import kalman
 from people4d.messages import F64, Track
-from services.tracker.config import StrongSort3dConfig
 from services.tracker.interface import (
     GalleryEntry,
     KnownPeople,
@@ -26,6 +25,7 @@ from services.tracker.motion.track_set import TrackSet
 from services.tracker.observe import LENGTH_MIN
 from services.tracker.sort3d.association import associate, cosine_distances, distances
 from services.tracker.stateful import TrackerCheckpoint, TrackSetTracker
+from services.tracker.strongsort3d.config import StrongSort3dConfig
 from services.tracker.strongsort3d.policies import (
     AssociationResult,
     ContactPolicy,

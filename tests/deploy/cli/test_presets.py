@@ -15,14 +15,13 @@ from services.detector.config import DetectorConfig, KeypointConfig
 from services.detector.orientation.config import FaceConfig, OrientationConfig
 from services.presets import FOLDER, PRESETS, preset_settings
 from services.reid.config import ReidConfig
-from services.tracker.config import (
+from services.tracker.config import ImageSortConfig, TrackerConfig
+from services.tracker.strongsort3d.config import (
     ContactConfig,
     IdentityConfig,
-    ImageSortConfig,
     ImmConfig,
     OcclusionConfig,
     StrongSort3dConfig,
-    TrackerConfig,
 )
 
 ROOT = Path(__file__).parents[3]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from people4d.messages import F64
-from services.tracker.config import IdentityConfig
 from services.tracker.identity.gallery import Gallery, IdentityQuery, add_view
+from services.tracker.strongsort3d.config import IdentityConfig
 from tests.tracker.scene import unit
 
 S = 1_000_000_000

@@ -6,13 +6,9 @@ import numpy as np
 import pytest
 
 from people4d.messages import Track
-from services.tracker.config import (
-    ContactConfig,
-    IdentityConfig,
-    OcclusionConfig,
-)
 from services.tracker.interface import Measurement
 from services.tracker.strongsort3d.build import build_strongsort3d
+from services.tracker.strongsort3d.config import ContactConfig, IdentityConfig, OcclusionConfig
 from services.tracker.strongsort3d.strongsort3d import StrongSort3d
 from tests.tracker.scene import frame, person, published, published_config
 from tests.tracker.strongsort3d.test_occlusion import BLUE, RED, with_pose

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from people4d.messages import F64
-from services.tracker.config import ImmConfig
 from services.tracker.motion.motion import PositionMotion
 from services.tracker.motion.state_filter import STANDING, WALKING, Imm, mix
 from services.tracker.motion.track_record import ImmState
 from services.tracker.strongsort3d.build import build_strongsort3d
+from services.tracker.strongsort3d.config import ImmConfig
 from tests.tracker.scene import frame, person, published, published_config
 
 UNMATCHED = np.array([False])

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from services.tracker.config import OcclusionConfig
 from services.tracker.motion.state_filter import decay_velocity
+from services.tracker.strongsort3d.config import OcclusionConfig
 
 
 def test_velocity_decays_and_its_variance_recovers() -> None:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from services.tracker.config import ContactConfig
 from services.tracker.strongsort3d.build import build_strongsort3d
+from services.tracker.strongsort3d.config import ContactConfig
 from services.tracker.strongsort3d.contact import Contact
 from services.tracker.strongsort3d.policies import FrameContext
 from services.tracker.strongsort3d.strongsort3d import StrongSort3d

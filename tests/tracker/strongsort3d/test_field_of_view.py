@@ -14,13 +14,9 @@ from common.geometry.transforms import (
     transform_from,
 )
 from people4d.messages import F64, Track
-from services.tracker.config import (
-    ContactConfig,
-    IdentityConfig,
-    OcclusionConfig,
-)
 from services.tracker.interface import ImageEdges, Measurement, Observation
 from services.tracker.strongsort3d.build import build_strongsort3d
+from services.tracker.strongsort3d.config import ContactConfig, IdentityConfig, OcclusionConfig
 from services.tracker.strongsort3d.occlusion import visible_ratios
 from tests.tracker.scene import FOCAL_PX, frame, published, published_config, unit
 

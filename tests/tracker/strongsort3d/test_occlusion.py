@@ -8,9 +8,9 @@ import pytest
 
 from common.geometry.transforms import LINK_FROM_OPTICAL, invert
 from people4d.messages import Track
-from services.tracker.config import OcclusionConfig
 from services.tracker.interface import Measurement, Observation
 from services.tracker.strongsort3d.build import build_strongsort3d
+from services.tracker.strongsort3d.config import OcclusionConfig
 from services.tracker.strongsort3d.occlusion import occluded
 from services.tracker.strongsort3d.strongsort3d import StrongSort3d
 from tests.tracker.scene import frame, person, published, published_config

@@ -1,0 +1,162 @@
+"""Configuration of StrongSORT-3D and the policies around it.
+
+The defaults are what ships; the presets hold the published constants. Sections are those of
+docs/method.md; where no source is named, the value is this project's.
+"""
+
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+from common.config import Config
+from people4d.messages.base import (
+    Positive,
+    PositiveInt,
+    PositiveOrInfinite,
+    PositiveRatio,
+    Ratio,
+)
+
+CosineDistance = Annotated[float, Meta(gt=0, le=2)]
+Seconds = Annotated[float, Meta(ge=0, le=60)]
+Metres = Annotated[float, Meta(ge=0, le=10)]
+CHI2_3DOF_95 = 7.8147
+
+# Measured: benchmarks/reid_threshold.md.
+COSINE_DISTANCE_MAX = {"appearance": 0.3, "histogram": 0.25, "osnet": 0.45}
+REIDENTIFICATION_MAX = {"appearance": 0.2, "histogram": 0.15, "osnet": 0.38}  # 2 % false
+
+
+class OcclusionConfig(Config, frozen=True, kw_only=True):
+    """Tracks of people who are occluded, or whom the camera turns away from, live on."""
+
+    enabled: bool = True  # section 5: False
+    half_width_m: Positive = 0.25  # [m] half of a person's width
+    covered_min: Ratio = 0.4  # part of a person's width that nearer people cover if it is occluded
+    # [m] a detected person occludes one who is nearer to the camera by less than this: of two who
+    # touch, often only one is detected
+    nearer_slack_m: Metres = 0.2
+    # A camera has turned away from a person if it shows less than this part of what it showed of
+    # their width at the last match
+    in_view_min: Ratio = 0.5
+    # The velocity of an unmatched track decays with this time constant, and its uncertainty goes
+    # back to that of a person who walks in any direction
+    velocity_decay_s: Positive = 0.7  # [s]
+    walking_sigma_mps: Positive = 0.6  # [m/s] standard deviation of the velocity, per axis
+
+
+class ContactConfig(Config, frozen=True, kw_only=True):
+    """People who cross or touch keep their own tracks."""
+
+    enabled: bool = True  # section 5: False
+    # A box covered by more than this may have the depth of the person in front: gates have this
+    # standard deviation on top along the ray. A match counts in full
+    depth_covered_max: Ratio = 0.35
+    depth_sigma_m: Metres = 1.0  # [m]; 0: none
+    # [m] on the ground: such a box nearer than this to a matched detection is of the same person,
+    # and begins no track
+    double_m: Metres = 0.5
+
+
+class IdentityConfig(Config, frozen=True, kw_only=True):
+    """People who return are re-identified."""
+
+    enabled: bool = True  # section 5: False
+    # Gallery
+    views: PositiveInt = 8  # embeddings per person, as different from each other as possible
+    view_gap: Annotated[float, Meta(ge=0, le=2)] = 0.03  # cosine distance of two views, at least
+    # Part of a box that the box of another person, not farther by `nearer_slack_m`, covers, above
+    # which its crop counts as occluded; so does that of a box cut off at the left or right
+    covered_max: Ratio = 0.3
+    identities_max: PositiveInt = 100  # people; the longest unseen is deleted first
+    retention_s: Positive = 600.0  # [s] since the last match
+    # [s] A track unmatched for longer, and never occluded, ends; its person is re-identified, with
+    # a margin to all others
+    absent_s: Seconds = 1.0
+    # [s] likewise, of a track last seen at the edge of the image or predicted out of it, which its
+    # camera has missed
+    absent_cut_off_s: Seconds = 0.2
+    # Time of the decision
+    # [s] a new track waits for an unoccluded crop for so long, while an absent person could be back
+    wait_s: Seconds = 0.3
+    # Rule of the decision
+    # Largest cosine distance of the same person; absent: of REIDENTIFICATION_MAX, else C_cos
+    match_max: CosineDistance | None = None
+    margin: Annotated[float, Meta(ge=0, le=2)] = 0.05  # to the second best, at least
+    # Cosine distance that makes a match e times less probable; of real people 0.08 to 0.11 with the
+    # histogram and 0.05 to 0.07 with OSNet
+    temperature: Positive = 0.07
+    speed_max_mps: Positive = 2.5  # [m/s] out of view
+    jump_m: Annotated[float, Meta(ge=0, le=60)] = 0.8  # [m] error of positions on top of that
+
+    def limit(self, embedder: str, other: float) -> float:
+        """Return the largest cosine distance of the same person; `other` of unknown embedders."""
+        return self.match_max or REIDENTIFICATION_MAX.get(embedder, other)
+
+    def is_gap(self, elapsed_ns: int) -> bool:
+        """Check for a time without frames after which everyone would be absent."""
+        return self.enabled and elapsed_ns >= self.absent_s * 1e9
+
+
+class ImmConfig(Config, frozen=True, kw_only=True):
+    """Interacting models of standing and walking people (benchmarks/moving_base.md)."""
+
+    enabled: bool = True  # section 5: False
+    standing_sigma_mps: Positive = 0.03  # [m/s] standard deviation of a standing person's velocity
+    drift_m2ps: Positive = 0.0005  # [m^2/s] growth of the variance of a standing person's position
+    walking_sigma_mps: Positive = 0.6  # [m/s] of people who begin to walk, per axis
+    standing_s: Positive = 0.5  # [s] mean time until a standing person begins to walk
+    walking_s: Positive = 10.0  # [s] and until a walking person stops
+    # Largest d_M^2 of a match in the walking mode: people turn and stop faster than they walk on,
+    # so P is raised until a match is no farther off. inf: P as it is
+    surprise_max: PositiveOrInfinite = 2.0
+
+
+class StrongSort3dConfig(Config, frozen=True, kw_only=True):
+    """StrongSORT-3D [PIC4SeR], section 5, and the policies around it."""
+
+    # round 1
+    motion_weight: Ratio = 0.02  # lambda in c = lambda d_M^2 + (1 - lambda) d_cos; section 5
+    mahalanobis_max: Positive = CHI2_3DOF_95  # largest d_M^2: chi^2, 3 dof, 95 %; section 5
+    # C_cos, largest cosine distance, by the name of the embedder (section 5: per embedder). What is
+    # not named here is taken from COSINE_DISTANCE_MAX, else it is cosine_distance_max_other.
+    cosine_distance_max: dict[str, CosineDistance] = msgspec.field(default_factory=dict)
+    cosine_distance_max_other: CosineDistance = 0.3
+    # True: c has lambda ln |S| on top, as a likelihood, and a track or detection without a partner
+    # costs C_cos; section 5: False, as many pairs as possible
+    likelihood: bool = True
+    ema_alpha: Ratio = 0.9  # e <- alpha e + (1 - alpha) f; section 5 (default)
+    # round 2
+    distance_max_m: Positive = 0.7  # [m] largest 3D distance; section 5 (default)
+    # refuse pairs that both gates of round 1 refuse, motion and appearance; section 5: false
+    distance_gated: bool = True
+    # life cycle
+    n_init: PositiveInt = 2  # matches that confirm, with the first; section 5 (default): 3
+    a_max: PositiveInt = 30  # [frames] unmatched frames that delete; section 5 (default)
+    # "streak": those matches are in a row, and one miss ends a track that is not confirmed; section
+    # 5. "hits": they need not be, and a track ends after as many misses as it has matches, or a_max
+    lifetime: Literal["streak", "hits"] = "hits"
+    # noise. People turn and stop faster than sigma_acceleration 0.5 of section 3 allows, and are
+    # lost with it (benchmarks/ablation.md)
+    sigma_acceleration_mps2: Positive = 3.0  # [m/s^2] section 3: 0.5
+    sigma_measurement_m: Positive = 0.15  # [m] of detections without a covariance; section 3: 0.5
+    sigma_start_velocity_mps: Positive = 2.0  # [m/s] of a new track
+    max_depth_m: Positive = 5.0  # [m] in R <- (1 + x / max_depth) R; section 3
+    nsa_floor: PositiveRatio = 0.05  # least factor 1 - score; 1.0 switches NSA off; section 3
+    # "measured": R is the covariance of the detection where the detector estimates one, and neither
+    # depth nor score change it; "constant": sigma_measurement_m; section 3
+    noise: Literal["constant", "measured"] = "measured"
+    # In gates R is so many times that covariance: errors of consecutive frames are similar, and
+    # longer for two people close together, so that a track may be off by as much as a measurement
+    noise_factor: Positive = 4.0
+    # beyond section 5, each with its own switch
+    occlusion: OcclusionConfig = OcclusionConfig()
+    contact: ContactConfig = ContactConfig()
+    identity: IdentityConfig = IdentityConfig()
+    imm: ImmConfig = ImmConfig()
+
+    def cosine_limit(self, embedder: str) -> float:
+        """Return C_cos of an embedder."""
+        shipped = COSINE_DISTANCE_MAX.get(embedder, self.cosine_distance_max_other)
+        return self.cosine_distance_max.get(embedder, shipped)
