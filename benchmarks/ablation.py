@@ -15,10 +15,10 @@ import cv2
 import msgspec
 
 from benchmarks.lab_people import COLUMNS, GROUPS, report_progress, text, try_out
+from benchmarks.lib.marks.methods import DEFAULT, HALVES, MARKS, ROOT, variants
 from benchmarks.lib.marks.recording import MarkedRecording, marked
 from benchmarks.lib.marks.variations import IMAGES, VariedDetections, detect, vary
 from benchmarks.lib.table import markdown, write
-from benchmarks.real_people import DEFAULT, HALVES, MARKS, ROOT, variants
 from benchmarks.real_variations import VariationScores, percent, score_detected, total
 from common.metrics.scores import combine
 from evaluation.cache import default_folder

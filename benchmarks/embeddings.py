@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 from scipy.stats import rankdata
 
+from benchmarks.lib.marks.methods import HALF_FRAME, MARKS, ROOT
 from benchmarks.lib.table import markdown, write
-from benchmarks.real_people import HALF_FRAME, MARKS, ROOT
 from benchmarks.reid_threshold import INPUTS, SCENARIOS, images_of
 from common.inference.onnx import OnnxSession
 from common.metrics.record import GroundTruth, Hypotheses

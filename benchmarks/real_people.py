@@ -8,26 +8,37 @@ packages to compare with; `lib/peers/mot.py` says how to make one.
 
 import argparse
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 
+from benchmarks.lib.marks.methods import HALF_FRAME, HALVES, MARKS, ROOT, variants
 from benchmarks.lib.marks.recording import FrameOutput, MarkedRecording, marked, run
+from benchmarks.lib.marks.results import (
+    HALF_COLUMNS,
+    HIDDEN_COLUMNS,
+    SUMMARY_HEADER,
+    Result,
+    detections_alone,
+    half_row,
+    hidden_row,
+    in_frames,
+    known,
+    result,
+    summary_row,
+)
 from benchmarks.lib.marks.sheets import write_sheet
 from benchmarks.lib.peers.run import PeerRun, PeerSequence, run_peers
 from benchmarks.lib.table import markdown, write
 from common.geometry.boxes import iou_xyxy
-from evaluation.methods import Method, read_method
+from evaluation.methods import read_method
 from evaluation.recordings.hand_annotations import FPS, crossing_camera
 from evaluation.recordings.hand_marks import HIDDEN, read_files, read_frames
 from evaluation.recordings.mark_scores import (
     INVENTED_FRAMES,
-    Figures,
     MarkOutcome,
     MarkScores,
-    Share,
     TrackedPerson,
     figures,
 )
@@ -35,93 +46,8 @@ from people4d.messages import F64
 from services.camera.config import CameraConfig
 from services.detector.config import shipped_model
 
-ROOT = Path(__file__).resolve().parents[1]
 OUT = ROOT / "out" / "real_people"
-MARKS = Path(__file__).with_name("real_people_marks")
 SAME_BOX = 0.5  # least overlap of a track's box with that of its detection
-HALF_FRAME = 54  # frames before it choose, the others test
-HALVES = {"first half": range(HALF_FRAME), "second half": range(HALF_FRAME, 10_000)}
-DEFAULT = "MoveNet, appearance (default)"
-SWITCHES = {
-    "contact": "tracker.strongsort3d.contact.enabled=false",
-    "occlusion": "tracker.strongsort3d.occlusion.enabled=false",
-    "identity": "tracker.strongsort3d.identity.enabled=false",
-    "standing model": "tracker.strongsort3d.imm.enabled=false",
-    "yaw density": "tracker.yaw=kalman",
-    "yaw of walking": "tracker.yaw_filter.sigma_walk_rad=inf",
-}
-
-
-@dataclass(frozen=True)
-class Variant:
-    """One method under test."""
-
-    name: str
-    preset: str
-    settings: tuple[str, ...] = ()
-    detector: str = ""  # name of its detections, which peers get, too; empty: they do not
-    draws: bool = False  # True: a sheet is drawn
-
-    def method(self) -> Method:
-        """Return its configuration."""
-        return read_method(self.preset, self.settings)
-
-
-@dataclass(frozen=True)
-class Result:
-    """One method on a recording."""
-
-    name: str
-    scores: MarkScores
-    hypotheses: Mapping[int, Sequence[TrackedPerson]]
-    has_identity: bool = True  # False: detections alone
-    is_peer: bool = False  # True: a tracker of another package
-
-
-def variants(shared: Path) -> list[Variant]:
-    """Return the methods."""
-    folder = shared / "data" / "models"
-    pose, seg = (folder / f"yolov8n-{kind}_640.onnx" for kind in ("pose", "seg"))
-    yolo, yolo_seg = (f"detector.model={path}" for path in (pose, seg))
-    osnet = f"reid.model={folder / 'osnet_x0_25_msmt17.onnx'}"
-    embedder = "reid.embedder=osnet"
-    best = [
-        Variant(DEFAULT, "best", (), "MoveNet", draws=True),
-        Variant("MoveNet, histogram", "best", ("reid.embedder=histogram",)),
-        Variant("MoveNet, OSNet", "best", (embedder, osnet), draws=True),
-        Variant("YOLOv8n-pose, appearance", "best", (yolo,), "YOLOv8n-pose", draws=True),
-        Variant("YOLOv8n-pose, histogram", "best", (yolo, "reid.embedder=histogram")),
-        Variant("YOLOv8n-pose, OSNet", "best", (yolo, embedder, osnet), draws=True),
-    ]
-    switched = [
-        Variant(f"{one.name}: no {part}", "best", (*one.settings, switch))
-        for one in (best[0], best[-1])
-        for part, switch in SWITCHES.items()
-    ]
-    published = {
-        "seg-sort": (yolo_seg,),
-        "seg-strongsort": (yolo_seg, osnet),
-        "pose-strongsort": (yolo, osnet),
-        **dict.fromkeys(("seg-sort-movenet", "seg-strongsort-movenet"), ()),
-        "pose-strongsort-movenet": (),
-        **dict.fromkeys(("image-sort", "image-sort-dynamic"), (yolo,)),
-    }
-    presets = [Variant(f"preset {name}", name, settings) for name, settings in published.items()]
-    return [*best, *switched, *presets]
-
-
-def result(name: str, recording: MarkedRecording, outputs: Sequence[FrameOutput]) -> Result:
-    """Score the tracks of a method."""
-    tracks = recording.hypotheses(outputs)
-    return Result(name, MarkScores(recording.truth, tracks, FPS), tracks)
-
-
-def detections_alone(
-    name: str, recording: MarkedRecording, outputs: Sequence[FrameOutput]
-) -> Result:
-    """Score the detections of a method without a tracker."""
-    tracks = recording.detected(outputs)
-    return Result(name, MarkScores(recording.truth, tracks, FPS), tracks, has_identity=False)
 
 
 def peer_results(
@@ -178,55 +104,6 @@ def first_half_owned(one: Result) -> int:
     return figures(in_frames(one, HALVES["first half"])).owned.part
 
 
-def in_frames(one: Result, frames: range) -> list[MarkOutcome]:
-    """Return the outcomes of some frames."""
-    return [outcome for outcome in one.scores.outcomes if outcome.frame in frames]
-
-
-def summary_row(one: Result) -> list[str]:
-    """Return all marks in one row."""
-    scores, all_marks = one.scores, figures(one.scores.outcomes)
-    row = [one.name, str(all_marks.found)]
-    if not one.has_identity:
-        return [*row, *["-"] * 8, known(all_marks.far), known(all_marks.facing)]
-    idf1, hota = scores.idf1_hota(range(10_000))
-    row += [str(all_marks.owned), str(all_marks.first), str(scores.id_switches)]
-    row += [str(scores.takeovers), str(scores.invented), str(scores.ghosts)]
-    row += [f"{100 * idf1:.1f}", f"{100 * hota:.1f}"]
-    return [*row, known(all_marks.far), known(all_marks.facing)]
-
-
-def known(share: Share) -> str:
-    """Return a share as text, "-" of nothing."""
-    return str(share) if share.total else "-"
-
-
-def half_row(one: Result) -> list[str]:
-    """Return found, right identities, IDF1, HOTA, position and facing of each half."""
-    row = [one.name]
-    for frames in HALVES.values():
-        half = figures(in_frames(one, frames))
-        idf1, hota = one.scores.idf1_hota(frames)
-        row += [str(half.found.part)]
-        shown = [o for o in in_frames(one, frames) if o.truth.mark.visibility != "mostly"]
-        row += [str(half.owned.part), str(figures(shown).owned)]
-        row += [f"{100 * idf1:.1f}", f"{100 * hota:.1f}"]
-        row += [known(half.far), known(half.facing)]
-    return row
-
-
-def hidden_row(one: Result) -> list[str]:
-    """Return found, right identity, position and facing by how much of a person is hidden."""
-    row = [one.name]
-    classes: list[Figures] = [
-        figures([o for o in one.scores.outcomes if o.truth.mark.visibility == hidden])
-        for hidden in HIDDEN
-    ]
-    for name in ("found", "owned", "far", "facing"):
-        row += [known(getattr(one, name)) for one in classes]
-    return row
-
-
 def bag_rows(shared: Path) -> Iterator[list[str]]:
     """Yield a row for each model and each class of `hidden`, over the five bags."""
     marks = read_files(MARKS / "tue.json")
@@ -251,11 +128,6 @@ def bag_rows(shared: Path) -> Iterator[list[str]]:
             ]
 
 
-SUMMARY_HEADER = (
-    *("method", "found", "right identity", "first identity right", "identity changes"),
-    *("taken over", "invented", "ghosts", "IDF1 %", "HOTA %"),
-    *("position > 0.5 m off", "facing within 45 deg"),
-)
 BAG_HEADER = ("model", "hidden", "found", "position > 0.5 m off", "facing within 45 deg")
 SUMMARY_NOTE = (
     "108 RGB-D frames of six people who walk a loop through a room and hide each other; 10 frames "
@@ -290,11 +162,6 @@ OTHER_NOTE = (
 BAG_NOTE = (
     "Five frames of single images (TUE), most people behind a desk in the background. Detections "
     "alone; the camera is taken to be level."
-)
-HIDDEN_COLUMNS = ("found", "right identity", "position off", "facing")
-HALF_COLUMNS = (
-    *("found", "right identity", "less hidden", "IDF1 %", "HOTA %"),
-    *("position off", "facing"),
 )
 
 

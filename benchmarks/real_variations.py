@@ -12,6 +12,7 @@ from pathlib import Path
 
 import cv2
 
+from benchmarks.lib.marks.methods import HALVES, MARKS, ROOT, Variant, variants
 from benchmarks.lib.marks.recording import MarkedRecording, marked
 from benchmarks.lib.marks.variations import (
     IMAGES,
@@ -25,7 +26,6 @@ from benchmarks.lib.marks.variations import (
     vary,
 )
 from benchmarks.lib.table import markdown, write
-from benchmarks.real_people import HALVES, MARKS, ROOT, Variant, variants
 from common.metrics.counts import ratio
 from evaluation.methods import Method
 from evaluation.recordings.detection_cache import DetectionCache

@@ -18,9 +18,9 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment, minimize
 
 from benchmarks.lib.lab_frames import LabFrame, lab_frames
+from benchmarks.lib.marks.methods import HALF_FRAME, MARKS, ROOT
 from benchmarks.lib.marks.recording import read_images
 from benchmarks.lib.table import markdown, write
-from benchmarks.real_people import HALF_FRAME, MARKS, ROOT
 from common.geometry.boxes import iou_xyxy
 from common.metrics.record import GroundTruth, Hypotheses
 from evaluation.recordings.hand_annotations import crossing_camera

@@ -1,0 +1,67 @@
+"""Methods that are compared on marked real people, and the halves of the recording."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from evaluation.methods import Method, read_method
+
+ROOT = Path(__file__).resolve().parents[3]
+MARKS = ROOT / "benchmarks" / "real_people_marks"
+HALF_FRAME = 54  # frames before it choose, the others test
+HALVES = {"first half": range(HALF_FRAME), "second half": range(HALF_FRAME, 10_000)}
+DEFAULT = "MoveNet, appearance (default)"
+SWITCHES = {
+    "contact": "tracker.strongsort3d.contact.enabled=false",
+    "occlusion": "tracker.strongsort3d.occlusion.enabled=false",
+    "identity": "tracker.strongsort3d.identity.enabled=false",
+    "standing model": "tracker.strongsort3d.imm.enabled=false",
+    "yaw density": "tracker.yaw=kalman",
+    "yaw of walking": "tracker.yaw_filter.sigma_walk_rad=inf",
+}
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One method under test."""
+
+    name: str
+    preset: str
+    settings: tuple[str, ...] = ()
+    detector: str = ""  # name of its detections, which peers get, too; empty: they do not
+    draws: bool = False  # True: a sheet is drawn
+
+    def method(self) -> Method:
+        """Return its configuration."""
+        return read_method(self.preset, self.settings)
+
+
+def variants(shared: Path) -> list[Variant]:
+    """Return the methods."""
+    folder = shared / "data" / "models"
+    pose, seg = (folder / f"yolov8n-{kind}_640.onnx" for kind in ("pose", "seg"))
+    yolo, yolo_seg = (f"detector.model={path}" for path in (pose, seg))
+    osnet = f"reid.model={folder / 'osnet_x0_25_msmt17.onnx'}"
+    embedder = "reid.embedder=osnet"
+    best = [
+        Variant(DEFAULT, "best", (), "MoveNet", draws=True),
+        Variant("MoveNet, histogram", "best", ("reid.embedder=histogram",)),
+        Variant("MoveNet, OSNet", "best", (embedder, osnet), draws=True),
+        Variant("YOLOv8n-pose, appearance", "best", (yolo,), "YOLOv8n-pose", draws=True),
+        Variant("YOLOv8n-pose, histogram", "best", (yolo, "reid.embedder=histogram")),
+        Variant("YOLOv8n-pose, OSNet", "best", (yolo, embedder, osnet), draws=True),
+    ]
+    switched = [
+        Variant(f"{one.name}: no {part}", "best", (*one.settings, switch))
+        for one in (best[0], best[-1])
+        for part, switch in SWITCHES.items()
+    ]
+    published = {
+        "seg-sort": (yolo_seg,),
+        "seg-strongsort": (yolo_seg, osnet),
+        "pose-strongsort": (yolo, osnet),
+        **dict.fromkeys(("seg-sort-movenet", "seg-strongsort-movenet"), ()),
+        "pose-strongsort-movenet": (),
+        **dict.fromkeys(("image-sort", "image-sort-dynamic"), (yolo,)),
+    }
+    presets = [Variant(f"preset {name}", name, settings) for name, settings in published.items()]
+    return [*best, *switched, *presets]
