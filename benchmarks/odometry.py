@@ -7,49 +7,43 @@ takes an hour for each.
 """
 
 import argparse
-import math
-import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from itertools import pairwise
 from pathlib import Path
 
 import msgspec
-import numpy as np
 
-from benchmarks.lib.peers.mot15 import HELD_OUT, TUNING, load_all, quality, score_tracks
-from benchmarks.lib.rides import (
-    FAULTS,
-    Ride,
+from benchmarks.lib.odometry.rides import (
     draw,
     kitti_ride,
     lab_ride,
     rendered_recordings,
     rendered_ride,
 )
-from benchmarks.lib.table import markdown, spread, write
-from common.metrics.matching import match
-from common.metrics.scores import Scores, combine, score_matching
-from common.metrics.similarity import box_overlap
+from benchmarks.lib.odometry.tables import (
+    OWN,
+    SORT,
+    WEAK,
+    Settings,
+    by_turn,
+    cost,
+    easier,
+    faults,
+    table2,
+    table4,
+    variants,
+)
+from benchmarks.lib.peers.mot15 import HELD_OUT, TUNING, load_all, quality, score_tracks
+from benchmarks.lib.table import markdown, write
+from common.metrics.scores import Scores, combine
 from lab.camera.synthetic_detections import SyntheticDetectionsConfig
 from services.detector.config import DetectorConfig
 from services.tracker.config import ImageSortConfig
-from services.tracker.image_sort.image_sort import BoxTracks, ImageSort
+from services.tracker.image_sort.image_sort import ImageSort
 
 ROOT = Path(__file__).resolve().parents[1]
 CACHE = Path.home() / ".cache" / "people4d" / "evaluation"
 SCENARIOS = ("pmrr", "psrm", "pmrm1", "pmrm2", "port1", "port2")  # as [Park 2021]'s sequences
 SEEDS = (101, 102, 103)
-SORT = ImageSortConfig()
-# Beyond [Park 2021]: confirmed once and for all, weak detections only go on with who is there.
-OWN = ImageSortConfig(
-    confirm="once", min_hits=1, score_high=0.6, score_new=0.6, projection="pinhole"
-)
-# The lab's detector finds nearly everybody; [Park 2021]'s, small and blurred, only about half.
-WEAK = SyntheticDetectionsConfig(recall=0.7, miss_s=0.1, box_share=0.02, false_alarms=0.02)
-LONG_MISSES = msgspec.structs.replace(WEAK, miss_s=1.0)
-STATED = 0.5  # [points of MOTA and IDF1] that broken odometry may be worse than no correction
-TURNS_DEG = (0.1, 0.25, 0.5)  # [deg] turns of a frame that part KITTI's
 PAPER = {
     "SORT": "49.44 | 81.50 | 13 | 4453 | 29.86 | 43.27 | 22.79 | 277 | 466.3",
     "SORT+Dynamic": "51.93 | 81.34 | 15 | 4226 | 37.62 | 52.94 | 29.18 | 268 | 429.6",
@@ -68,102 +62,6 @@ WHY = """Three things differ; the table has what was measured of the first two, 
   No tracker without re-identification gets far beyond it, so IDF1 is to be compared by rows, not
   with that of [Park 2021].
 - **Turns.** The robot turns by up to 69 °/s, and there are 15 or 20 frames a second."""
-GONE = 5  # frames out of view after which no person is identified again
-Settings = dict[str, ImageSortConfig]
-
-
-@dataclass(frozen=True)
-class Run:
-    """One tracker on one ride."""
-
-    scores: Scores
-    switches: tuple[int, ...]  # frames with an ID switch, one entry for each
-    mean_us: float  # of an update
-    ride: Ride
-
-
-def variants(base: ImageSortConfig, dynamic: ImageSortConfig) -> Settings:
-    """Return [Park 2021]'s four variants of a tracker.
-
-    Args:
-        base: Without both settings.
-        dynamic: Tells R and max_age.
-    """
-    grow = {"lifetime": "dynamic", "r": dynamic.r, "max_age": dynamic.max_age}
-    change = msgspec.structs.replace
-    return {
-        "SORT": base,
-        "SORT+Dynamic": change(base, **grow),
-        "SORT+Odom": change(base, ego_motion="odometry"),
-        "SORT+Odom+Dynamic": change(base, ego_motion="odometry", **grow),
-    }
-
-
-def run(config: ImageSortConfig, ride: Ride) -> Run:
-    """Track one ride."""
-    tracker = ImageSort(msgspec.structs.replace(config, fov_deg=ride.fov_deg))
-    tracks, times_us = list[BoxTracks](), []
-    for frame in ride.turned():
-        start_ns = time.perf_counter_ns()
-        tracks.append(tracker.update(frame))
-        times_us.append((time.perf_counter_ns() - start_ns) / 1e3)
-    matching = match(ride.scored(tracks), box_overlap)
-    switches = tuple(switch.frame for switch in matching.id_switches)
-    return Run(score_matching(matching), switches, float(np.median(times_us)), ride)
-
-
-def figures(runs: Sequence[Run]) -> list[float]:
-    """Return MOTA, MOTP, FP, FN, IDF1, IDP, IDR, IDsw and Hz of runs together."""
-    row = combine(one.scores for one in runs).row()
-    shares = {k: 100 * float(row[k] or 0) for k in ("mota", "motp", "idf1", "idp", "idr")}
-    counts = {k: float(row[k] or 0) for k in ("false_alarms", "misses", "id_switches")}
-    return [
-        *(shares["mota"], shares["motp"], counts["false_alarms"], counts["misses"]),
-        *(shares["idf1"], shares["idp"], shares["idr"], counts["id_switches"]),
-        1e6 / float(np.mean([one.mean_us for one in runs])),
-    ]
-
-
-def table4(rides: dict[int, list[Ride]], settings: Settings) -> str:
-    """Return [Park 2021]'s Table 4: all rides of a seed together, mean and spread over seeds."""
-    names = ["MOTA", "MOTP", "FP", "FN", "IDF1", "IDP", "IDR", "IDsw", "Hz"]
-    forms = [
-        "{:.1f}",
-        "{:.1f}",
-        "{:.0f}",
-        "{:.0f}",
-        "{:.1f}",
-        "{:.1f}",
-        "{:.1f}",
-        "{:.0f}",
-        "{:.0f}",
-    ]
-    rows = []
-    for name, config in settings.items():
-        by_seed = np.array([figures([run(config, r) for r in rides[seed]]) for seed in rides])
-        cells = [
-            f"{form.format(mean)} ± {form.format(deviation)}"
-            for form, mean, deviation in zip(forms, by_seed.mean(0), by_seed.std(0), strict=True)
-        ]
-        rows.append([name, *cells])
-    return markdown(["method", *names], rows)
-
-
-def table2(rides: dict[int, list[Ride]], dynamic: ImageSortConfig) -> str:
-    """Return [Park 2021]'s Table 2: how long the lost are waited for, without odometry and with."""
-    waits = {f"T_lost {n}": msgspec.structs.replace(SORT, t_lost=float(n)) for n in (1, 2, 3, 4)}
-    waits["Dynamic"] = variants(SORT, dynamic)["SORT+Dynamic"]
-    rows = []
-    for name, config in waits.items():
-        row = [name]
-        for ego_motion in ("none", "odometry"):
-            changed = msgspec.structs.replace(config, ego_motion=ego_motion)
-            by_seed = [figures([run(changed, r) for r in rides[seed]]) for seed in rides]
-            means = np.mean(by_seed, axis=0)
-            row += [f"{means[0]:.1f}", f"{means[3]:.0f}", f"{means[7]:.0f}", f"{means[4]:.1f}"]
-        rows.append(row)
-    header = ["MOTA", "FN", "IDsw", "IDF1"]
-    return markdown(["survival", *header, *(f"{h}, odometry" for h in header)], rows)
 
 
 def choose_lifetime(shared: Path) -> tuple[ImageSortConfig, str]:
@@ -197,108 +95,6 @@ def choose_lifetime(shared: Path) -> tuple[ImageSortConfig, str]:
             ]
             rows.append([label, *cells, f"{before['id_switches']} → {after['id_switches']}"])
     return chosen, markdown(["sequence", "MOTA", "IDF1", "HOTA", "ID switches"], rows)
-
-
-def by_turn(rides: Sequence[Ride], settings: Settings) -> str:
-    """Return ID switches of KITTI by how fast the car turned."""
-    edges = [0.0, *TURNS_DEG, math.inf]
-    header = ["method", "MOTA", "IDF1"]
-    header += [f"{low:g} to {high:g} °/frame" for low, high in pairwise(edges)]
-    rows = []
-    for name, config in settings.items():
-        runs = [run(config, ride) for ride in rides]
-        people, switches = np.zeros(len(edges) - 1), np.zeros(len(edges) - 1)
-        for one in runs:
-            turns = [abs(math.degrees(f.turn.rad)) for f in one.ride.turned()]
-            part = np.searchsorted(edges, turns, side="right") - 1
-            people += np.bincount(part, [len(t.ids) for t in one.ride.truth], len(people))
-            switches += np.bincount(part[list(one.switches)], minlength=len(people))
-        total = figures(runs)
-        rates = [
-            f"{1000 * s / p:.1f} ({p / len(rides):.0f} boxes)" if p else "none"
-            for s, p in zip(switches, people, strict=True)
-        ]
-        rows.append([name, f"{total[0]:.1f}", f"{total[4]:.1f}", *rates])
-    return markdown(header, rows)
-
-
-def cost(ride: Ride, settings: Settings, rounds: int) -> str:
-    """Return microseconds of a frame of each variant, and of keeping the odometry."""
-    rows = []
-    for name, config in settings.items():
-        medians = [run(config, ride).mean_us for _ in range(rounds)]
-        rows.append([name, spread(medians, "{:.1f}")])
-    chosen_rows = []
-    for _ in range(rounds):
-        start_ns = time.perf_counter_ns()
-        ride.turned()
-        chosen_rows.append((time.perf_counter_ns() - start_ns) / 1e3 / len(ride.frames))
-    per_frame = len(ride.samples) / len(ride.frames)
-    rows.append(
-        [
-            f"odometry kept and asked ({per_frame:.1f} samples a frame)",
-            spread(chosen_rows, "{:.1f}"),
-        ]
-    )
-    return markdown(["what", "us a frame"], rows)
-
-
-def faults(rides: dict[int, list[Ride]], settings: Settings) -> str:
-    """Return what broken odometry costs, and whether that is within what is stated."""
-    config, plain = settings["SORT+Odom+Dynamic"], settings["SORT+Dynamic"]
-    cases = [("no correction", plain, FAULTS["none"])]
-    cases += [(name, config, fault) for name, fault in FAULTS.items()]
-    means = {}
-    for name, chosen, fault in cases:
-        by_seed = [
-            figures([run(chosen, replace(r, samples=fault(r.samples))) for r in rides[seed]])
-            for seed in rides
-        ]
-        means[name] = np.mean(by_seed, axis=0)
-    none = means["no correction"]
-    rows = [
-        [name, *(f"{mean[k]:.1f} ({mean[k] - none[k]:+.1f})" for k in (0, 4)), f"{mean[7]:.0f}"]
-        for name, mean in means.items()
-    ]
-    worst = [min((means[name][k] - none[k], name) for name in FAULTS) for k in (0, 4)]
-    holds = all(gain >= -STATED for gain, _ in worst)
-    tracks = (
-        f"Stated: broken odometry is never worse than no correction by more than {STATED:g} points "
-        f"of MOTA or IDF1. That {'holds' if holds else '**does not hold**'}: the worst for MOTA is "
-        f"*{worst[0][1]}* ({worst[0][0]:+.1f} against no correction), for IDF1 *{worst[1][1]}* "
-        f"({worst[1][0]:+.1f})."
-    )
-    header = ["odometry", "MOTA (beside none)", "IDF1 (beside none)", "IDsw"]
-    return f"{tracks}\n\n{markdown(header, rows)}"
-
-
-def easier(scenarios: Sequence[str], seed: int, dynamic: ImageSortConfig) -> str:
-    """Return what makes the weak detector's data hard: one thing changed at a time."""
-    weak, long_misses = (
-        [lab_ride(n, seed, errors) for n in scenarios] for errors in (WEAK, LONG_MISSES)
-    )
-    once = msgspec.structs.replace(SORT, confirm="once")
-    at_once = msgspec.structs.replace(SORT, min_hits=0)
-    rows = []
-    for name, rides, base in (
-        ("as above", weak, SORT),
-        ("told at once, not after three matches", weak, at_once),
-        ("confirmed once, not after each miss anew", weak, once),
-        ("a miss lasts 1 s in the mean, not 0.1 s", long_misses, SORT),
-        ("both of these", long_misses, once),
-    ):
-        row, chosen = [name], variants(base, dynamic)
-        for variant in ("SORT", "SORT+Odom+Dynamic"):
-            tracks = figures([run(chosen[variant], ride) for ride in rides])
-            row += [f"{tracks[0]:.1f}", f"{tracks[3]:.0f}", f"{tracks[4]:.1f}", f"{tracks[7]:.0f}"]
-        rows.append(row)
-    best = combine(score_matching(match(r.scored(r.faultless(GONE)), box_overlap)) for r in weak)
-    row_ = best.row()
-    cells = [f"{100 * float(row_['mota'] or 0):.1f}", str(row_["misses"])]
-    cells += [f"{100 * float(row_['idf1'] or 0):.1f}", str(row_["id_switches"])]
-    rows.append(["no error, but no person is identified again", *cells, *[""] * 4])
-    header = ["MOTA", "FN", "IDF1", "IDsw"]
-    return markdown(["data or setting", *header, *(f"{name}, both" for name in header)], rows)
 
 
 def rendered_rows(shared: Path, count: int, drawn: bool, settings: Settings) -> list[str]:

@@ -16,10 +16,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from benchmarks.lib.rides import Ride, Sample, rendered_ride
+from benchmarks.lib.odometry.rides import Ride, Sample, rendered_ride
+from benchmarks.lib.odometry.tables import OWN, figures, run, variants
 from benchmarks.lib.table import markdown, write
 from benchmarks.moving_base import STANDING_MPS, WALKING_MPS, velocities
-from benchmarks.odometry import OWN, figures, run, variants
 from common.geometry.transform_buffer import transform_from_odometry
 from common.geometry.transform_history import TransformBufferConfig, TransformHistory
 from common.geometry.transforms import invert, wrap

@@ -1,0 +1,1 @@
+"""Parts of `benchmarks.odometry`: rides of robots and cars, and tables of trackers on them."""
