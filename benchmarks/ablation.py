@@ -186,13 +186,11 @@ def main() -> None:
     cv2.setNumThreads(1)
     marks = read_frames(MARKS / "filinha.json")
     people = RealPeople(*marked(crossing_camera(asked.shared), marks), asked.shared)
-    real = {
-        one.name: people.cells(
-            PARTS.get(one.name.removeprefix("- "), ()),
-            FAITHFUL if one.name == FAITHFUL else "best",
-        )
-        for one in compared
-    }
+    real = dict[str, list[str]]()
+    for k, one in enumerate(compared):
+        report_progress("real people", k / len(compared))
+        settings = PARTS.get(one.name.removeprefix("- "), ())
+        real[one.name] = people.cells(settings, FAITHFUL if one.name == FAITHFUL else "best")
     table = markdown(header(results), rows(results, real))
     if asked.dry:
         print(table)
