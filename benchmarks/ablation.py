@@ -58,11 +58,8 @@ PARTS: dict[str, tuple[str, ...]] = {
     "limit of re-identification": (f"{STRONG}.identity.match_max=0.25",),
     "margin of identities": (f"{STRONG}.identity.margin=0",),
     "likelihood in round 1": (f"{STRONG}.likelihood=false",),
-    "gates in round 2": (f"{STRONG}.distance_gated=false",),
-    "doubles": (f"{STRONG}.contact.double_m=0",),
     "life cycle by hits": (f"{STRONG}.lifetime=streak", f"{STRONG}.n_init=3"),
     "standing model": (f"{STRONG}.imm.enabled=false",),
-    "surprise": (f"{STRONG}.imm.surprise_max=inf",),
     "acceleration": (f"{STRONG}.sigma_acceleration_mps2=0.5",),
 }
 

@@ -19,9 +19,7 @@ STANDING, WALKING = 0, 1  # modes
 IS_POSITION = np.pad(np.ones((3, 3)), (0, 3))  # elements of a covariance
 ON_POSITION = IS_POSITION * np.eye(6)
 OWN = np.array([IS_POSITION, np.ones((6, 6))])  # of each mode: who stands has no velocity
-IS_SPEED = np.repeat([False, True], 3)  # elements of a state
 PROBABILITY_MIN = 1e-6  # of each mode
-SPEED_FACTOR = 2.0  # of the variance of a velocity, at most
 
 # From states (Nxn), covariances (Nxnxn), unmatched tracks (N) and a time step in seconds.
 Decay: TypeAlias = Callable[[F64, F64, BOOL, float], tuple[F64, F64]]
@@ -152,10 +150,6 @@ class Imm:
         inverse = inverted(S)
         d_m2 = kalman.squared_lengths(y, inverse)
         logs = -0.5 * (d_m2 + np.linalg.slogdet(S)[1])
-        surprise = d_m2[:, WALKING] / self._config.surprise_max
-        if (surprise > 1).any():
-            P = widened(P, surprise)
-            inverse = inverted(kalman.innovation(x, P, z, R)[1])
         x, P = kalman.corrected(x, P, y, R, inverse)
         greatest = np.maximum.reduce(logs, axis=1, keepdims=True)
         weight = normalised(probability * np.exp(logs - greatest))
@@ -183,22 +177,6 @@ class Imm:
         x[:, 3:] = 0.0
         P *= IS_POSITION
         P += drift_m2 * ON_POSITION + self._begins_to_walk
-
-
-def widened(P: F64, surprise: F64) -> F64:
-    """Return covariances (Nx2x6x6) with larger ones of walking people of a surprise (N) above 1.
-
-    The variance of the velocity grows by SPEED_FACTOR at most: who was hidden and comes back
-    elsewhere has not run there in one frame. R stays: a far measurement is not followed all the
-    way.
-    """
-    factors = np.maximum(surprise, 1.0)
-    scale = np.sqrt(
-        np.where(IS_SPEED, np.minimum(factors, SPEED_FACTOR)[:, None], factors[:, None])
-    )
-    P = P.copy()
-    P[:, WALKING] *= scale[:, :, None] * scale[:, None]
-    return P
 
 
 def mix(x: F64, P: F64, probability: F64, transition: F64) -> tuple[F64, F64, F64]:

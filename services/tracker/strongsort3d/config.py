@@ -13,7 +13,6 @@ from common.config import Config
 from people4d.messages.base import (
     Positive,
     PositiveInt,
-    PositiveOrInfinite,
     PositiveRatio,
     Ratio,
 )
@@ -34,9 +33,6 @@ class OcclusionConfig(Config, frozen=True, kw_only=True):
     enabled: bool = True  # section 5: False
     half_width_m: Positive = 0.25  # [m] half of a person's width
     covered_min: Ratio = 0.4  # part of a person's width that nearer people cover if it is occluded
-    # [m] a detected person occludes one who is nearer to the camera by less than this: of two who
-    # touch, often only one is detected
-    nearer_slack_m: Metres = 0.2
     # A camera has turned away from a person if it shows less than this part of what it showed of
     # their width at the last match
     in_view_min: Ratio = 0.5
@@ -54,9 +50,6 @@ class ContactConfig(Config, frozen=True, kw_only=True):
     # standard deviation on top along the ray. A match counts in full
     depth_covered_max: Ratio = 0.35
     depth_sigma_m: Metres = 1.0  # [m]; 0: none
-    # [m] on the ground: such a box nearer than this to a matched detection is of the same person,
-    # and begins no track
-    double_m: Metres = 0.5
 
 
 class IdentityConfig(Config, frozen=True, kw_only=True):
@@ -66,8 +59,8 @@ class IdentityConfig(Config, frozen=True, kw_only=True):
     # Gallery
     views: PositiveInt = 8  # embeddings per person, as different from each other as possible
     view_gap: Annotated[float, Meta(ge=0, le=2)] = 0.03  # cosine distance of two views, at least
-    # Part of a box that the box of another person, not farther by `nearer_slack_m`, covers, above
-    # which its crop counts as occluded; so does that of a box cut off at the left or right
+    # Part of a box that the box of another person, not farther away, covers, above which its crop
+    # counts as occluded; so does that of a box cut off at the left or right
     covered_max: Ratio = 0.3
     identities_max: PositiveInt = 100  # people; the longest unseen is deleted first
     retention_s: Positive = 600.0  # [s] since the last match
@@ -108,9 +101,6 @@ class ImmConfig(Config, frozen=True, kw_only=True):
     walking_sigma_mps: Positive = 0.6  # [m/s] of people who begin to walk, per axis
     standing_s: Positive = 0.5  # [s] mean time until a standing person begins to walk
     walking_s: Positive = 10.0  # [s] and until a walking person stops
-    # Largest d_M^2 of a match in the walking mode: people turn and stop faster than they walk on,
-    # so P is raised until a match is no farther off. inf: P as it is
-    surprise_max: PositiveOrInfinite = 2.0
 
 
 class StrongSort3dConfig(Config, frozen=True, kw_only=True):
@@ -129,7 +119,8 @@ class StrongSort3dConfig(Config, frozen=True, kw_only=True):
     ema_alpha: Ratio = 0.9  # e <- alpha e + (1 - alpha) f; section 5 (default)
     # round 2
     distance_max_m: Positive = 0.7  # [m] largest 3D distance; section 5 (default)
-    # refuse pairs that both gates of round 1 refuse, motion and appearance; section 5: false
+    # refuse pairs that both gates of round 1 refuse, motion and appearance, if another camera had
+    # the track last; section 5: false
     distance_gated: bool = True
     # life cycle
     n_init: PositiveInt = 2  # matches that confirm, with the first; section 5 (default): 3

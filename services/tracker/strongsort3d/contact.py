@@ -1,19 +1,15 @@
 """Contact policy: association of people who touch or cross."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from people4d.messages import F64
-from services.tracker.interface import Measurement
 from services.tracker.motion.track_record import TrackRecord
-from services.tracker.sort3d.association import distances
 from services.tracker.strongsort3d.config import ContactConfig
-from services.tracker.strongsort3d.policies import AssociationResult, ContactPolicy, FrameContext
+from services.tracker.strongsort3d.policies import ContactPolicy, FrameContext
 
 
 class Contact(ContactPolicy):
-    """Wide gates for covered people, embeddings that settle fast, and no track of a double."""
+    """Wide gates for covered people, and embeddings that settle fast."""
 
     def __init__(self, config: ContactConfig) -> None:
         self._config = config
@@ -36,18 +32,3 @@ class Contact(ContactPolicy):
     def alpha(self, alpha: float, record: TrackRecord) -> float:
         """Return alpha, or less so that the first embeddings of a track weigh the same."""
         return min(alpha, 1.0 - 1.0 / record.hits)
-
-    def beginnings(self, result: AssociationResult) -> Sequence[Measurement]:
-        """Return the unmatched detections without doubles: two people are not in one place."""
-        rest, covered = result.by_distance.unmatched_detections, result.frame.depth_uncertain
-        matched = [measurement for _, measurement in result.matches]
-        if not matched or not any(m.index in covered for m in rest):
-            return rest
-        ground_m, others_m = (np.array([m.position_m[:2] for m in one]) for one in (rest, matched))
-        near_m = distances(ground_m, others_m).min(axis=1).tolist()
-        limit_m = self._config.double_m
-        return [
-            measurement
-            for measurement, apart_m in zip(rest, near_m, strict=True)
-            if apart_m >= limit_m or measurement.index not in covered
-        ]

@@ -39,7 +39,7 @@ def occluded(
     """
     people, depth = intervals(positions_m, camera_from_map, config.half_width_m)
     detected, detected_depth = intervals(detected_m, camera_from_map, config.half_width_m)
-    hides = detected_depth[None] < depth[:, None] + config.nearer_slack_m
+    hides = detected_depth[None] < depth[:, None]
     hides &= (depth > NEAR_M)[:, None] & (detected_depth > NEAR_M)
     ratio = np.where(hides, overlap_ratios(people, detected), 0.0).max(axis=1, initial=0.0)
     return np.asarray(ratio >= config.covered_min)

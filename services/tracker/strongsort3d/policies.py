@@ -44,7 +44,7 @@ class FrameContext:
     def occluded(self) -> frozenset[int]:
         """Indices of the detections whose crop shows others, too, or is cut off."""
         depths_m = np.array([m.forward_m for m in self.detections])
-        before = depths_m[None] <= depths_m[:, None] + self.config.occlusion.nearer_slack_m
+        before = depths_m[None] <= depths_m[:, None]
         covered = (self._common * before).max(axis=1, initial=0.0)
         hidden = self._indices(covered > self.config.identity.covered_max)
         return hidden | self.cut_off
@@ -112,10 +112,6 @@ class ContactPolicy:
     def alpha(self, alpha: float, record: TrackRecord) -> float:  # noqa: ARG002
         """Return the weight of a track's embedding in its moving average."""
         return alpha
-
-    def beginnings(self, result: AssociationResult) -> Sequence[Measurement]:
-        """Return the detections that begin tracks."""
-        return result.by_distance.unmatched_detections
 
 
 class IdentityPolicy(TrackPolicy):

@@ -70,7 +70,7 @@ class StrongSort3d(TrackSetTracker):
         update_embeddings(result.matches, result.frame, policies.contact)
         for policy in policies.in_order:
             policy.after_update(tracks, result)
-        return tracks.manage(policies.contact.beginnings(result), observation)
+        return tracks.manage(result.by_distance.unmatched_detections, observation)
 
     def reset(self) -> None:
         """Delete all tracks and times; identities go on counting."""
@@ -163,7 +163,10 @@ class StrongSort3d(TrackSetTracker):
     def _contradicted(
         self, records: Sequence[TrackRecord], detections: Sequence[Measurement], frame: FrameContext
     ) -> BOOL:
-        """Flag pairs (NxM) of a confirmed track that neither motion nor appearance admits."""
+        """Flag pairs (NxM) that neither motion nor appearance admits.
+
+        They are of confirmed tracks that another camera had last.
+        """
         if not records or not detections:
             return np.zeros((len(records), len(detections)), np.bool_)
         (x, P), z = stack(records), self._motion.measure(detections)
@@ -171,8 +174,9 @@ class StrongSort3d(TrackSetTracker):
         uncertain = np.array([_is_uncertain(t, frame.observation) for t in records])
         far = (d_m2 > self._config.mahalanobis_max) | uncertain[:, None]
         unlike = cosine_distances(records, detections) > frame.cosine_distance_max  # not of NaN
-        confirmed = np.array([record.confirmed for record in records])
-        return np.asarray(far & unlike & confirmed[:, None])
+        camera = frame.observation.camera
+        others = np.array([t.confirmed and t.camera != camera for t in records])
+        return np.asarray(far & unlike & others[:, None])
 
     def _distance_cost(
         self, records: Sequence[TrackRecord], detections: Sequence[Measurement]

@@ -64,20 +64,8 @@ def test_covered_person_with_the_depth_of_another_keeps_the_track() -> None:
 
     without = [(1, "confirmed"), (2, "lost"), (3, "tentative")]
     assert last(ContactConfig(enabled=False), BLUE) == without
-    assert last(ContactConfig(enabled=True, double_m=0.0), None) == without
+    assert last(ON, None) == without
     assert last(ON, BLUE) == [(1, "confirmed"), (2, "confirmed")]
-
-
-@pytest.mark.parametrize(("apart_m", "people"), [(0.45, 1), (0.55, 2)])
-def test_covered_detection_beside_the_one_of_a_track_begins_no_other(
-    apart_m: float, people: int
-) -> None:
-    sort = tracker()
-    for number in range(3):
-        sort.update(with_pose(number, person(3, 0)))
-    # Half of its box lies in that of the person.
-    double = person(3 + apart_m, 0, 1, 0.5)
-    assert len(sort.update(with_pose(3, person(3, 0), double))) == people
 
 
 def test_first_embeddings_of_a_track_weigh_the_same() -> None:

@@ -168,13 +168,13 @@ def test_round_two_has_a_largest_distance() -> None:
     ("gated", "embedding", "identity"),
     [(True, BLUE, 2), (True, RED, 1), (True, None, 1), (False, BLUE, 1)],
 )
-def test_gated_round_two_refuses_what_motion_and_appearance_refuse(
+def test_gated_round_two_refuses_of_another_camera_what_motion_and_appearance_refuse(
     gated: bool, embedding: tuple[float, ...] | None, identity: int
 ) -> None:
     sort = tracker(distance_gated=gated, sigma_measurement_m=0.02, sigma_acceleration_mps2=1.0)
     for number in range(8):
         sort.update(frame(number, person(3, 0, embedding=RED)))
-    found = sort.update(frame(8, person(3, 0.6, embedding=embedding)))
+    found = sort.update(frame(8, person(3, 0.6, embedding=embedding), camera="other"))
     assert [track.id for track in found if track.detection is not None] == [identity]
 
 
