@@ -68,6 +68,7 @@ class Cascade:
         self._people: dict[int, _PersonState] = {}
         self._frame = 0
         self._stamp_ns = 0
+        self._fixed_from_optical: F64 = np.eye(4)  # pose of the camera
 
     @property
     def people(self) -> tuple[int, ...]:
@@ -75,16 +76,22 @@ class Cascade:
         return tuple(self._people)
 
     def update(
-        self, stamp_ns: int, rgb: U8, depth_mm: U16, observations: Sequence[PersonObservation]
+        self,
+        stamp_ns: int,
+        rgb: U8,
+        depth_mm: U16,
+        observations: Sequence[PersonObservation],
+        fixed_from_optical: F64 | None = None,
     ) -> list[GaitEstimate]:
         """Return the points of the observed people, in the order of their observations.
 
-        An earlier stamp than the last one resets the cascade; people without an observation for a
-        while are deleted.
+        `fixed_from_optical` is the camera's pose, 4x4; None: it is at rest. An earlier stamp than
+        the last one resets the cascade; people without an observation for a while are deleted.
         """
         if self._frame and stamp_ns < self._stamp_ns:
             self._reset()
         self._stamp_ns = stamp_ns
+        self._fixed_from_optical = np.eye(4) if fixed_from_optical is None else fixed_from_optical
         self._add_and_delete(stamp_ns, observations)
         self._update_boxes(stamp_ns, rgb, observations)
         self._floor.update(depth_mm)
@@ -172,7 +179,14 @@ class Cascade:
         mesh = build_mesh(body, self._info, config.body) if body is not None else None
         state.processed, state.processed_ns = self._frame, self._stamp_ns
         points = state.layer.update(
-            MeshObservation(mesh, elapsed_s, one.keypoints, self._floor.floor, depth_mm)
+            MeshObservation(
+                mesh,
+                elapsed_s,
+                one.keypoints,
+                self._floor.floor,
+                depth_mm,
+                self._fixed_from_optical,
+            )
         )
         if mesh is not None:
             state.depth_m = float(mesh.middle_m[2])

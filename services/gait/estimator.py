@@ -61,7 +61,9 @@ class GaitEstimator:
             self._counters["clock_resets"] += 1
             self._reset()
         chosen = self._choose(frame.observations)
-        estimates = self._cascade.update(frame.stamp_ns, frame.rgb, frame.depth_mm, chosen)
+        estimates = self._cascade.update(
+            frame.stamp_ns, frame.rgb, frame.depth_mm, chosen, frame.fixed_from_optical
+        )
         self._counters["over_budget"] += sum(not one.fresh for one in estimates)
         results = [GaitResult(one, self._person_gait(one, frame)) for one in estimates]
         ids = {one.id for one in chosen}

@@ -4,7 +4,7 @@ Source: docs/method.md, section 19.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -40,6 +40,7 @@ class MeshObservation:
     keypoints: F32 | None = None  # 17x3: u, v, confidence, COCO order
     floor: FloorPlane | None = None
     depth_mm: U16 | None = None  # HxW, the entire image; 0: no reading
+    fixed_from_optical: F64 = field(default_factory=lambda: np.eye(4))  # 4x4, the camera's pose
 
 
 @dataclass(frozen=True)

@@ -50,6 +50,7 @@ from services.gait.points.normal import Normal
 from services.gait.points.occlusion import damp_occluded
 from services.gait.points.point_filter import PointEstimate, PointFilter
 from services.gait.surface.geodesic import geodesic_extrema, geodesic_m
+from services.gait.surface.mesh import BodyMesh
 
 VERTICES_MIN = 30  # of a body
 CONTRADICTIONS_MAX = 2  # frames in which a keypoint contradicts a point, before it starts again
@@ -151,10 +152,10 @@ class DepthLayer:
         """Measure what all points need: heights, geodesic distances, extrema."""
         mesh, config = observation.mesh, self._config
         if mesh is None or len(mesh.points_m) < VERTICES_MIN:
-            self._heading = self._heading_estimator.update(None, np.empty(0), observation.dt_s)
+            self._set_heading(observation, None, np.empty(0))
             return None
         heights = heights_of(mesh, observation.floor)
-        self._heading = self._heading_estimator.update(mesh, heights, observation.dt_s)
+        self._set_heading(observation, mesh, heights)
         self._stature_m = max(0.998 * self._stature_m, float(np.quantile(heights, 0.995)))
         if self._combined or config.source == "body":
             source = self._torso.find(mesh, heights, self._stature_m, observation.keypoints)
@@ -163,6 +164,12 @@ class DepthLayer:
         distances = geodesic_m(mesh, source)
         extrema = geodesic_extrema(mesh, distances, config.persistence_m)
         return measure_body(mesh, heights, self._stature_m, distances, extrema)
+
+    def _set_heading(
+        self, observation: MeshObservation, mesh: BodyMesh | None, heights_m: F64
+    ) -> None:
+        pose = observation.fixed_from_optical
+        self._heading = self._heading_estimator.update(mesh, heights_m, observation.dt_s, pose)
 
     def _expect(self, body: MeasuredBody | None, observation: MeshObservation) -> None:
         """Set the expected positions of the points relative to the body."""

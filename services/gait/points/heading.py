@@ -10,58 +10,73 @@ from services.gait.points.keypoints import PAIRS
 from services.gait.points.point_filter import PointFilter
 from services.gait.surface.mesh import BodyMesh
 
-SMOOTH_S = 0.3  # [s] time constant of the heading
+SMOOTH_S = 0.2  # [s] time constant of the heading
 JUMP_M = 0.5  # a mesh whose middle moves so far in one frame is of something else
 FOOT_M = 0.09  # [m] above the floor, below which there are feet
 SHIN_M = (0.13, 0.28)  # [m] above the floor
 AHEAD_M = 0.06  # [m] from the shins' middle ahead to the feet's, of the visible surface
 HEEL_M = 0.03  # [m] that visible feet are nearer to the camera than shins at any heading
-SPEED_MPS = 1.0  # walking so fast counts as much as feet do
+SPEED_MPS = 0.5  # walking so fast counts as much as feet do
 EVIDENCE_MIN = 0.3  # of what feet count alone; less leaves the heading as it is
 VERTICES_MIN = 20  # of feet and of shins
 APART_M = 0.12  # [m] across between left and right, from which on a frame counts in full
+FIXED = np.eye(4)  # pose of a camera at rest
 
 
 class HeadingEstimator:
-    """Estimates heading by the feet's offset from the shins and the velocity of the body."""
+    """Estimates heading by the feet's offset from the shins and the velocity of the body.
+
+    Both are smoothed in a frame that is fixed, or a camera that drives by would turn the heading.
+    """
 
     def __init__(self) -> None:
-        self._middle: F64 | None = None
-        self._evidence: F64 = np.zeros(3)
-        self._heading: F64 | None = None
+        self._middle_m: F64 | None = None  # fixed frame
+        self._evidence: F64 = np.zeros(3)  # fixed frame
+        self._heading: F64 | None = None  # fixed frame
 
-    def update(self, mesh: BodyMesh | None, heights_m: F64, dt_s: float) -> F64 | None:
-        """Return the heading, 3, level, unit length; None before there was evidence."""
+    def update(
+        self, mesh: BodyMesh | None, heights_m: F64, dt_s: float, fixed_from_optical: F64 = FIXED
+    ) -> F64 | None:
+        """Return the heading in the optical frame, 3, level, unit length.
+
+        `fixed_from_optical` is the camera's pose, 4x4. None before there was evidence.
+        """
+        rotation = fixed_from_optical[:3, :3]
         if mesh is None or not len(mesh.points_m):
-            self._middle = None
-            return self._heading
-        middle = mesh.middle_m
-        evidence = self._velocity_mps(middle, dt_s) / SPEED_MPS + _feet_ahead(
-            mesh.points_m, heights_m
-        )
-        self._middle = middle
-        level = evidence * (1.0, 0.0, 1.0)
-        self._evidence = self._evidence + (1 - np.exp(-dt_s / SMOOTH_S)) * (level - self._evidence)
-        length = float(np.linalg.norm(self._evidence))
-        if length > EVIDENCE_MIN:
-            self._heading = self._evidence / length
-        return self._heading
+            self._middle_m = None
+        else:
+            middle_m = rotation @ mesh.middle_m + fixed_from_optical[:3, 3]
+            evidence = rotation @ _feet_ahead(mesh, heights_m)
+            evidence += self._velocity_mps(middle_m, dt_s) / SPEED_MPS
+            self._middle_m = middle_m
+            level = rotation @ ((evidence @ rotation) * (1.0, 0.0, 1.0))
+            self._evidence += (1 - np.exp(-dt_s / SMOOTH_S)) * (level - self._evidence)
+            length = float(np.linalg.norm(self._evidence))
+            if length > EVIDENCE_MIN:
+                self._heading = self._evidence / length
+        return None if self._heading is None else self._heading @ rotation
 
-    def _velocity_mps(self, middle: F64, dt_s: float) -> F64:
-        if self._middle is None or dt_s <= 0:
+    def _velocity_mps(self, middle_m: F64, dt_s: float) -> F64:
+        if self._middle_m is None or dt_s <= 0:
             return np.zeros(3)
-        moved = middle - self._middle
+        moved = middle_m - self._middle_m
         return moved / dt_s if np.linalg.norm(moved) < JUMP_M else np.zeros(3)
 
 
-def _feet_ahead(points_m: F64, heights_m: F64) -> F64:
-    """Return the offset of feet from shins, 3, about 1 long; 0 if they are not visible."""
-    feet = points_m[heights_m < FOOT_M]
-    shins = points_m[(heights_m > SHIN_M[0]) & (heights_m < SHIN_M[1])]
-    if min(len(feet), len(shins)) < VERTICES_MIN:
+def _feet_ahead(mesh: BodyMesh, heights_m: F64) -> F64:
+    """Return the offset of feet from shins, 3, about 1 long; 0 if they are not visible.
+
+    A shin in other columns of the image than all feet is that of a leg in its swing, whose foot is
+    lifted: it would turn the offset to the other side.
+    """
+    feet = heights_m < FOOT_M
+    columns = np.round(mesh.pixels_px[:, 0] / mesh.step_px).astype(np.int64)
+    beside = np.isin(columns, np.unique(columns[feet])[:, None] + (-1, 0, 1))
+    shins = beside & (heights_m > SHIN_M[0]) & (heights_m < SHIN_M[1])
+    if min(np.count_nonzero(feet), np.count_nonzero(shins)) < VERTICES_MIN:
         return np.zeros(3)
-    shin = shins.mean(axis=0)
-    offset = feet.mean(axis=0) - shin + HEEL_M * shin / np.linalg.norm(shin)
+    shin = mesh.points_m[shins].mean(axis=0)
+    offset = mesh.points_m[feet].mean(axis=0) - shin + HEEL_M * shin / np.linalg.norm(shin)
     return np.asarray(offset / AHEAD_M)
 
 

@@ -22,11 +22,11 @@ def person_at(x_m: float) -> tuple[BodyMesh, F64]:
 
 
 def legs_towards(ahead_m: tuple[float, float]) -> tuple[BodyMesh, F64]:
-    """Thirty points of feet, in x and z ahead of as many of shins."""
+    """Thirty points of feet 15 cm wide, in x and z ahead of as many of shins."""
     x, z = ahead_m
-    rows = np.arange(30) / 1000
+    rows = np.arange(-15, 15) / 1000
     shins = np.column_stack([rows, np.full(30, 0.8), np.full(30, 3.0)])
-    feet = shins + np.array([x, 0.15, z])
+    feet = shins * (5.0, 1.0, 1.0) + np.array([x, 0.15, z])
     return mesh_of([*shins, *feet], [(0, 1)]), np.repeat([0.2, 0.05], 30)
 
 
@@ -57,6 +57,42 @@ def test_heading_of_a_standing_person_is_that_of_the_feet(
     for _ in range(60):
         found = heading.update(*legs_towards(ahead_m), DT_S)
     assert found == pytest.approx(expected, abs=0.15)
+
+
+def test_shin_of_a_leg_in_its_swing_does_not_turn_the_heading() -> None:
+    # The other shin is 0.3 m aside, its foot lifted: the mean of both shins would be aside, too.
+    mesh, heights_m = legs_towards((0.0, -0.09))
+    other = mesh.points_m[:30] + np.array([0.3, 0.0, 0.0])
+    both = mesh_of([*mesh.points_m, *other], [(0, 1)]), np.append(heights_m, np.repeat(0.2, 30))
+    heading = HeadingEstimator()
+    for _ in range(60):
+        found = heading.update(*both, DT_S)
+    assert found == pytest.approx([0.0, 0.0, -1.0], abs=0.15)
+
+
+def pose(x_m: float = 0.0, yaw_rad: float = 0.0) -> F64:
+    """Pose of a camera that is moved to the right and turned about its vertical axis."""
+    found = np.eye(4)
+    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+    found[:3, :3] = [(cos, 0.0, sin), (0.0, 1.0, 0.0), (-sin, 0.0, cos)]
+    found[0, 3] = x_m
+    return found
+
+
+def test_standing_person_before_a_camera_that_drives_by_has_no_heading() -> None:
+    heading = HeadingEstimator()
+    for frame in range(30):
+        driven_m = frame * DT_S  # 1 m/s to the right
+        found = heading.update(*person_at(-driven_m), DT_S, pose(x_m=driven_m))
+    assert found is None
+
+
+def test_heading_turns_against_the_camera() -> None:
+    heading = HeadingEstimator()
+    for frame in range(30):
+        heading.update(*person_at(-0.5 + frame * DT_S), DT_S)  # to the right
+    found = heading.update(None, EMPTY, DT_S, pose(yaw_rad=np.pi / 2))  # whence it went ahead
+    assert found == pytest.approx([0.0, 0.0, 1.0])
 
 
 def test_heading_persists_at_rest_and_over_a_jump_of_position() -> None:
