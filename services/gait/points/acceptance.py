@@ -20,10 +20,10 @@ from services.gait.points.likelihood import (
     PointEvidence,
     agreement,
 )
-from services.gait.points.limb_anchors import SAME_M
-from services.gait.points.limb_surface import SurfacePosition
+from services.gait.points.limbs.anchors import SAME_M
+from services.gait.points.limbs.surface import SurfacePosition
+from services.gait.points.limbs.visibility import VISIBILITY, limb_evidence, shank_points_away
 from services.gait.points.point_filter import PointFilter
-from services.gait.points.visibility import VISIBILITY, limb_evidence, shank_points_away
 
 CONTRADICTION = 3.0  # [standard deviations] of a point from its keypoint
 TOLERANCE = 1.5  # [standard deviations] that count as one

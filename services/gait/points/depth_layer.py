@@ -25,7 +25,6 @@ from services.gait.points.body import (
     lengths_m,
     measure_body,
 )
-from services.gait.points.floor_feet import FloorPosition, correct_by_floor, floor_positions
 from services.gait.points.heading import HeadingEstimator, LeftRightCheck
 from services.gait.points.keypoints import (
     COUNTERPARTS,
@@ -43,9 +42,10 @@ from services.gait.points.likelihood import (
     single_feature_weights,
     spin_similarities,
 )
-from services.gait.points.limb_anchors import feet_apart, on_own_limbs
-from services.gait.points.limb_prior import limb_priors
-from services.gait.points.limb_surface import surface_position
+from services.gait.points.limbs.anchors import feet_apart, on_own_limbs
+from services.gait.points.limbs.floor_feet import FloorPosition, correct_by_floor, floor_positions
+from services.gait.points.limbs.prior import limb_priors
+from services.gait.points.limbs.surface import surface_position
 from services.gait.points.normal import Normal
 from services.gait.points.occlusion import damp_occluded
 from services.gait.points.point_filter import PointEstimate, PointFilter

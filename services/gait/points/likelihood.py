@@ -12,7 +12,7 @@ from people4d.messages import F64
 from services.gait.config import DepthLayerConfig
 from services.gait.points.body import Extremity, MeasuredBody
 from services.gait.points.keypoints import Anchor
-from services.gait.points.limb_surface import SurfacePosition
+from services.gait.points.limbs.surface import SurfacePosition
 from services.gait.points.point_filter import PointFilter
 from services.gait.surface.mesh import BodyMesh
 from services.gait.surface.segmentation import I64

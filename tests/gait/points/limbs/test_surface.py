@@ -9,7 +9,7 @@ from common.geometry.transforms import project
 from people4d.messages import F64
 from services.gait.points.body import MeasuredBody
 from services.gait.points.keypoints import Anchor
-from services.gait.points.limb_surface import surface_position
+from services.gait.points.limbs.surface import surface_position
 from tests.gait.builders import INFO
 from tests.gait.points.test_body import arm
 

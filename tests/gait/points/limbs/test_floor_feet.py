@@ -10,8 +10,8 @@ from common.geometry.transforms import project
 from people4d.messages import F64, U16
 from services.gait.config import DepthLayerConfig
 from services.gait.points.body import MeshObservation
-from services.gait.points.floor_feet import FloorPosition, correct_by_floor, floor_positions
 from services.gait.points.keypoints import Anchor
+from services.gait.points.limbs.floor_feet import FloorPosition, correct_by_floor, floor_positions
 from services.gait.points.normal import Normal
 from services.gait.points.point_filter import PointFilter
 from services.gait.surface.floor import FloorPlane

@@ -9,7 +9,7 @@ from common.geometry.transforms import project
 from people4d.messages import F64
 from services.gait.config import DepthLayerConfig
 from services.gait.points.keypoints import LEFT_FOOT, RIGHT_FOOT, Anchor
-from services.gait.points.limb_anchors import feet_apart, on_own_limbs
+from services.gait.points.limbs.anchors import feet_apart, on_own_limbs
 from services.gait.points.normal import Normal
 from services.gait.points.point_filter import PointEstimate, PointFilter
 from tests.gait.builders import INFO

@@ -5,7 +5,7 @@ import pytest
 
 from services.gait.points.body import MeasuredBody, measure_body
 from services.gait.points.keypoints import Anchor
-from services.gait.points.visibility import VISIBILITY, LimbEvidence, shank_points_away
+from services.gait.points.limbs.visibility import VISIBILITY, LimbEvidence, shank_points_away
 from services.gait.surface.geodesic import geodesic_extrema, geodesic_m
 from tests.gait.builders import INFO, mesh_of
 

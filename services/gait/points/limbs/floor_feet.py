@@ -17,7 +17,7 @@ from common.geometry.transforms import deproject
 from people4d.messages import F64, U16, CameraInfo
 from services.gait.points.body import MeshObservation
 from services.gait.points.keypoints import Anchor, kind_of
-from services.gait.points.limb_surface import FOOT_AHEAD_M, FOOT_BELOW_M
+from services.gait.points.limbs.surface import FOOT_AHEAD_M, FOOT_BELOW_M
 from services.gait.points.point_filter import PointFilter
 
 ANKLE_M = 0.12  # [m] height of the keypoint of a standing ankle

@@ -1,0 +1,1 @@
+"""Hands and feet: keypoints, surfaces and expectations of limbs."""
