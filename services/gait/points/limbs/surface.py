@@ -23,9 +23,9 @@ ANKLE_DEEP_M = 0.055  # [m] from the surface to the ankle
 FOOT_AHEAD_M, FOOT_BELOW_M, FOOT_NEAR_M = 0.08, 0.03, 0.03
 FOOT_AWAY = 0.4  # cosine of heading and ray, above which the surface before a foot is its heel's
 AROUND_PX = np.array([(0, 0), (-3, 0), (3, 0), (0, -3), (0, 3)])  # pixels whose depth counts
-NOISE_M, UNSURE_M = 0.02, 0.03  # [m] of a keypoint in the image, and more at confidence 0
+NOISE_M, UNSURE_M = 0.012, 0.018  # [m] of a keypoint in the image, and more at confidence 0
 LIMB_DEEP_M = 0.12  # [m] between wrist and hand, or foot and surface, at most
-DEPTH_NOISE_M = 0.03  # [m] of the depth behind it: the limb is round
+DEPTH_NOISE_M = 0.018  # [m] of the depth behind it: the limb is round
 
 
 @dataclass(frozen=True)

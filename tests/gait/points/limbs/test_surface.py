@@ -8,6 +8,7 @@ import pytest
 from common.geometry.transforms import project
 from people4d.messages import F64
 from services.gait.points.body import MeasuredBody
+from services.gait.points.kalman import PointKalmanFilter
 from services.gait.points.keypoints import Anchor
 from services.gait.points.limbs.surface import surface_position
 from tests.gait.builders import INFO
@@ -59,6 +60,21 @@ def test_foot_is_ahead_of_the_ankle_and_below() -> None:
     ray = ankle / np.linalg.norm(ankle)
     # 5.5 cm from the surface to the ankle, 8 cm ahead, 3 cm down, 3 cm back to the surface.
     assert found.position_m == pytest.approx(ankle + 0.025 * ray + 0.08 * AHEAD - 0.03 * UP)
+
+
+def test_foot_is_followed_through_its_swing() -> None:
+    # 1.3 m in 0.4 s, with accelerations of 40 m/s^2 where the foot leaves and comes down.
+    anchor = replace(anchor_at(WRIST, FOREARM), confidence=1.0)
+    found = surface_position("left_foot", anchor, arm(), AHEAD, UP, INFO)
+    assert found is not None
+    motion = PointKalmanFilter(np.zeros(3), found.noise_m2, 1.5, 12.0)
+    off_m = []
+    for t_s in np.arange(-15, 13) / 30:
+        x_m = 0.65 * (1 - np.cos(np.pi * max(t_s, 0.0) / 0.4))
+        motion.predict(1 / 30)
+        motion.correct(np.array([x_m, 0.0, 0.0]), found.noise_m2)
+        off_m.append(abs(motion.position_m[0] - x_m))
+    assert max(off_m) < 0.02
 
 
 def with_depths(changed_m: dict[int, float]) -> MeasuredBody:
