@@ -14,7 +14,7 @@ Fault = Callable[[tuple[Sample, ...]], tuple[Sample, ...]]
 
 
 def frozen(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
-    """From one third on, for a third, the same pose is told again and again."""
+    """From one third on, for a third, the same pose is published again and again."""
     first, last = len(samples) // 3, 2 * len(samples) // 3
     held = samples[first].odometry
     return (
@@ -25,7 +25,7 @@ def frozen(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
 
 
 def silent(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
-    """From one third on, for a third, nothing is told."""
+    """From one third on, for a third, nothing is published."""
     return samples[: len(samples) // 3] + samples[2 * len(samples) // 3 :]
 
 
@@ -41,7 +41,7 @@ def late(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
 
 
 def slipping(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
-    """Each second the wheels slip anew: turns are told 30 % (one sigma) too large or too small."""
+    """Each second the wheels slip anew: turns are 30 % (one sigma) too large or too small."""
     rng, published = np.random.default_rng(2), []
     factors = 1 + 0.3 * rng.standard_normal(1 + len(samples))
     before = theta_rad = samples[0].odometry.theta_rad

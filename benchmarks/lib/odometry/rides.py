@@ -1,4 +1,4 @@
-"""Boxes from a camera that moves, with what is true and what odometry tells."""
+"""Boxes from a camera that moves, with ground truth and odometry."""
 
 import itertools
 import math

@@ -48,7 +48,7 @@ def variants(base: ImageSortConfig, dynamic: ImageSortConfig) -> Settings:
 
     Args:
         base: Without both settings.
-        dynamic: Tells R and max_age.
+        dynamic: With R and max_age.
     """
     grow = {"lifetime": "dynamic", "r": dynamic.r, "max_age": dynamic.max_age}
     change = msgspec.structs.replace
@@ -164,7 +164,7 @@ def cost(ride: Ride, settings: Settings, rounds: int) -> str:
     per_frame = len(ride.samples) / len(ride.frames)
     rows.append(
         [
-            f"odometry kept and asked ({per_frame:.1f} samples a frame)",
+            f"odometry stored and read ({per_frame:.1f} samples a frame)",
             spread(chosen_rows, "{:.1f}"),
         ]
     )
@@ -210,7 +210,7 @@ def easier(scenarios: Sequence[str], seed: int, dynamic: ImageSortConfig) -> str
     rows = []
     for name, rides, base in (
         ("as above", weak, SORT),
-        ("told at once, not after three matches", weak, at_once),
+        ("published at once, not after three matches", weak, at_once),
         ("confirmed once, not after each miss anew", weak, once),
         ("a miss lasts 1 s in the mean, not 0.1 s", long_misses, SORT),
         ("both of these", long_misses, once),

@@ -167,15 +167,15 @@ class StrongSort3d(TrackSetTracker):
 
         They are of confirmed tracks that another camera had last.
         """
-        if not records or not detections:
+        camera = frame.observation.camera
+        others = np.array([t.confirmed and t.camera != camera for t in records], np.bool_)
+        if not detections or not others.any():
             return np.zeros((len(records), len(detections)), np.bool_)
         (x, P), z = stack(records), self._motion.measure(detections)
         d_m2 = kalman.gate(x, P, z, self._motion.gate_noise(detections))[0]
         uncertain = np.array([_is_uncertain(t, frame.observation) for t in records])
         far = (d_m2 > self._config.mahalanobis_max) | uncertain[:, None]
         unlike = cosine_distances(records, detections) > frame.cosine_distance_max  # not of NaN
-        camera = frame.observation.camera
-        others = np.array([t.confirmed and t.camera != camera for t in records])
         return np.asarray(far & unlike & others[:, None])
 
     def _distance_cost(
