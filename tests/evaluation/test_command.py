@@ -13,7 +13,7 @@ from deploy.cli import app
 from deploy.cli.system.demo import DEMO
 from tests.lab.scenarios import write_scenario
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("evaluate")]
 
 METHODS = ("seg-sort", "pose-strongsort-movenet")
 TABLES = (

@@ -35,7 +35,7 @@ from services.tracker.build import build
 from services.tracker.config import TrackerConfig
 from tests import ROOT
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("demo_recording")]
 
 DEMO = ROOT / "deploy" / "demo" / "crossing.mcap"
 FRAMES = 135

@@ -16,7 +16,7 @@ from people4d.messages import Detections, RgbdFrame, StaticTransform, Tracks
 from services.camera.config import CameraConfig
 from services.detector.config import DetectorConfig
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("real_inputs")]
 
 MODELS = ("movenet-multipose", "yolov8n-pose_640.onnx", "yolov8n-seg_640.onnx")
 FIRST, FRAMES = 60, 17  # of filinha: four people, some of them half hidden
