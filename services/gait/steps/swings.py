@@ -99,6 +99,8 @@ def _binned(
         both.append(
             collect(foot.times_s[known], ground[known], noise[known], origin_s, count, bin_s)
         )
+    if not all(bins.sampled.any() for bins in both):
+        return None
     return both[0], both[1]
 
 

@@ -503,6 +503,14 @@ def test_landing_is_in_time_at_any_rate_and_phase() -> None:
         assert np.abs(off_s * 0.5).max() < 0.06, rate_hz
 
 
+def test_foot_without_two_samples_that_agree_has_no_steps() -> None:
+    # Each sample is 3 m from the median of its neighbours.
+    times_s = np.arange(0, 4, 0.25)
+    left, right = feet(times_s)
+    apart = trajectory(times_s[:3], right[:3] + np.array([[0.0], [3.0], [0.0]]))
+    assert find_steps(trajectory(times_s, left), apart, UP, CONFIG) == []
+
+
 def test_step_after_a_pause_is_one() -> None:
     swings = walk("lrlr")
     swings.append(landed("left", swings[-1].landed_s + 3.0, 3.0))
