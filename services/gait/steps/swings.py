@@ -28,7 +28,8 @@ ALONE_MIN = 0.4  # of a swing, in which the other foot does not swing
 DOUBLE_S = 0.08  # [s] least time that both feet stand between two swings
 PARTIAL = 1.5  # times the least length, of a swing whose begin was not visible
 LANDED_S = 0.2  # [s] after a landing, from which on it is one
-HIDDEN_S = 0.15  # [s] without a sample, of which the foot may have stood a part
+# [s], and frames, without a sample, of which the foot may have stood a part
+HIDDEN_S, HIDDEN_FRAMES = 0.15, 1.5
 BRIEF_S = 0.25  # [s] shorter motions before or after a long stance are less likely swings
 STANDING_S = 1.2  # [s] of such a stance: of a person who stands rather than walks
 CLEAR = 1.5  # times the least length, from which on a swing counts in full
@@ -83,10 +84,11 @@ def _binned(
     """Return both paths on the ground in the same bins; None with too few samples."""
     if min(len(foot.times_s) for foot in feet) < 2:
         return None
-    origin_s = min(float(foot.times_s[0]) for foot in feet)
     end_s = max(float(foot.times_s[-1]) for foot in feet)
     spacing_s = float(np.median(np.concatenate([np.diff(foot.times_s) for foot in feet])))
     bin_s = max(BIN_S, spacing_s)
+    # Frames are in the middle of their bins, also those that are a little early or late.
+    origin_s = min(float(foot.times_s[0]) for foot in feet) - bin_s / 2
     count = int((end_s - origin_s) / bin_s) + 1
     if count < 3:
         return None
@@ -193,8 +195,9 @@ def _swing(
     known = [k for k in range(first, last + 1) if bins.sampled[k]]
     along = np.array([bins.position_m(k, k + 1) for k in known]) - from_m
     along = np.maximum.accumulate(along @ (to_m - from_m) / length_m**2)
-    lifted_s = _crossing_s(times_s[known], along, LIFTED)
-    landed_s = min(_landed_s(times_s[known], along), float(times_s[last]) + BIN_S)
+    hidden_s = max(HIDDEN_S, HIDDEN_FRAMES * float(times_s[1] - times_s[0]))
+    lifted_s = _crossing_s(times_s[known], along, LIFTED, hidden_s)
+    landed_s = min(_landed_s(times_s[known], along, hidden_s), float(times_s[last]) + BIN_S)
     moving = slice(first + 1, last)
     stands = np.zeros(len(times_s), bool)
     for one in others:
@@ -219,21 +222,21 @@ def _swing(
     )
 
 
-def _landed_s(times_s: F64, along: F64) -> float:
+def _landed_s(times_s: F64, along: F64, hidden_s: float) -> float:
     """Return when a foot would reach its footprint at the speed with which it approaches it.
 
     The end of the path itself is not clear: it is as slow there as its noise.
     """
-    far_s, near_s = (_crossing_s(times_s, along, edge) for edge in APPROACH)
+    far_s, near_s = (_crossing_s(times_s, along, edge, hidden_s) for edge in APPROACH)
     return near_s + (1.0 - APPROACH[1]) / (APPROACH[1] - APPROACH[0]) * max(near_s - far_s, 0.0)
 
 
-def _crossing_s(times_s: F64, along: F64, edge: float) -> float:
+def _crossing_s(times_s: F64, along: F64, edge: float, hidden_s: float) -> float:
     """Return when a rising path crosses a level; of a longer gap the middle."""
     k = int(np.searchsorted(along, edge))
     if k == 0 or k == len(along):
         return float(times_s[min(k, len(along) - 1)])
     ratio = (edge - along[k - 1]) / max(along[k] - along[k - 1], 1e-9)
-    hidden_s = float(times_s[k] - times_s[k - 1])
-    ratio = 0.5 if hidden_s > HIDDEN_S else ratio
-    return float(times_s[k - 1]) + ratio * hidden_s
+    gap_s = float(times_s[k] - times_s[k - 1])
+    ratio = 0.5 if gap_s > hidden_s else ratio
+    return float(times_s[k - 1]) + ratio * gap_s

@@ -496,11 +496,20 @@ def test_brief_step_beside_the_other_foot_needs_a_foot_that_is_lifted(
 
 def test_landing_is_in_time_at_any_rate_and_phase() -> None:
     # Landings every 0.5 s, from 0.5 s on.
-    for begin_s, rate_hz in ((0.0, 30), (0.013, 30), (0.02, 20), (0.0, 15)):
+    for begin_s, rate_hz in ((0.0, 30), (0.013, 30), (0.02, 20), (0.0, 15), (0.03, 8), (0.0, 4)):
         times_s = np.arange(begin_s, 8, 1 / rate_hz)
         landed_s = [one.landed_s for one in found_steps(*feet(times_s), times_s)]
         off_s = np.array(landed_s) / 0.5 - np.round(np.array(landed_s) / 0.5)
         assert np.abs(off_s * 0.5).max() < 0.06, rate_hz
+
+
+def test_frames_that_are_early_or_late_change_no_step() -> None:
+    even_s = np.arange(0, 8, 0.1)
+    times_s = even_s + np.random.default_rng(0).uniform(-0.02, 0.02, len(even_s))
+    expected, found = (found_steps(*feet(times), times) for times in (even_s, times_s))
+    assert [one.foot for one in found] == [one.foot for one in expected]
+    off_s = [a.landed_s - b.landed_s for a, b in zip(found, expected, strict=True)]
+    assert np.abs(off_s).max() < 0.1  # a frame
 
 
 def test_foot_without_two_samples_that_agree_has_no_steps() -> None:
