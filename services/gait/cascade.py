@@ -28,6 +28,7 @@ class PersonObservation:
     box_xyxy_px: F64 | None = None  # 4; None: not detected in this frame
     keypoints: F32 | None = None  # 17x3: u, v, confidence, COCO order
     depth_m: float | None = None  # of the person's middle, along the optical axis
+    yaw_rad: float | None = None  # [rad] of the chest in the fixed frame; None: not known
 
 
 @dataclass(frozen=True)
@@ -186,6 +187,7 @@ class Cascade:
                 self._floor.floor,
                 depth_mm,
                 self._fixed_from_optical,
+                one.yaw_rad,
             )
         )
         if mesh is not None:

@@ -173,4 +173,4 @@ def _observation(
         if detection.position_m is not None:
             depth_m = float(detection.position_m[2])
     known = np.isfinite(depth_m) and depth_m > 0
-    return PersonObservation(track.id, box, keypoints, depth_m if known else None)
+    return PersonObservation(track.id, box, keypoints, depth_m if known else None, track.yaw_rad)

@@ -1,5 +1,6 @@
 """The gait node on a person of one colour before a wall, at a known position."""
 
+import math
 import sys
 from collections.abc import Sequence
 
@@ -130,6 +131,18 @@ def test_order_of_arrival_does_not_change_the_points(order: tuple[int, ...]) -> 
     (usual,) = feed(calibrated(), messages)
     for ours, theirs in zip(gait.people[0].points, usual.people[0].points, strict=True):
         np.testing.assert_array_equal(ours.position_m, theirs.position_m)
+
+
+def test_left_and_right_follow_from_the_yaw_of_the_track() -> None:
+    # The camera looks along x. Of a person who heads there, too, left is at its left, at +y.
+    for yaw_rad, side in ((0.0, 1.0), (math.pi, -1.0)):
+        node, found = calibrated(), []
+        one = msgspec.structs.replace(track(), yaw_rad=yaw_rad)
+        for number in range(8):
+            found += feed(node, synchronised(number, one))
+        points = {point.name: point for point in found[-1].people[0].points}
+        apart_m = points["left_foot"].position_m - points["right_foot"].position_m
+        assert side * apart_m[1] > 0.05, yaw_rad
 
 
 def test_points_are_in_the_frame_of_the_tracks() -> None:

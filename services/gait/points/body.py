@@ -41,6 +41,7 @@ class MeshObservation:
     floor: FloorPlane | None = None
     depth_mm: U16 | None = None  # HxW, the entire image; 0: no reading
     fixed_from_optical: F64 = field(default_factory=lambda: np.eye(4))  # 4x4, the camera's pose
+    yaw_rad: float | None = None  # [rad] of the chest in the fixed frame
 
 
 @dataclass(frozen=True)

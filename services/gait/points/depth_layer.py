@@ -168,8 +168,10 @@ class DepthLayer:
     def _set_heading(
         self, observation: MeshObservation, mesh: BodyMesh | None, heights_m: F64
     ) -> None:
-        pose = observation.fixed_from_optical
-        self._heading = self._heading_estimator.update(mesh, heights_m, observation.dt_s, pose)
+        pose, yaw_rad = observation.fixed_from_optical, observation.yaw_rad
+        self._heading = self._heading_estimator.update(
+            mesh, heights_m, observation.dt_s, pose, yaw_rad
+        )
 
     def _expect(self, body: MeasuredBody | None, observation: MeshObservation) -> None:
         """Set the expected positions of the points relative to the body."""

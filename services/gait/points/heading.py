@@ -1,4 +1,4 @@
-"""Heading of a person by feet and motion, and detection of exchanged left and right by it."""
+"""Heading of a person by yaw, feet or motion; exchanged left and right by it."""
 
 from collections.abc import Mapping
 
@@ -24,9 +24,10 @@ FIXED = np.eye(4)  # pose of a camera at rest
 
 
 class HeadingEstimator:
-    """Estimates heading by the feet's offset from the shins and the velocity of the body.
+    """Estimates heading by the track's yaw; else by the feet's offset and the body's velocity.
 
-    Both are smoothed in a frame that is fixed, or a camera that drives by would turn the heading.
+    Offset of the feet from the shins and velocity are smoothed in a frame that is fixed, or a
+    camera that drives by would turn the heading.
     """
 
     def __init__(self) -> None:
@@ -35,32 +36,42 @@ class HeadingEstimator:
         self._heading: F64 | None = None  # fixed frame
 
     def update(
-        self, mesh: BodyMesh | None, heights_m: F64, dt_s: float, fixed_from_optical: F64 = FIXED
+        self,
+        mesh: BodyMesh | None,
+        heights_m: F64,
+        dt_s: float,
+        fixed_from_optical: F64 = FIXED,
+        yaw_rad: float | None = None,
     ) -> F64 | None:
         """Return the heading in the optical frame, 3, level, unit length.
 
-        `fixed_from_optical` is the camera's pose, 4x4. None before there was evidence.
+        `fixed_from_optical` is the camera's pose, 4x4, and `yaw_rad` the yaw of the chest in the
+        fixed frame, if it is known. None before there was evidence.
         """
         rotation = fixed_from_optical[:3, :3]
-        if mesh is None or not len(mesh.points_m):
-            self._middle_m = None
-        else:
-            middle_m = rotation @ mesh.middle_m + fixed_from_optical[:3, 3]
+        before_m, self._middle_m = self._middle_m, None
+        if mesh is not None and len(mesh.points_m):
+            self._middle_m = rotation @ mesh.middle_m + fixed_from_optical[:3, 3]
+        if yaw_rad is not None:
+            self._evidence = np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0])
+            self._heading = self._evidence
+        elif mesh is not None and self._middle_m is not None:
             evidence = rotation @ _feet_ahead(mesh, heights_m)
-            evidence += self._velocity_mps(middle_m, dt_s) / SPEED_MPS
-            self._middle_m = middle_m
+            evidence += _velocity_mps(before_m, self._middle_m, dt_s) / SPEED_MPS
             level = rotation @ ((evidence @ rotation) * (1.0, 0.0, 1.0))
-            self._evidence += (1 - np.exp(-dt_s / SMOOTH_S)) * (level - self._evidence)
+            ratio = 1 - np.exp(-dt_s / SMOOTH_S)
+            self._evidence = self._evidence + ratio * (level - self._evidence)
             length = float(np.linalg.norm(self._evidence))
             if length > EVIDENCE_MIN:
                 self._heading = self._evidence / length
         return None if self._heading is None else self._heading @ rotation
 
-    def _velocity_mps(self, middle_m: F64, dt_s: float) -> F64:
-        if self._middle_m is None or dt_s <= 0:
-            return np.zeros(3)
-        moved = middle_m - self._middle_m
-        return moved / dt_s if np.linalg.norm(moved) < JUMP_M else np.zeros(3)
+
+def _velocity_mps(before_m: F64 | None, middle_m: F64, dt_s: float) -> F64:
+    if before_m is None or dt_s <= 0:
+        return np.zeros(3)
+    moved = middle_m - before_m
+    return moved / dt_s if np.linalg.norm(moved) < JUMP_M else np.zeros(3)
 
 
 def _feet_ahead(mesh: BodyMesh, heights_m: F64) -> F64:

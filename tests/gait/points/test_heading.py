@@ -87,6 +87,16 @@ def test_standing_person_before_a_camera_that_drives_by_has_no_heading() -> None
     assert found is None
 
 
+def test_heading_is_the_yaw_of_the_track_where_it_is_known() -> None:
+    # The camera looks along x of the fixed frame: its left is y, -x of the optical frame.
+    fixed = np.eye(4)
+    fixed[:3, :3] = [(0.0, 0.0, 1.0), (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0)]
+    heading = HeadingEstimator()
+    found = heading.update(*person_at(0.0), DT_S, fixed, yaw_rad=np.pi / 2)
+    assert found == pytest.approx([-1.0, 0.0, 0.0])
+    assert heading.update(*person_at(0.0), DT_S, fixed) == pytest.approx([-1.0, 0.0, 0.0])
+
+
 def test_heading_turns_against_the_camera() -> None:
     heading = HeadingEstimator()
     for frame in range(30):
