@@ -47,6 +47,16 @@ def states(estimate: GaitEstimate) -> set[str]:
     return {point.state for point in estimate.points.values()}
 
 
+def test_points_that_start_without_a_detection_are_predicted() -> None:
+    # Keypoints of no confidence start nothing; the next frame has none, but ends of limbs.
+    cascade, (rgb, depth_mm) = Cascade(CascadeConfig(), INFO), images()
+    detected = PersonObservation(1, BOX, np.zeros((17, 3), np.float32), DEPTH_M)
+    cascade.update(0, rgb, depth_mm, [detected])
+    (found,) = cascade.update(PERIOD_NS, rgb, depth_mm, [observation()])
+    assert "predicted" in states(found)
+    assert "measured" not in states(found)
+
+
 def test_points_lie_on_the_body() -> None:
     # The torso's middle is at column 320, the crown at row 80, the soles at row 430; f = 500 px.
     (estimate,) = play(Cascade(CascadeConfig(), INFO), 8, [observation()])[-1]

@@ -70,7 +70,6 @@ class DepthLayer:
         self._heading_estimator = HeadingEstimator()
         self._heading: F64 | None = None  # 3, level, optical frame
         self._up: F64 = UP
-        self._has_keypoints = False  # in this frame
         self._points = {name: self._new(name) for name in config.points}
         self._acceptance = Acceptance(config, info)
         self._left_right = LeftRightCheck(config.swap_s)
@@ -103,7 +102,9 @@ class DepthLayer:
 
     def update(self, observation: MeshObservation) -> Mapping[str, PointEstimate]:
         """Return the estimates of the points in the next frame."""
-        self._has_keypoints = self._config.keypoints and observation.keypoints is not None
+        has_keypoints = self._config.keypoints and observation.keypoints is not None
+        self._acceptance.has_keypoints = has_keypoints
+        self._acceptance.had_keypoints |= has_keypoints
         self._up = UP if observation.floor is None else observation.floor.up
         body = self._measure(observation)
         self._expect(body, observation)
@@ -236,8 +237,6 @@ class DepthLayer:
         self, point: PointFilter, body: MeasuredBody, anchor: Anchor | None
     ) -> PointEvidence:
         assert point.motion is not None
-        self._acceptance.has_keypoints = self._has_keypoints
-        self._acceptance.had_keypoints |= self._has_keypoints
         depth_m = point.motion.position_m[2]
         noise_px = sigma_px(anchor, depth_m, self._info, self._config) if anchor else 1.0
         other = self._points.get(COUNTERPARTS.get(point.name, ""))
@@ -278,13 +277,13 @@ class DepthLayer:
         points = self._points.values()
         idle = [point for point in points if is_idle(point, self._config)]
         for name, one in initial_extremities(points, idle, extremities, body, self._heading):
-            if self._is_possible(name, one.position_m):
-                self._start(name, body.mesh.nearest(one.position_m), body)
+            self._start_at(name, body.mesh.nearest(one.position_m), body)
 
     def _start_at(self, name: str, vertex: int, body: MeasuredBody) -> None:
         if self._is_possible(name, body.mesh.points_m[vertex]):
             self._start(name, vertex, body)
-            self._points[name].state = "predicted"  # until the next frame agrees
+            if self._acceptance.had_keypoints:
+                self._points[name].state = "predicted"  # until the next frame agrees
 
     def _is_possible(self, name: str, position_m: F64) -> bool:
         """Check that a point may start at a position: the surface there does not hide it."""

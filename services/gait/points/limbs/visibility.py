@@ -64,7 +64,7 @@ VISIBILITY: Mapping[str, Visibility] = MappingProxyType(
         "hand": Visibility(
             LimbEvidence(9.8, -6.6, -20.1, 2.9, 1.8, -1.0, 0.2, -0.1, 2.2, -2.9, 0.6, -1.4),
             bias=3.3,
-            least=2.6,
+            least=3.0,
         ),
         "foot": Visibility(
             LimbEvidence(4.7, -1.3, -6.0, 3.7, 1.7, -0.7, 0.2, 0.4, -0.4, -5.4, 0.1, -1.9),
