@@ -86,6 +86,7 @@ class LayerConfig(Config, frozen=True, kw_only=True):
     half_m: Positive = 0.25  # [m] readings farther from the middle of the layer do not count
     size_sigma: Positive = 0.2  # standard deviation of the logarithm of people's size
     misfit: PositiveRatio = 0.02  # least weight of a layer by the size of the person
+    beside_m: NonNegative = 0.5  # [m] between two people of whom one looks out behind the other
     larger_max: AboveOne = 2.0  # layers where a person would be so many times too large are refused
     smaller_max: AboveOne = 2.2  # likewise too small, by the height of the torso
     other_weight: PositiveRatio = 0.5  # weight of samples that are not on the torso

@@ -10,6 +10,7 @@ front (docs/method.md section 10).
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -38,7 +39,20 @@ class PersonLayer:
 
     depth_m: float  # [m] its middle
     own: Flags  # N, samples that no other person covers
-    variance_m2: float = 0.0  # [m^2] since the torso may be in another layer
+    along_m2: float = 0.0  # [m^2] variance of the depth since the torso may be in another layer
+    across_m2: float = 0.0  # [m^2] and across, since the joints may be of somebody behind
+
+
+class _Choice(NamedTuple):
+    """Best layer of a person's own samples."""
+
+    depth_m: float  # [m] NaN where the score is 0
+    score: float  # 0 to 1
+    along_m2: float  # [m^2] as of `PersonLayer`
+    across_m2: float  # [m^2]
+
+
+NO_LAYER = _Choice(math.nan, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +73,7 @@ def assign_layers(people: Sequence[DepthSamples], config: LayerConfig) -> list[P
     layers: list[PersonLayer | None] = [None] * len(people)
     finite = [np.isfinite(person.depth_m) for person in people]
     alone = [_best(one, own, config) for one, own in zip(people, finite, strict=True)]
-    order = sorted(range(len(people)), key=lambda k: (people[k].size is None, -alone[k][1]))
+    order = sorted(range(len(people)), key=lambda k: (people[k].size is None, -alone[k].score))
     before: list[int] = []
     for k in order:
         person, own = people[k], finite[k]
@@ -69,9 +83,9 @@ def assign_layers(people: Sequence[DepthSamples], config: LayerConfig) -> list[P
                 taken = own & _on(person, people[other], layer, config.half_m)
                 own = own & ~taken if taken.any() else own
         is_alone = own is finite[k]
-        depth_m, score, variance_m2 = alone[k] if is_alone else _best(person, own, config)
-        if score > 0:
-            layers[k] = PersonLayer(depth_m, own, variance_m2)
+        best = alone[k] if is_alone else _best(person, own, config)
+        if best.score > 0:
+            layers[k] = PersonLayer(best.depth_m, own, best.along_m2, best.across_m2)
         before.append(k)
     return layers
 
@@ -99,17 +113,19 @@ def read_layers(people: Sequence[LayerWindows], image: DepthImage, half_m: float
     return np.split(depth_m, np.cumsum(counts[:-1]))
 
 
-def _best(person: DepthSamples, own: Flags, config: LayerConfig) -> tuple[float, float, float]:
-    """Return the depth of the best layer, its score from 0 to 1, and the variance of the depth.
+def _best(person: DepthSamples, own: Flags, config: LayerConfig) -> _Choice:
+    """Return the best layer.
 
     Another layer of a fraction p of the sum of both squared scores, a gap away, makes the depth
-    uncertain by p (1 - p) gap^2. Readings of the best layer do not count for it: they are the
-    person's own arms and legs. The score is 0 if no layer is possible, or the best one has next to
-    nothing of the person, readings that are absent or out of range counted: furniture before a
-    person who is beyond the range of the camera.
+    uncertain by p (1 - p) gap^2. If it is farther, the joints may be those of a person there who
+    looks out beside the one in front: across, the position is uncertain by p (1 - p) beside_m^2.
+    Readings of the best layer do not count for it: they are the person's own arms and legs. The
+    score is 0 if no layer is possible, or the best one has next to nothing of the person, readings
+    that are absent or out of range counted: furniture before a person who is beyond the range of
+    the camera.
     """
     if not own.any():
-        return math.nan, 0.0, 0.0
+        return NO_LAYER
     depth_m, weights = person.depth_m[own], person.weights[own]
     near = np.abs(depth_m[:, None] - depth_m) <= config.half_m
     parts = weights / max(float(weights.sum()), 1e-9)
@@ -118,18 +134,20 @@ def _best(person: DepthSamples, own: Flags, config: LayerConfig) -> tuple[float,
     best = int(np.argmax(scores))
     part_own = float(weights.sum()) / max(float(person.weights.sum()), 1e-9)
     if scores[best] <= 0 or scores[best] * part_own < config.score_min:
-        return math.nan, 0.0, 0.0
+        return NO_LAYER
     ranked_m = np.sort(depth_m[near[best]])
     layer_m = float(ranked_m[(len(ranked_m) - 1) // 2] + ranked_m[len(ranked_m) // 2]) / 2
     score = float(scores[best])
     apart = np.abs(depth_m - layer_m) > config.half_m
     if not apart.any():
-        return layer_m, score, 0.0
+        return _Choice(layer_m, score, 0.0, 0.0)
     others = apart * (near @ (parts * apart)) * fit
     second = int(np.argmax(others))
     fraction = float(others[second] ** 2 / (score**2 + others[second] ** 2))
     gap_m = float(depth_m[second]) - layer_m
-    return layer_m, score, fraction * (1 - fraction) * gap_m**2
+    doubt = fraction * (1 - fraction)
+    beside_m = config.beside_m if gap_m > 0 else 0.0
+    return _Choice(layer_m, score, doubt * gap_m**2, doubt * beside_m**2)
 
 
 def _fit(depth_m: F64, size: BodySize, config: LayerConfig) -> F64:

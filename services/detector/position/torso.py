@@ -190,7 +190,7 @@ class TorsoEstimator:
                 pixel = box_torso(torso.box_xyxy_px, layer.depth_m, info, area)
                 position_m = deproject(pixel, [layer.depth_m], info)[0]
                 variance_m2 = area.sigma_m**2
-            middles.append(_Middle(position_m, variance_m2, layer.variance_m2))
+            middles.append(_Middle(position_m, variance_m2 + layer.across_m2, layer.along_m2))
         return middles
 
     def estimate_from_mask(

@@ -149,17 +149,28 @@ def test_another_layer_of_nearly_equal_score_adds_variance() -> None:
     limbs = replace(torn, weights=np.array([1.0, 1.0, 1.0, 0.5, 0.5]))
     alike = samples([2.0, 2.1, 1.9, math.nan, 2.0])
     variances = [
-        None if layer is None else layer.variance_m2
+        None if layer is None else layer.along_m2
         for layer in (assign_layers([one], CONFIG)[0] for one in (torn, limbs, alike))
     ]
     assert variances == pytest.approx([36 / 169, 0.09, 0.0])
+
+
+def test_farther_layer_makes_the_position_uncertain_across() -> None:
+    # A person behind looks out beside the one whose depth is read; one in front only hides.
+    behind = assign_layers([samples([2.0, 2.0, 2.0, 3.0, 3.0])], CONFIG)[0]
+    in_front = assign_layers([samples([3.0, 3.0, 3.0, 2.0, 2.0])], CONFIG)[0]
+    assert behind is not None
+    assert in_front is not None
+    assert (behind.along_m2, in_front.along_m2) == pytest.approx((36 / 169, 36 / 169))
+    assert behind.across_m2 == pytest.approx(36 / 169 * CONFIG.beside_m**2)
+    assert in_front.across_m2 == 0.0
 
 
 def test_layer_that_does_not_suit_the_size_adds_little_variance() -> None:
     # As large as at 2 m; at 3 m: ln(1.5) / 0.2 = 2.03 sigma, 0.128. Scores 0.6 and 0.4 * 0.128.
     layer = assign_layers([samples([2.0, 2.0, 2.0, 3.0, 3.0], size_depth_m=2.0)], CONFIG)[0]
     assert layer is not None
-    assert layer.variance_m2 == pytest.approx((0.0512 / 0.6) ** 2, rel=0.02)
+    assert layer.along_m2 == pytest.approx((0.0512 / 0.6) ** 2, rel=0.02)
 
 
 def test_readings_of_the_best_layer_do_not_count_for_another() -> None:
@@ -167,7 +178,7 @@ def test_readings_of_the_best_layer_do_not_count_for_another() -> None:
     # only one of its layer: 0.2^2 against 1, not 0.4 with the reading at 2.2 m.
     layer = assign_layers([samples([2.0, 2.0, 2.1, 2.2, 2.36])], CONFIG)[0]
     assert layer is not None
-    assert layer.variance_m2 == pytest.approx(25 / 26**2 * 0.26**2)
+    assert layer.along_m2 == pytest.approx(25 / 26**2 * 0.26**2)
 
 
 def test_nearer_layer_suits_a_person_who_is_turned() -> None:
