@@ -145,9 +145,9 @@ def _best(person: DepthSamples, own: Flags, config: LayerConfig) -> _Choice:
     second = int(np.argmax(others))
     fraction = float(others[second] ** 2 / (score**2 + others[second] ** 2))
     gap_m = float(depth_m[second]) - layer_m
-    doubt = fraction * (1 - fraction)
+    uncertainty = fraction * (1 - fraction)
     beside_m = config.beside_m if gap_m > 0 else 0.0
-    return _Choice(layer_m, score, doubt * gap_m**2, doubt * beside_m**2)
+    return _Choice(layer_m, score, uncertainty * gap_m**2, uncertainty * beside_m**2)
 
 
 def _fit(depth_m: F64, size: BodySize, config: LayerConfig) -> F64:
