@@ -91,7 +91,7 @@ class Reidentification(IdentityPolicy):
         missed_s = (observation.stamp_ns - since_ns) / 1e9
         config = self._config
         # The own camera has missed it once: frames may be late, or far apart.
-        has_left = leaves and record.missed > 1
+        has_left = leaves and record.missed > 1 and not record.turned
         return missed_s > (config.absent_cut_off_s if has_left else config.absent_s)
 
     def _ended(self, record: TrackRecord, observation: Observation) -> bool:

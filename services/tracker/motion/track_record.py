@@ -63,6 +63,7 @@ class TrackRecord:
     occluded: int = 0  # of these, frames in which another person hid this one
     out_of_view: int = 0  # of the missed frames, those in which the camera was turned away
     out_of_view_ns: int = 0  # [ns] total time of these
+    turned: bool = False  # the camera has moved in view of the last match's position
     matched_position_m: F64 | None = None  # [m] 3, at the last match
     visible_ratio: float = 1.0  # part of a person's width inside of the image there
     leaving: bool = False  # the predicted position has left the image

@@ -169,6 +169,7 @@ class TrackSet:
             record.hits += 1
             record.streak += 1
             record.missed = record.occluded = record.out_of_view = record.out_of_view_ns = 0
+            record.turned = False
             record.confirmed |= self._lifecycle.confirms(record, self._of_several)
 
     def manage(self, unmatched: Sequence[Measurement], observation: Observation) -> list[Track]:

@@ -45,6 +45,9 @@ def occluded(
     return np.asarray(ratio >= config.covered_min)
 
 
+TURNED_MIN = 0.01  # of a person's width: a camera that shows so much more or less of it moves
+
+
 class FieldOfView(TrackPolicy):
     """Count frames that do not show the position of a track's last match as out of view.
 
@@ -77,6 +80,7 @@ class FieldOfView(TrackPolicy):
             if matched < least:
                 record.out_of_view += 1
                 record.out_of_view_ns += tracks.elapsed_ns
+            record.turned |= abs(matched - record.visible_ratio) > TURNED_MIN
             record.leaving = predicted < least <= matched
 
     def after_update(self, tracks: TrackSet, result: AssociationResult) -> None:

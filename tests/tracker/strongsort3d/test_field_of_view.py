@@ -133,3 +133,18 @@ def test_person_who_leaves_a_fixed_camera_is_missed() -> None:
         empty = dataclasses.replace(detected(number, 0.0, embeddings=False), measurements=())
         tracks = tracker.update(empty)
     assert tracks == []
+
+
+@pytest.mark.parametrize(("missed_yaw_deg", "identity"), [(-20.5, 3), (-21.0, 1), (-20.0, 1)])
+def test_people_at_the_edge_of_a_camera_that_turns_have_not_left(
+    missed_yaw_deg: float, identity: int
+) -> None:
+    # RED is half in view, at 27.6 degrees of 28, and not detected for 0.4 s.
+    sort = build_strongsort3d(published_config(strongsort3d=ALL))
+    for number in range(10):
+        sort.update(detected(number, -20.5, embeddings=True))
+    for number in range(10, 14):
+        missed = detected(number, missed_yaw_deg, embeddings=True)
+        sort.update(dataclasses.replace(missed, measurements=()))
+    tracks = sort.update(detected(14, -20.5, embeddings=True))
+    assert [t.id for t in tracks if t.detection == 0] == [identity]
