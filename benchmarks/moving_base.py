@@ -79,7 +79,7 @@ def main() -> None:
         geometry,
         f"## Rendered, seed {', '.join(map(str, arguments.rendered_seeds))}",
         "320x240 pixels, blurred by the motion of people and robot, and measured depth; people are "
-        "found, told apart and tracked by the models that ship.",
+        "detected, re-identified and tracked by the models that ship.",
         rendered,
     ]
     write(__file__, "People from a robot that drives", *parts)

@@ -11,6 +11,8 @@ from services.tracker.strongsort3d.config import OcclusionConfig
 from services.tracker.strongsort3d.policies import AssociationResult, TrackPolicy
 from services.tracker.strongsort3d.visibility import NEAR_M, intervals, overlap_ratios
 
+TURNED_MIN = 0.01  # of a person's width: a camera that shows so much more or less of it moves
+
 
 class Occlusion(TrackPolicy):
     """Count frames in which a detected person hides an unmatched track as occluded."""
@@ -43,9 +45,6 @@ def occluded(
     hides &= (depth > NEAR_M)[:, None] & (detected_depth > NEAR_M)
     ratio = np.where(hides, overlap_ratios(people, detected), 0.0).max(axis=1, initial=0.0)
     return np.asarray(ratio >= config.covered_min)
-
-
-TURNED_MIN = 0.01  # of a person's width: a camera that shows so much more or less of it moves
 
 
 class FieldOfView(TrackPolicy):
