@@ -104,7 +104,12 @@ def test_tracker_of_cameras_on_three_hosts_outlives_one(
         assert heard(run, tmp_path, router, cameras) == cameras
         run("planner", "people4d down --robot cam3")
         assert heard(run, tmp_path, router, cameras - {"c5", "c6"}) >= cameras - {"c5", "c6"}
-        assert "no detections come of host cam3" in run("tracker", f"people4d ps {router} || true")
+        printed = ""
+        for _ in range(5):  # on a busy machine another host may be late for a moment
+            printed = " ".join(run("tracker", f"people4d ps {router} || true").split())
+            if "no detections come of host cam3" in printed:
+                break
+        assert "no detections come of host cam3" in printed
     finally:
         run("nuc", "people4d down --robot hall")
 
