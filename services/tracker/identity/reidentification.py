@@ -83,15 +83,16 @@ class Reidentification(IdentityPolicy):
         this one. It ends: its person is in the gallery, and the position would be a guess.
         """
         # People who were partly beside the image, or were about to leave it, went on: none stays
-        # hidden there.
-        leaves = record.cut_off or record.visible_ratio < 1 or record.leaving
+        # hidden there. The edge of a camera that moves comes and goes by people who stay.
+        at_edge = record.cut_off or record.visible_ratio < 1 or record.leaving
+        leaves = at_edge and not record.turned
         if record.embedding is None or (record.occluded and not leaves):
             return False
         since_ns = record.missed_since_ns + record.out_of_view_ns
         missed_s = (observation.stamp_ns - since_ns) / 1e9
         config = self._config
         # The own camera has missed it once: frames may be late, or far apart.
-        has_left = leaves and record.missed > 1 and not record.turned
+        has_left = leaves and record.missed > 1
         return missed_s > (config.absent_cut_off_s if has_left else config.absent_s)
 
     def _ended(self, record: TrackRecord, observation: Observation) -> bool:

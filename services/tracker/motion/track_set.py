@@ -15,7 +15,7 @@ from services.tracker.motion.track_filter import TrackFilter
 from services.tracker.motion.track_record import TrackRecord, check_state
 from services.tracker.motion.yaw import VelocityYaw
 
-MISSES_PER_HIT = 2  # that a track survives; what was found once or twice is often a false alarm
+MISSES_MIN = 2  # frames behind others that a track survives at least; from two hits on their square
 SEVERAL_HITS = 1  # more matches that confirm a track if several cameras send
 SENDS_NS = 1_000_000_000  # [ns] since the last frame of a camera that sends
 TENTATIVE_NS = 1_000_000_000  # [ns] without a match after which, then, a tentative track ends
@@ -37,11 +37,12 @@ class LifecyclePolicy:
     def ended(self, record: TrackRecord) -> bool:
         """Check for too many unmatched frames; occluded and out of view ones do not count.
 
-        By hits occluded ones do, from MISSES_PER_HIT for each match on.
+        By hits too many of these end a track, too, since what was found once or twice is often a
+        false alarm.
         """
         limit = self.lost_frames if record.confirmed else self.tentative_frames
         if self.by_hits:
-            if record.missed - record.out_of_view >= MISSES_PER_HIT * record.hits:
+            if record.missed - record.out_of_view >= max(record.hits**2, MISSES_MIN):
                 return True
             limit = min(self.lost_frames, record.hits)
         return record.frames_missed >= limit

@@ -37,6 +37,9 @@ from services.tracker.strongsort3d.policies import (
 # [ns] since a match before another camera after which the distance says little: that camera's
 # frames may be late, or it sends no more, so its track was not missed
 OTHERS_NS = 200_000_000
+# d_M^2 above which the motion contradicts a match in round 2: chi^2, 3 dof, 99.9 %, and for
+# detections that another person partly covers, whose position and crop are partly of that person
+CONTRADICTED_MIN, CONTRADICTED_OCCLUDED_MIN = 16.27, 40.0
 
 
 class StrongSort3d(TrackSetTracker):
@@ -163,20 +166,24 @@ class StrongSort3d(TrackSetTracker):
     def _contradicted(
         self, records: Sequence[TrackRecord], detections: Sequence[Measurement], frame: FrameContext
     ) -> BOOL:
-        """Flag pairs (NxM) that neither motion nor appearance admits.
+        """Flag pairs (NxM) of confirmed tracks that neither motion nor appearance admits.
 
-        They are of confirmed tracks that another camera had last.
+        Tracks that another camera had last need a position as good as in round 1.
         """
-        camera = frame.observation.camera
-        others = np.array([t.confirmed and t.camera != camera for t in records], np.bool_)
-        if not detections or not others.any():
+        confirmed = np.array([t.confirmed for t in records], np.bool_)
+        if not detections or not confirmed.any():
             return np.zeros((len(records), len(detections)), np.bool_)
         (x, P), z = stack(records), self._motion.measure(detections)
         d_m2 = kalman.gate(x, P, z, self._motion.gate_noise(detections))[0]
+        occluded = np.array([m.index in frame.occluded for m in detections])
+        least = np.where(occluded, CONTRADICTED_OCCLUDED_MIN, CONTRADICTED_MIN)
         uncertain = np.array([_is_uncertain(t, frame.observation) for t in records])
-        far = (d_m2 > self._config.mahalanobis_max) | uncertain[:, None]
+        others = np.array([t.camera != frame.observation.camera for t in records])[:, None]
+        far = np.where(
+            others, uncertain[:, None] | (d_m2 > self._config.mahalanobis_max), d_m2 > least
+        )
         unlike = cosine_distances(records, detections) > frame.cosine_distance_max  # not of NaN
-        return np.asarray(far & unlike & others[:, None])
+        return np.asarray(far & unlike & confirmed[:, None])
 
     def _distance_cost(
         self, records: Sequence[TrackRecord], detections: Sequence[Measurement]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from people4d.messages import Track
+from services.tracker.identity.reidentification import Reidentification
 from services.tracker.interface import Measurement
 from services.tracker.strongsort3d.build import build_strongsort3d
 from services.tracker.strongsort3d.config import ContactConfig, IdentityConfig, OcclusionConfig
@@ -304,3 +305,13 @@ def test_track_at_the_edge_goes_on_in_the_next_frame_of_a_slow_camera(
     similar = person(3, 1.5, embedding=(1.0, 0.6, 0.0))
     tracks = sort.update(with_pose(5 * (4 + missed), similar))
     assert [track.id for track in tracks if track.detection is not None] == [identity]
+
+
+@pytest.mark.parametrize(("turned", "absent"), [(False, True), (True, False)])
+def test_person_hidden_at_the_edge_has_left_a_camera_that_rests(turned: bool, absent: bool) -> None:
+    sort = build_strongsort3d(published_config(strongsort3d=ALL))
+    stay(sort, 0, 10, person(3, 0, embedding=RED))
+    (record,) = sort.tracks.records
+    record.missed, record.occluded, record.visible_ratio, record.turned = 5, 5, 0.9, turned
+    policy = Reidentification(IdentityConfig())
+    assert policy.is_absent(record, frame(14)) == absent

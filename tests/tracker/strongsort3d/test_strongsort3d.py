@@ -7,9 +7,11 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 
+from common.geometry.transforms import LINK_FROM_OPTICAL, transform_from
 from people4d.messages import Track
-from services.tracker.interface import Measurement
+from services.tracker.interface import Measurement, Observation
 from services.tracker.strongsort3d.build import build_strongsort3d
+from services.tracker.strongsort3d.config import OcclusionConfig
 from services.tracker.strongsort3d.strongsort3d import StrongSort3d
 from tests.tracker.scene import frame, person, published, published_config
 
@@ -18,6 +20,13 @@ RED, BLUE = (1.0, 0.1, 0.0), (0.0, 0.1, 1.0)  # cosine distance 1 - 0.01 / 1.01 
 
 def tracker(**fields: Any) -> StrongSort3d:
     return build_strongsort3d(published_config(strongsort3d=published(**fields)))
+
+
+def observed(observation: Observation) -> Observation:
+    """The frame of a camera at the origin of the map that looks along +x."""
+    return dataclasses.replace(
+        observation, map_from_camera=transform_from([0.0, 0.0, 0.0], LINK_FROM_OPTICAL[:3, :3])
+    )
 
 
 def states(tracks: list[Track]) -> list[tuple[int, str]]:
@@ -74,6 +83,18 @@ def test_by_hits_a_track_ends_after_as_many_misses_as_matches() -> None:
             sort.update(frame(number, person(3, 0)))
         results = [sort.update(frame(matches + k)) for k in range(survives + 1)]
         assert [states(tracks) for tracks in results] == [[(1, "lost")]] * survives + [[]]
+
+
+@pytest.mark.parametrize(("matches", "survives"), [(1, 1), (2, 3), (5, 24), (12, 40)])
+def test_by_hits_a_track_behind_others_ends_after_the_square_of_its_matches(
+    matches: int, survives: int
+) -> None:
+    sort = tracker(lifetime="hits", n_init=1, a_max=5, occlusion=OcclusionConfig(enabled=True))
+    before = person(2, 0, index=1)
+    for number in range(matches):
+        sort.update(observed(frame(number, person(4, 0))))
+    lost = [sort.update(observed(frame(matches + k, before)))[0].id == 1 for k in range(40)]
+    assert lost == [True] * survives + [False] * (40 - survives)
 
 
 def test_while_several_cameras_send_a_third_match_confirms() -> None:
@@ -176,6 +197,29 @@ def test_gated_round_two_refuses_of_another_camera_what_motion_and_appearance_re
         sort.update(frame(number, person(3, 0, embedding=RED)))
     found = sort.update(frame(8, person(3, 0.6, embedding=embedding), camera="other"))
     assert [track.id for track in found if track.detection is not None] == [identity]
+
+
+@pytest.mark.parametrize(
+    ("aside_m", "covered", "embedding", "matched"),
+    [
+        (0.20, False, BLUE, True),
+        (0.40, False, BLUE, False),
+        (0.40, False, RED, True),
+        (0.40, True, BLUE, True),
+        (0.65, True, BLUE, False),
+    ],
+)
+def test_gated_round_two_refuses_who_is_unlike_and_too_far_for_the_motion(
+    aside_m: float, covered: bool, embedding: tuple[float, ...], matched: bool
+) -> None:
+    # The variance of the difference is about 0.005 m^2: 0.2, 0.4 and 0.65 m have d_M^2 8, 32, 85.
+    sort = tracker(distance_gated=True, sigma_measurement_m=0.05, sigma_acceleration_mps2=1.0)
+    for number in range(20):
+        sort.update(frame(number, person(3, 0, embedding=RED)))
+    found = person(3, aside_m, embedding=embedding)
+    before = person(2.5, aside_m * 2.5 / 3, index=1, embedding=(0.0, 1.0, 0.0))
+    tracks = sort.update(frame(20, found, *([before] if covered else [])))
+    assert any(track.id == 1 and track.detection == 0 for track in tracks) == matched
 
 
 def test_embeddings_of_another_model_are_dropped() -> None:
