@@ -79,6 +79,11 @@ class Detection(Record, frozen=True, kw_only=True):
     position_m: Vector3 | None = None  # [m] frame: camera optical; absent if depth gave none
     # [m^2] covariance of position_m, frame: camera optical; absent if unknown
     position_covariance_m2: Matrix3 | None = None
+    # [m/s] relative to the camera, mean over Detections.velocity_interval_s: the position less that
+    # before, each in the camera's optical frame of its time; absent if unknown
+    velocity_mps: Vector3 | None = None
+    # [m^2/s^2] covariance of velocity_mps, frame: camera optical; absent if unknown
+    velocity_covariance_m2ps2: Matrix3 | None = None
     heading: Vector3 | None = None  # unit, frame: camera optical; of the chest; absent if unknown
     # [rad] standard deviation about the vertical; absent if unknown
     heading_sigma_rad: Annotated[float, Meta(gt=0, le=100)] | None = None
@@ -86,19 +91,25 @@ class Detection(Record, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         """Check the fields, and that the heading is a unit vector."""
         super().__post_init__()
-        self._check_covariance()
+        _check_covariance("position", self.position_m, self.position_covariance_m2, "m2")
+        _check_covariance("velocity", self.velocity_mps, self.velocity_covariance_m2ps2, "m2ps2")
         length = 1.0 if self.heading is None else math.hypot(*self.heading.tolist())
         if abs(length - 1) > 1e-3:
             raise ValueError(f"heading: expected unit length, got {length}")
 
-    def _check_covariance(self) -> None:
-        covariance = self.position_covariance_m2
-        if covariance is None:
-            return
-        if self.position_m is None:
-            raise ValueError("position_covariance_m2: expected with position_m only")
-        if not _is_symmetric_positive_definite(covariance):
-            raise ValueError("position_covariance_m2: expected symmetric and positive definite")
+
+def _check_covariance(name: str, value: F64 | None, covariance: F64 | None, unit: str) -> None:
+    """Check that a covariance comes with its value only and is one.
+
+    Raises:
+        ValueError: It does not, or is none.
+    """
+    if covariance is None:
+        return
+    if value is None:
+        raise ValueError(f"{name}_covariance_{unit}: expected with the {name} only")
+    if not _is_symmetric_positive_definite(covariance):
+        raise ValueError(f"{name}_covariance_{unit}: expected symmetric and positive definite")
 
 
 def _is_symmetric_positive_definite(matrix: F64) -> bool:
@@ -134,6 +145,8 @@ class Detections(Message, frozen=True, kw_only=True):
     detector: Text = ""  # instance that made them; empty: unknown
     # instances that share the frames in turn, this one included
     replicas: tuple[Text, ...] = ()
+    # [s] from the frame by which velocities are known to this one; absent if none is known
+    velocity_interval_s: Annotated[float, Meta(gt=0, le=1)] | None = None
 
     def __post_init__(self) -> None:
         """Check the fields and the number of pixels."""
