@@ -158,6 +158,16 @@ class UncertaintyConfig(Config, frozen=True, kw_only=True):
     surface_m: Positive = 0.16  # [m] along: the surface, where it is not corrected
 
 
+class VelocityConfig(Config, frozen=True, kw_only=True):
+    """Velocity of a person by scene flow; docs/method.md section 10."""
+
+    enabled: bool = True  # publish velocities
+    interval_max_s: Positive = 0.25  # [s] longest time between two frames
+    sigma_px: Positive = 0.3  # [px] standard deviation of movements across
+    spread_part: NonNegative = 0.7  # of the spread of a torso's points, on top of that
+    depth_per_m: Positive = 0.0032  # [1/m] of movements along, over z^2
+
+
 # Values for models that need others than those of [PIC4SeR], by the start of the model's name.
 # MoveNet is less confident: two thirds of its keypoints on real images lie below 0.6, and down to
 # 0.3 they still agree with YOLOv8's. In the simulated room this takes the standard deviation of
@@ -206,6 +216,7 @@ class DetectorConfig(ModelSettings, frozen=True, kw_only=True):
     torso: TorsoConfig = TorsoConfig()  # of "torso"
     ellipse: EllipseConfig = EllipseConfig()  # of to_axis
     uncertainty: UncertaintyConfig = UncertaintyConfig()  # of covariance
+    velocity: VelocityConfig = VelocityConfig()
     crops: bool = True  # publish the crops that re-identification needs
     # [m] what is so much nearer than the person is blanked in the crop; inf: nothing
     crop_front_m: PositiveOrInfinite = 0.4

@@ -28,6 +28,7 @@ from services.detector.orientation.angle import YawEstimate, heading_vector
 from services.detector.orientation.estimator import OrientationEstimator
 from services.detector.orientation.network import OrientationNetwork
 from services.detector.position.estimator import PositionEstimator
+from services.detector.position.scene_flow import FlowFrame, SceneFlow, VelocityEstimate
 from services.detector.position.silhouette import grow_mask
 from services.detector.position.surface import DepthImage, PositionEstimate, keypoint_surfaces
 from services.detector.position.torso import LayeredTorso
@@ -65,6 +66,7 @@ class DetectorNode(Node):
         self._sizes = InputSizeChoice(config.near_input) if near_model else None
         self._config = config
         self._positions = PositionEstimator(config, model.name)
+        self._flow = SceneFlow(config.velocity)
         self._orientation = OrientationEstimator(config, model.name, orientation_network)
         self._lock = threading.Lock()
         self._calibrations: dict[str, CameraInfo] = {}
@@ -114,6 +116,8 @@ class DetectorNode(Node):
         return info
 
     def _detect(self, frame: RgbdFrame, info: CameraInfo) -> Sequence[Message]:
+        # Before the model, so that frames are stored in their order.
+        flow = self._flow.next(frame) if self._config.velocity.enabled else None
         people, image = self._find(frame), DepthImage(frame.depth_mm, info)
         with span("hand_over"):
             self._loop.release()
@@ -129,12 +133,16 @@ class DetectorNode(Node):
         observed = self._orientation.observe(people, torsos, frame.rgb, image)
         with span("locate"):
             yaws = self._orientation.estimate(people, image, observed)
-            detections = self._detections(people, torsos, image, yaws)
+            moving = self._velocities(torsos, flow, info)
+            detections = self._detections(people, torsos, image, yaws, moving)
         with self._lock:
             self._counters["people"] += len(people)
             self._counters["with_position"] += sum(d.position_m is not None for d in detections)
             self._counters["with_heading"] += sum(d.heading is not None for d in detections)
         detector, replicas = self._loop.replicas()
+        interval_s = None
+        if flow and flow[1] and any(moving):
+            interval_s = (flow[0].stamp_ns - flow[1].stamp_ns) / 1e9
         result = Detections(
             stamp_ns=frame.stamp_ns,
             sequence=frame.sequence,
@@ -147,6 +155,7 @@ class DetectorNode(Node):
             width=info.width,
             height=info.height,
             detections=detections,
+            velocity_interval_s=interval_s,
         )
         return [*outputs, result]
 
@@ -192,10 +201,22 @@ class DetectorNode(Node):
         torsos: Sequence[LayeredTorso | None],
         image: DepthImage,
         yaws: Sequence[YawEstimate | None],
+        velocities: Sequence[VelocityEstimate | None],
     ) -> tuple[Detection, ...]:
         yaws_rad = [None if yaw is None else yaw.rad for yaw in yaws]
         positions = self._positions.estimate(people, torsos, image, yaws_rad)
-        return tuple(map(_detection, people, yaws, positions, keypoint_surfaces(people, image)))
+        depths_m = keypoint_surfaces(people, image)
+        return tuple(map(_detection, people, yaws, positions, depths_m, velocities))
+
+    def _velocities(
+        self,
+        torsos: Sequence[LayeredTorso | None],
+        flow: tuple[FlowFrame, FlowFrame | None] | None,
+        info: CameraInfo,
+    ) -> Sequence[VelocityEstimate | None]:
+        if flow is None or flow[1] is None:
+            return [None] * len(torsos)
+        return self._flow.velocities(flow[0], flow[1], torsos, info)
 
     def _crops(
         self,
@@ -231,6 +252,7 @@ def _detection(
     yaw: YawEstimate | None,
     position: PositionEstimate | None,
     depths_m: F32 | None,
+    velocity: VelocityEstimate | None,
 ) -> Detection:
     mask = person.mask
     return Detection(
@@ -241,6 +263,8 @@ def _detection(
         mask=None if mask is None else Mask.from_array(mask.window, mask.x_px, mask.y_px),
         position_m=None if position is None else position.position_m,
         position_covariance_m2=None if position is None else position.covariance_m2,
+        velocity_mps=None if velocity is None else velocity.velocity_mps,
+        velocity_covariance_m2ps2=None if velocity is None else velocity.covariance_m2ps2,
         heading=None if yaw is None else heading_vector(yaw.rad),
         heading_sigma_rad=None if yaw is None else yaw.sigma_rad,
     )
