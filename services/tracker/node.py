@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import msgspec
 
+from common.geometry.transform_history import TransformEstimate
 from common.runtime.node import LoopCallbacks, StatefulNode, Status
 from common.transport.trace import span
 from people4d.errors import DecodeError
@@ -265,7 +266,12 @@ class TrackerNode(StatefulNode):
         self._counters["predicted_base"] += pose.is_uncertain
         with span("association"):
             observation = observe(
-                detections, embeddings, pose, self._config.max_range_m, self._counters
+                detections,
+                embeddings,
+                pose,
+                self._config.max_range_m,
+                self._counters,
+                self._pose_before(frame),
             )
             observation = replace(
                 observation, stamp_ns=frame.time_ns, edges=self._edges.get(detections.camera)
@@ -281,6 +287,13 @@ class TrackerNode(StatefulNode):
         return self._output.tracks(
             detections, tracks, frame.time_ns, (embeddings or detections).trace
         )
+
+    def _pose_before(self, frame: PendingFrame) -> TransformEstimate | None:
+        """Return the pose of the camera at the beginning of the velocities of a frame."""
+        interval_s = frame.detections.velocity_interval_s
+        if interval_s is None:
+            return None
+        return self._poses.lookup(frame.detections.frame_id, frame.time_ns - int(interval_s * 1e9))
 
     def _predict_due(self, now_ns: int) -> list[Message]:
         """Return predicted tracks if detections stopped; after the last track an empty message."""

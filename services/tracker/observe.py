@@ -11,11 +11,20 @@ from common.geometry.transforms import apply
 from people4d.messages import F64, CameraInfo, Detection, Detections, Embeddings
 from people4d.messages.base import MAX_M
 from services.tracker.camera_poses import pose_covariance
-from services.tracker.interface import ImageEdges, Measurement, Observation, UnlocatedDetection
+from services.tracker.interface import (
+    ImageEdges,
+    Measurement,
+    Observation,
+    UnlocatedDetection,
+    VelocityMeasurement,
+)
 
 PEOPLE_MAX = 128  # of one frame, those of the highest scores; matching takes their cube
 POSE_SIGMA_MIN_M = 0.01  # [m] a better known pose adds no covariance
 LENGTH_MIN = 1e-6  # of an embedding: a shorter one has no direction
+VELOCITY_MAX_MPS = 15.0  # [m/s] people do not run faster
+VELOCITY_SIGMA_MPS = 0.03  # [m/s] of the velocity now, by the mean since the frame before
+MOTION_ERROR = 0.1  # of the movement of a camera, in that of what it sees
 LEVEL_MIN = 0.2  # a heading with a shorter level part (steeper than 78 deg) has no yaw
 
 
@@ -25,16 +34,19 @@ def observe(
     pose: TransformEstimate,
     max_range_m: float,
     counters: Counter[str],
+    pose_before: TransformEstimate | None = None,
 ) -> Observation:
     """Return the usable detections of one frame; the others are counted.
 
     The pose is that of the camera in the tracking frame; positions with a coordinate beyond
-    `max_range_m` are dropped, and so are those of the lowest scores beyond PEOPLE_MAX.
+    `max_range_m` are dropped, and so are those of the lowest scores beyond PEOPLE_MAX. The pose
+    before is that at the beginning of the detections' velocities; without it they do not count.
     """
     people, map_from_camera = detections.detections, pose.matrix
     vectors = _unit_vectors(embeddings, len(people), counters) if embeddings else {}
     positions_m = _positions_m(people, map_from_camera, max_range_m)
     covariances_m2 = _covariances_m2(people, map_from_camera)
+    velocities = _velocities(detections, pose, pose_before, counters)
     measurements, unlocated = list[Measurement](), list[UnlocatedDetection]()
     numbered = list(enumerate(people))
     if len(people) > PEOPLE_MAX:
@@ -57,6 +69,7 @@ def observe(
                     position_m=positions_m[index],
                     forward_m=float(person.position_m[2]),
                     covariance_m2=covariances_m2.get(index),
+                    velocity=velocities.get(index),
                     embedding=vectors.get(index),
                     yaw_rad=yaw_rad,
                     yaw_sigma_rad=person.heading_sigma_rad,
@@ -102,6 +115,36 @@ def _covariances_m2(people: Sequence[Detection], map_from_camera: F64) -> dict[i
     known = {i: covariance for i, covariance in covariances_m2 if covariance is not None}
     stacked = np.array(list(known.values()))
     return dict(zip(known, rotated(stacked, map_from_camera), strict=True)) if known else {}
+
+
+def _velocities(
+    detections: Detections,
+    pose: TransformEstimate,
+    pose_before: TransformEstimate | None,
+    counters: Counter[str],
+) -> dict[int, VelocityMeasurement]:
+    """Return the velocities over the ground by index.
+
+    What a camera's own motion adds to the movement of a point is known to a part of it.
+    """
+    interval_s, velocities = detections.velocity_interval_s, dict[int, VelocityMeasurement]()
+    if interval_s is None or pose_before is None:
+        return velocities
+    for index, person in enumerate(detections.detections):
+        covariance = person.velocity_covariance_m2ps2
+        if person.velocity_mps is None or person.position_m is None or covariance is None:
+            continue
+        before_m = person.position_m - person.velocity_mps * interval_s
+        start_m, end_m = apply(pose_before.matrix, before_m), apply(pose.matrix, person.position_m)
+        carried_m = start_m - apply(pose.matrix, before_m)
+        mps = (end_m - start_m) / interval_s
+        if np.linalg.norm(mps) > VELOCITY_MAX_MPS:
+            counters["velocities_out_of_range"] += 1
+            continue
+        carried_mps = MOTION_ERROR * carried_m / interval_s
+        variance = rotated(covariance, pose.matrix) + np.outer(carried_mps, carried_mps)
+        velocities[index] = VelocityMeasurement(mps, variance + VELOCITY_SIGMA_MPS**2 * np.eye(3))
+    return velocities
 
 
 def edges(info: CameraInfo) -> ImageEdges:

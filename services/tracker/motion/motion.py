@@ -103,10 +103,13 @@ class PositionMotion:
         return R
 
     def start(self, measurement: Measurement) -> tuple[F64, F64]:
-        """Begin at the measured position, with a velocity of 0 and its variance."""
+        """Begin at the measured position, with the measured velocity or 0 and its variance."""
         P = np.eye(6) * self._config.sigma_start_velocity_mps**2
         P[:3, :3] = self.noise([measurement])[0]
-        return np.concatenate([measurement.position_m, np.zeros(3)]), P
+        x = np.concatenate([measurement.position_m, np.zeros(3)])
+        if measurement.velocity is None:
+            return x, P
+        return kalman.update_velocity(x, P, *measurement.velocity)
 
 
 class BoxMotion:

@@ -11,6 +11,7 @@ import numpy as np
 
 from common import kalman
 from people4d.messages import F64
+from services.tracker.interface import VelocityMeasurement
 from services.tracker.motion.motion import Motion, PositionMotion
 from services.tracker.motion.track_record import BOOL, ImmState, TrackRecord, stack
 from services.tracker.strongsort3d.config import ImmConfig, OcclusionConfig
@@ -20,6 +21,10 @@ IS_POSITION = np.pad(np.ones((3, 3)), (0, 3))  # elements of a covariance
 ON_POSITION = IS_POSITION * np.eye(6)
 OWN = np.array([IS_POSITION, np.ones((6, 6))])  # of each mode: who stands has no velocity
 PROBABILITY_MIN = 1e-6  # of each mode
+VELOCITY_GATE = 16.27  # d_M^2 of measured velocities: chi^2, 3 dof, 99.9 %
+UNKNOWN_M2PS2 = 1e6  # [m^2/s^2] variance of a velocity that says nothing
+
+Velocities: TypeAlias = Sequence[VelocityMeasurement | None]
 
 # From states (Nxn), covariances (Nxnxn), unmatched tracks (N) and a time step in seconds.
 Decay: TypeAlias = Callable[[F64, F64, BOOL, float], tuple[F64, F64]]
@@ -76,10 +81,14 @@ class KalmanFilter:
         states = self._motion.predict(x, P, dt_s, noise_factor)
         return [FilterState(*s) for s in zip(*states, strict=True)]
 
-    def update(self, records: Sequence[TrackRecord], z: F64, R: F64) -> list[FilterState]:
-        """Return states updated with one measurement (Nxm, noise Nxmxm) each."""
-        states = kalman.update(*stack(records), z, R)
-        return [FilterState(*s) for s in zip(*states, strict=True)]
+    def update(
+        self, records: Sequence[TrackRecord], z: F64, R: F64, velocities: Velocities = ()
+    ) -> list[FilterState]:
+        """Return states updated with one measurement (Nxm, noise Nxmxm) each, and velocities."""
+        x, P = kalman.update(*stack(records), z, R)
+        if any(velocities) and isinstance(self._motion, PositionMotion):
+            x, P = kalman.update_velocity(x, P, *stacked(velocities))
+        return [FilterState(*s) for s in zip(x, P, strict=True)]
 
 
 class Imm:
@@ -115,9 +124,14 @@ class Imm:
         modes = self.predict_modes(*self._modes(records), unmatched, dt_s, noise_factor)
         return self.means(*modes)
 
-    def update(self, records: Sequence[TrackRecord], z: F64, R: F64) -> list[FilterState]:
-        """Return states updated with one measurement (Nx3, noise Nx3x3) each."""
-        return self.means(*self.update_modes(*self._modes(records), z, R))
+    def update(
+        self, records: Sequence[TrackRecord], z: F64, R: F64, velocities: Velocities = ()
+    ) -> list[FilterState]:
+        """Return states updated with one measurement (Nx3, noise Nx3x3) each, and velocities."""
+        modes = self.update_modes(*self._modes(records), z, R)
+        if any(velocities):
+            modes = self.update_velocities(*modes, *stacked(velocities))
+        return self.means(*modes)
 
     def predict_modes(
         self,
@@ -149,11 +163,26 @@ class Imm:
         y, S = kalman.innovation(x, P, z, R)
         inverse = inverted(S)
         d_m2 = kalman.squared_lengths(y, inverse)
-        logs = -0.5 * (d_m2 + np.linalg.slogdet(S)[1])
         x, P = kalman.corrected(x, P, y, R, inverse)
-        greatest = np.maximum.reduce(logs, axis=1, keepdims=True)
-        weight = normalised(probability * np.exp(logs - greatest))
-        return x, P, normalised(np.maximum(weight, PROBABILITY_MIN))
+        return x, P, weighed(probability, d_m2, S)
+
+    def update_velocities(
+        self, x: F64, P: F64, probability: F64, v: F64, R: F64
+    ) -> tuple[F64, F64, F64]:
+        """Update with one velocity (3) each, and weigh the modes by its likelihood.
+
+        The velocity of a standing person is 0. One that no mode explains does not count.
+        """
+        still = self._config.standing_sigma_mps**2 * np.eye(3)
+        y = np.stack([v, v - x[:, WALKING, 3:]], axis=1)
+        S = np.stack([R + still, R + P[:, WALKING, 3:, 3:]], axis=1)
+        d_m2 = kalman.squared_lengths(y, inverted(S))
+        used = np.minimum.reduce(d_m2, axis=1) < VELOCITY_GATE
+        x, P = x.copy(), P.copy()
+        updated = kalman.update_velocity(x[used, WALKING], P[used, WALKING], v[used], R[used])
+        x[used, WALKING], P[used, WALKING] = updated
+        weights = np.where(used[:, None], weighed(probability, d_m2, S), probability)
+        return x, P, weights
 
     def means(self, x: F64, P: F64, probability: F64) -> list[FilterState]:
         """Return mean state and covariance of both modes, for N tracks, with these modes."""
@@ -199,6 +228,21 @@ def moments(weight: F64, x: F64, P: F64) -> tuple[F64, F64]:
     spread = (off[:, :, None] * off[:, None])[:, None]
     within = (weight @ P.reshape(len(P), 2, n * n)).reshape(*weight.shape[:2], n, n)
     return weight @ x, within + (weight[..., 0] * weight[..., 1])[..., None, None] * spread
+
+
+def weighed(probability: F64, d_m2: F64, S: F64) -> F64:
+    """Return probabilities (Nx2) of modes after innovations of covariances S (Nx2xmxm)."""
+    logs = -0.5 * (d_m2 + np.linalg.slogdet(S)[1])
+    greatest = np.maximum.reduce(logs, axis=1, keepdims=True)
+    weight = normalised(probability * np.exp(logs - greatest))
+    return normalised(np.maximum(weight, PROBABILITY_MIN))
+
+
+def stacked(velocities: Velocities) -> tuple[F64, F64]:
+    """Return velocities (Nx3) and covariances (Nx3x3), those of unknown ones so large."""
+    unknown = VelocityMeasurement(np.zeros(3), UNKNOWN_M2PS2 * np.eye(3))
+    pairs = [velocity or unknown for velocity in velocities]
+    return np.array([v.mps for v in pairs]), np.array([v.covariance_m2ps2 for v in pairs])
 
 
 def inverted(S: F64) -> F64:

@@ -43,7 +43,7 @@ class TrackFilter:
         self, records: Sequence[TrackRecord], measurements: Sequence[Measurement], z: F64, R: F64
     ) -> None:
         """Update tracks with one measurement (Nx3, noise Nx3x3) each."""
-        states = self._state.update(records, z, R)
+        states = self._state.update(records, z, R, [m.velocity for m in measurements])
         velocity = self._velocity
         velocities = np.array([state.x[velocity] for state in states])
         covariances = np.array([state.P[velocity, velocity] for state in states])

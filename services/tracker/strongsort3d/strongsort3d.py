@@ -5,6 +5,7 @@ The algorithm is that of [PIC4SeR]; whatever goes beyond composes around it as `
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import ClassVar
 
 import msgspec
@@ -40,6 +41,7 @@ OTHERS_NS = 200_000_000
 # d_M^2 above which the motion contradicts a match in round 2: chi^2, 3 dof, 99.9 %, and for
 # detections that another person partly covers, whose position and crop are partly of that person
 CONTRADICTED_MIN, CONTRADICTED_OCCLUDED_MIN = 16.27, 40.0
+OCCLUDED_SIGMA = 6.0  # factor of the standard deviation of velocities of occluded detections
 
 
 class StrongSort3d(TrackSetTracker):
@@ -69,7 +71,7 @@ class StrongSort3d(TrackSetTracker):
             policy.after_prediction(tracks, observation)
         self._drop_other_embeddings(observation)
         result = self._associate(observation)
-        tracks.update(result.matches, observation)
+        tracks.update(_less_certain(result.matches, result.frame), observation)
         update_embeddings(result.matches, result.frame, policies.contact)
         for policy in policies.in_order:
             policy.after_update(tracks, result)
@@ -203,6 +205,18 @@ class StrongSort3d(TrackSetTracker):
         for record in self.tracks.records:
             record.embedding = None
         self._policies.identity.clear()
+
+
+def _less_certain(matches: Sequence[Match], frame: FrameContext) -> list[Match]:
+    """Return the matches; velocities of occluded detections may be those of others."""
+    result = list[Match]()
+    for record, measurement in matches:
+        velocity = measurement.velocity
+        if velocity and measurement.index in frame.occluded:
+            covariance_m2ps2 = OCCLUDED_SIGMA**2 * velocity.covariance_m2ps2
+            velocity = velocity._replace(covariance_m2ps2=covariance_m2ps2)
+        result.append((record, replace(measurement, velocity=velocity)))
+    return result
 
 
 def _is_uncertain(record: TrackRecord, observation: Observation) -> bool:
