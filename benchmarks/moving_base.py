@@ -1,7 +1,7 @@
 """People from a robot that drives: 3D tracking with its odometry and without, and standing still.
 
 The six scenarios of [Park 2021] in the virtual lab: first with detections from geometry, without
-appearance, so that only the motion differs; then two, rendered, with all of the system. "stands":
+appearance, so that only the motion differs; then four, rendered, with all of the system. "stands":
 the same people before a robot that does not drive. "no odometry": the robot drives and the tracker
 believes that it stands.
 """
@@ -33,7 +33,7 @@ from people4d.messages import F64, Message, Odometry
 
 SCENARIOS = ("psrm", "pmrr", "pmrm1", "pmrm2", "port1", "port2")
 FOLDER = Path(__file__).parents[1] / "lab" / "scenarios"
-RENDERED = ("pmrr", "pmrm2")  # of few people who move and many, before a robot that turns
+RENDERED = ("psrm", "pmrr", "pmrm1", "pmrm2")  # the others take longer
 SMALL = "width = 320\nheight = 240\nfocal_px = 307.5\n"  # half of what the scenarios have
 STANDING_MPS = 0.05  # [m/s] people who are truly slower stand
 WALKING_MPS = 0.3  # [m/s] and those who are faster walk

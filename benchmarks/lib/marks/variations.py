@@ -1,5 +1,6 @@
 """Frames of a recording made unlike it: mirrored, dark, blurred, in another light or order."""
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -20,12 +21,14 @@ from people4d.messages import (
     Crops,
     Detections,
     Embeddings,
+    Message,
     RgbdFrame,
     StaticTransform,
     Tracks,
 )
 from services.camera.source import SourceFrame
 from services.detector.build import build as build_detector
+from services.detector.config import DetectorConfig
 from services.detector.models.registry import load_model
 from services.reid.build import build as build_reid
 from services.tracker.build import build as build_tracker
@@ -137,7 +140,8 @@ class VariedDetections:
     """Detections and embeddings of varied images, by frame."""
 
     start: tuple[CameraInfo, StaticTransform]
-    frames: Sequence[tuple[Detections, Embeddings | None]]
+    found: Mapping[int, Sequence[Detections]]  # by the step from frame to frame
+    embeddings: Sequence[Embeddings | None]
 
 
 def detect(
@@ -153,29 +157,61 @@ def detect(
     link = StaticTransform(
         parent="map", child=OPTICAL, matrix=view.map_from_optical, stamp_ns=0, sequence=0
     )
-    detector = build_detector(method.detector, CachingModel(load_model(method.detector), cache))
-    embedder = build_reid(method.reid) if method.reid else None
-    list(detector.handle(info, 0))
-    frames, rng = [], np.random.default_rng(1)
+    frames, rng = list[RgbdFrame](), np.random.default_rng(1)
     for number, image in enumerate(images):
         rgb, depth_mm = image.rgb, image.depth_mm
         if variation.mirrored:
             rgb, depth_mm = rgb[:, ::-1], depth_mm[:, ::-1]
         rgb, depth_mm = variation.change(rgb, depth_mm, rng)
-        frame = RgbdFrame(
-            camera=CAMERA,
-            rgb=np.ascontiguousarray(rgb),
-            depth_mm=np.ascontiguousarray(depth_mm),
-            lockstep=True,
-            sequence=number,
-            stamp_ns=(number + 1) * STEP_NS,
+        frames.append(
+            RgbdFrame(
+                camera=CAMERA,
+                rgb=np.ascontiguousarray(rgb),
+                depth_mm=np.ascontiguousarray(depth_mm),
+                lockstep=True,
+                sequence=number,
+                stamp_ns=(number + 1) * STEP_NS,
+            )
         )
-        answers = list(detector.handle(frame, 0))
-        crops = [m for m in answers if isinstance(m, Crops)] if embedder else []
+    model = CachingModel(load_model(method.detector), cache)
+    answers = _answers(method.detector, model, info, frames, 1)
+    embedder = build_reid(method.reid) if method.reid else None
+    embeddings = list[Embeddings | None]()
+    for messages in answers:
+        crops = [m for m in messages if isinstance(m, Crops)] if embedder else []
         vectors = [m for one in crops for m in embedder.handle(one, 0)] if embedder else []
-        embeddings = next((m for m in vectors if isinstance(m, Embeddings)), None)
-        frames.append((next(m for m in answers if isinstance(m, Detections)), embeddings))
-    return VariedDetections((info, link), frames)
+        embeddings.append(next((m for m in vectors if isinstance(m, Embeddings)), None))
+    found = {1: _detections(answers)}
+    config = msgspec.structs.replace(method.detector, crops=False)
+    for order in ORDERS:
+        step = order.frames(len(frames)).step
+        if step not in found:
+            found[step] = _detections(_answers(config, model, info, frames, step))
+    return VariedDetections((info, link), found, embeddings)
+
+
+def _answers(
+    config: DetectorConfig,
+    model: CachingModel,
+    info: CameraInfo,
+    frames: Sequence[RgbdFrame],
+    step: int,
+) -> list[Sequence[Message]]:
+    """Return the answers of a detector by frame; each follows the frame a step before."""
+    answers: list[Sequence[Message]] = [()] * len(frames)
+    for first in range(abs(step)):
+        detector = build_detector(config, model)
+        list(detector.handle(info, 0))
+        numbers = range(len(frames))[:: int(math.copysign(1, step))][first :: abs(step)]
+        for count, number in enumerate(numbers, 1):
+            stamp_ns = count * abs(step) * STEP_NS
+            frame = msgspec.structs.replace(frames[number], stamp_ns=stamp_ns)
+            answers[number] = list(detector.handle(frame, 0))
+    return answers
+
+
+def _detections(answers: Sequence[Sequence[Message]]) -> list[Detections]:
+    return [m for messages in answers for m in messages if isinstance(m, Detections)]
 
 
 def track(
@@ -183,13 +219,14 @@ def track(
 ) -> Iterator[tuple[int, FrameOutput]]:
     """Yield each frame of an order with its tracks."""
     config = msgspec.structs.replace(method.tracker, embedding_wait_s=0.0, reorder_wait_s=0.0)
-    node, frames = build_tracker(config), order.frames(len(detections.frames))
+    node, frames = build_tracker(config), order.frames(len(detections.embeddings))
     for message in detections.start:
         list(node.handle(message, 0))
     for count, frame in enumerate(frames, 1):
         stamp_ns = count * abs(frames.step) * STEP_NS
-        found, embeddings = detections.frames[frame]
-        found = msgspec.structs.replace(found, stamp_ns=stamp_ns)
+        found, embeddings = detections.found[frames.step][frame], detections.embeddings[frame]
+        interval_s = found.velocity_interval_s if count > 1 else None  # nothing comes before
+        found = msgspec.structs.replace(found, stamp_ns=stamp_ns, velocity_interval_s=interval_s)
         if embeddings:
             list(node.handle(msgspec.structs.replace(embeddings, stamp_ns=stamp_ns), 0))
         tracks = next(m for m in node.handle(found, 0) if isinstance(m, Tracks))
