@@ -14,10 +14,10 @@ import numpy as np
 
 from common.geometry.transforms import deproject
 from people4d.messages import F32, F64, U8, U16, CameraInfo, RgbdFrame
-from people4d.messages.base import MAX_CAMERAS
 from services.detector.config import VelocityConfig
 from services.detector.position.axis import covariance
 from services.detector.position.proportions import Flags
+from services.detector.position.surface import DepthImage, read_windows
 from services.detector.position.torso import LayeredTorso
 
 GRID = 8, 14  # points on a torso across and down
@@ -27,7 +27,7 @@ WINDOW_PX, LEVELS = 7, 3  # of optical flow
 BACK_PX = 0.5  # [px] largest error of a point that was followed there and back
 POINTS_MIN = 5  # that a velocity needs
 LAYER_M, MOVED_M = 0.3, 0.35  # [m] largest distance from the person's layer, in this frame; in both
-AROUND = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1]), axis=-1).reshape(-1, 2)  # [px] 9x2
+DEPTH_PX = 3  # [px] side of windows of depth
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,18 +56,22 @@ class SceneFlow:
         self._frames: dict[str, FlowFrame] = {}  # last frame, by camera
 
     def next(self, frame: RgbdFrame) -> tuple[FlowFrame, FlowFrame | None]:
-        """Store a frame; return it, and that before if it is of the same size and recent."""
+        """Store a frame; return it, and that before if it is of the same size and recent.
+
+        Cameras are few: those that have a calibration.
+        """
         grey = cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2GRAY)
         now = FlowFrame(frame.stamp_ns, np.asarray(grey, np.uint8), frame.depth_mm.copy())
         with self._lock:
             before = self._frames.get(frame.camera)
-            # A frame that another thread took first is not followed backwards in time.
-            is_next = before is None or before.stamp_ns < now.stamp_ns or self._is_far(before, now)
-            if is_next and (before or len(self._frames) < MAX_CAMERAS):
+            is_late = before is not None and before.stamp_ns >= now.stamp_ns
+            is_far = before is not None and self._is_far(before, now)
+            # A frame that another thread took first stays; a clock that went back begins anew.
+            if not is_late or is_far:
                 self._frames[frame.camera] = now
-        if before is None or before.stamp_ns >= now.stamp_ns or self._is_far(before, now):
+        if before is None or is_late or is_far or before.grey.shape != now.grey.shape:
             return now, None
-        return now, before if before.grey.shape == now.grey.shape else None
+        return now, before
 
     def velocities(
         self,
@@ -85,7 +89,7 @@ class SceneFlow:
         earlier, found = _followed(pixels, now, before)
         layers_m = [0.0 if pair is None else pair[1].depth_m for pair in torsos]
         near_m = np.repeat(layers_m, [len(p) for p in points])
-        depths_m = _depths(pixels, now, near_m), _depths(earlier, before, near_m)
+        depths_m = _depths(pixels, now, near_m, info), _depths(earlier, before, near_m, info)
         found &= np.isfinite(depths_m[0]) & np.isfinite(depths_m[1])
         dt_s = (now.stamp_ns - before.stamp_ns) / 1e9
         estimates: list[VelocityEstimate | None] = []
@@ -166,14 +170,9 @@ def _flow(image: U8, other: U8, start: F32) -> tuple[F32, Flags]:
     return np.asarray(there, np.float32), np.asarray(found)[:, 0] > 0
 
 
-def _depths(pixels: F64, frame: FlowFrame, near_m: F64) -> F64:
+def _depths(pixels: F64, frame: FlowFrame, near_m: F64, info: CameraInfo) -> F64:
     """Return the median depth around pixels (Nx2) of readings near a depth (N), NaN without one."""
-    height, width = frame.depth_mm.shape
-    around = np.rint(np.nan_to_num(pixels)).astype(np.intp)[:, None] + AROUND  # Nx9x2
-    u, v = around[..., 0].clip(0, width - 1), around[..., 1].clip(0, height - 1)
-    depth_m = frame.depth_mm[v, u] / 1000.0
-    depth_m[(depth_m == 0) | (np.abs(depth_m - near_m[:, None]) > MOVED_M)] = np.nan
-    depth_m.sort(axis=1)  # NaN come last
-    counts = np.isfinite(depth_m).sum(axis=1)
-    rows = np.arange(len(depth_m))
-    return np.asarray((depth_m[rows, (counts - 1) // 2] + depth_m[rows, counts // 2]) / 2)
+    image = DepthImage(frame.depth_mm, info)
+    return read_windows(np.nan_to_num(pixels), image, DEPTH_PX, near_m - MOVED_M, near_m + MOVED_M)[
+        0
+    ]

@@ -14,14 +14,13 @@ from people4d.messages import F64
 from services.tracker.interface import VelocityMeasurement
 from services.tracker.motion.motion import Motion, PositionMotion
 from services.tracker.motion.track_record import BOOL, ImmState, TrackRecord, stack
-from services.tracker.strongsort3d.config import ImmConfig, OcclusionConfig
+from services.tracker.strongsort3d.config import CHI2_3DOF_999, ImmConfig, OcclusionConfig
 
 STANDING, WALKING = 0, 1  # modes
 IS_POSITION = np.pad(np.ones((3, 3)), (0, 3))  # elements of a covariance
 ON_POSITION = IS_POSITION * np.eye(6)
 OWN = np.array([IS_POSITION, np.ones((6, 6))])  # of each mode: who stands has no velocity
 PROBABILITY_MIN = 1e-6  # of each mode
-VELOCITY_GATE = 16.27  # d_M^2 of measured velocities: chi^2, 3 dof, 99.9 %
 UNKNOWN_M2PS2 = 1e6  # [m^2/s^2] variance of a velocity that says nothing
 
 Velocities: TypeAlias = Sequence[VelocityMeasurement | None]
@@ -177,7 +176,7 @@ class Imm:
         y = np.stack([v, v - x[:, WALKING, 3:]], axis=1)
         S = np.stack([R + still, R + P[:, WALKING, 3:, 3:]], axis=1)
         d_m2 = kalman.squared_lengths(y, inverted(S))
-        used = np.minimum.reduce(d_m2, axis=1) < VELOCITY_GATE
+        used = np.minimum.reduce(d_m2, axis=1) < CHI2_3DOF_999
         x, P = x.copy(), P.copy()
         updated = kalman.update_velocity(x[used, WALKING], P[used, WALKING], v[used], R[used])
         x[used, WALKING], P[used, WALKING] = updated

@@ -20,7 +20,7 @@ from people4d.messages.base import (
 CosineDistance = Annotated[float, Meta(gt=0, le=2)]
 Seconds = Annotated[float, Meta(ge=0, le=60)]
 Metres = Annotated[float, Meta(ge=0, le=10)]
-CHI2_3DOF_95 = 7.8147
+CHI2_3DOF_95, CHI2_3DOF_999 = 7.8147, 16.27
 
 # Measured: benchmarks/reid_threshold.md.
 COSINE_DISTANCE_MAX = {"appearance": 0.3, "histogram": 0.25, "osnet": 0.45}

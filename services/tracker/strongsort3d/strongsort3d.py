@@ -26,7 +26,7 @@ from services.tracker.motion.track_set import TrackSet
 from services.tracker.observe import LENGTH_MIN
 from services.tracker.sort3d.association import associate, cosine_distances, distances
 from services.tracker.stateful import TrackerCheckpoint, TrackSetTracker
-from services.tracker.strongsort3d.config import StrongSort3dConfig
+from services.tracker.strongsort3d.config import CHI2_3DOF_999, StrongSort3dConfig
 from services.tracker.strongsort3d.policies import (
     AssociationResult,
     ContactPolicy,
@@ -38,9 +38,9 @@ from services.tracker.strongsort3d.policies import (
 # [ns] since a match before another camera after which the distance says little: that camera's
 # frames may be late, or it sends no more, so its track was not missed
 OTHERS_NS = 200_000_000
-# d_M^2 above which the motion contradicts a match in round 2: chi^2, 3 dof, 99.9 %, and for
-# detections that another person partly covers, whose position and crop are partly of that person
-CONTRADICTED_MIN, CONTRADICTED_OCCLUDED_MIN = 16.27, 40.0
+# d_M^2 above which the motion contradicts a match in round 2 with a detection that another person
+# partly covers, whose position and crop are partly of that person; of others CHI2_3DOF_999
+CONTRADICTED_OCCLUDED_MIN = 40.0
 OCCLUDED_SIGMA = 6.0  # factor of the standard deviation of velocities of occluded detections
 
 
@@ -178,7 +178,7 @@ class StrongSort3d(TrackSetTracker):
         (x, P), z = stack(records), self._motion.measure(detections)
         d_m2 = kalman.gate(x, P, z, self._motion.gate_noise(detections))[0]
         occluded = np.array([m.index in frame.occluded for m in detections])
-        least = np.where(occluded, CONTRADICTED_OCCLUDED_MIN, CONTRADICTED_MIN)
+        least = np.where(occluded, CONTRADICTED_OCCLUDED_MIN, CHI2_3DOF_999)
         uncertain = np.array([_is_uncertain(t, frame.observation) for t in records])
         others = np.array([t.camera != frame.observation.camera for t in records])[:, None]
         far = np.where(
@@ -215,7 +215,8 @@ def _less_certain(matches: Sequence[Match], frame: FrameContext) -> list[Match]:
         if velocity and measurement.index in frame.occluded:
             covariance_m2ps2 = OCCLUDED_SIGMA**2 * velocity.covariance_m2ps2
             velocity = velocity._replace(covariance_m2ps2=covariance_m2ps2)
-        result.append((record, replace(measurement, velocity=velocity)))
+            measurement = replace(measurement, velocity=velocity)
+        result.append((record, measurement))
     return result
 
 
