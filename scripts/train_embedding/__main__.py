@@ -3,6 +3,7 @@
 It runs in an environment of its own, see README.md; the result is models/appearance-lab.onnx.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,35 +12,34 @@ from torch import Tensor
 
 from scripts.train_embedding.augment import augment
 from scripts.train_embedding.network import HEIGHT_PX, WIDTH_PX, AppearanceNetwork
-from scripts.train_embedding.training import SHARED_SCENE, arguments, export, optimise
+from scripts.train_embedding.training import SHARED_SCENE, arguments, export, on_device, optimise
 
 OUTPUT = Path(__file__).resolve().parents[2] / "models" / "appearance-lab.onnx"
-SCENES, CROPS = 6, 4  # in a batch: scenes, and crops of each of their people
+SCENES, CROPS = 16, 4  # in a batch: scenes, and crops of each of their people
 TEMPERATURE = 0.1
 DECAY = 1e-4
 
 
-def read_crops(folder: Path) -> tuple[Tensor, np.ndarray]:
-    """Return all crops (Nx6xHxW bytes) and their owners (N)."""
-    crops, owners, first = [], [], 0
+def read_crops(folder: Path) -> tuple[Tensor, list[np.ndarray]]:
+    """Return all crops (Nx6xHxW bytes), and the numbers of those of each person of each scene."""
+    crops, owned, first = [], [], 0
     for path in sorted(folder.glob("*.npz")):
         with np.load(path) as file:
-            crops.append(file["crops"].transpose(0, 3, 1, 2))
-            owners.append(file["owners"] + first)
-            first += SHARED_SCENE * (int(file["owners"].max()) // SHARED_SCENE + 1)
-    return torch.from_numpy(np.concatenate(crops)), np.concatenate(owners)
+            crops.append(file["bodies"].transpose(0, 3, 1, 2))
+            owners = file["owners"]
+        people = SHARED_SCENE * (int(owners.max()) // SHARED_SCENE + 1)
+        owned += [first + np.flatnonzero(owners == person) for person in range(people)]
+        first += len(owners)
+    return on_device(np.concatenate(crops)), owned
 
 
-def batches(owners: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Draw indices of crops and their owners: people of some scenes, who are hard to tell apart."""
-    scenes = rng.choice(owners.max() // SHARED_SCENE + 1, SCENES, replace=False)
-    chosen = []
-    for person in (scenes[:, None] * SHARED_SCENE + np.arange(SHARED_SCENE)).ravel():
-        own = np.flatnonzero(owners == person)
-        if len(own) >= CROPS:
-            chosen.append(rng.choice(own, CROPS, replace=False))
-    indices = np.concatenate(chosen)
-    return indices, owners[indices]
+def batch(owned: Sequence[np.ndarray], rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Draw numbers of crops and their owners: people of some scenes, who are hard to tell apart."""
+    scenes = rng.choice(len(owned) // SHARED_SCENE, SCENES, replace=False)
+    people = (scenes[:, None] * SHARED_SCENE + np.arange(SHARED_SCENE)).ravel()
+    enough = [person for person in people.tolist() if len(owned[person]) >= CROPS]
+    chosen = [rng.choice(owned[person], CROPS, replace=False) for person in enough]
+    return np.concatenate(chosen), np.repeat(enough, CROPS)
 
 
 def contrastive_loss(vectors: Tensor, owners: Tensor) -> Tensor:
@@ -54,19 +54,19 @@ def contrastive_loss(vectors: Tensor, owners: Tensor) -> Tensor:
 
 def main() -> None:
     """Train and export."""
-    flags = arguments(__doc__.splitlines()[0], 2200, OUTPUT)
+    flags = arguments(__doc__.splitlines()[0], 11600, OUTPUT)
     rng = np.random.default_rng(flags.seed)
-    crops, owners = read_crops(flags.data)
-    print(f"{len(crops)} crops of {len(np.unique(owners))} people", flush=True)
+    crops, owned = read_crops(flags.data)
+    print(f"{len(crops)} crops of {len(owned)} people", flush=True)
     network = AppearanceNetwork()
 
     def loss_of_batch() -> Tensor:
-        indices, people = batches(owners, rng)
-        number, scene = (
-            torch.from_numpy(np.unique(groups, return_inverse=True)[1])
+        numbers, people = batch(owned, rng)
+        person, scene = (
+            on_device(np.unique(groups, return_inverse=True)[1])
             for groups in (people, people // SHARED_SCENE)
         )
-        return contrastive_loss(network(augment(crops[indices], number, scene)), number)
+        return contrastive_loss(network(augment(crops[numbers], person, scene)), person)
 
     for _ in optimise(network, loss_of_batch, flags.steps, DECAY):
         pass

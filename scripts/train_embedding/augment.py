@@ -14,7 +14,7 @@ def augment(crops: Tensor, people: Tensor, scenes: Tensor) -> Tensor:
     """Return crops as input of the network.
 
     Args:
-        crops: Nx6xHxW bytes, see render.py.
+        crops: Nx6xHxW bytes, see scripts/render_people.
         people: N numbers from 0, of the person of each crop.
         scenes: N numbers from 0, of the scene of each crop: its light is much the same.
     """

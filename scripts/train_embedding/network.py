@@ -3,11 +3,12 @@
 import torch  # type: ignore[import-not-found]
 from torch import Tensor, nn
 
-HEIGHT_PX, WIDTH_PX = 48, 24  # of the input
+HEIGHT_PX, WIDTH_PX = 64, 32  # of the input
 DIMENSION = 128
-PARTS = 6  # attention maps
-COLOURS = 32  # soft bins of colour
-COARSE, FINE = 64, 32  # features
+STEM = 24  # features of the first layer
+PARTS = 8  # attention maps
+COLOURS = 48  # soft bins of colour
+COARSE, FINE = 96, 48  # features
 OUTSIDE = 4.0  # logit by which what the mask leaves out counts less
 
 
@@ -34,12 +35,12 @@ class Residual(nn.Module):  # type: ignore[misc]
 
 
 class AppearanceNetwork(nn.Module):  # type: ignore[misc]
-    """Nx4x48x24 (RGB and mask, 0 to 1) to Nx128 of unit length."""
+    """Nx4x64x32 (RGB and mask, 0 to 1) to Nx128 of unit length."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.stem = convolution(4, 16, 2)
-        self.fine = nn.Sequential(convolution(16, FINE, 2), Residual(FINE))
+        self.stem = convolution(4, STEM, 2)
+        self.fine = nn.Sequential(convolution(STEM, FINE, 2), Residual(FINE))
         self.coarse = nn.Sequential(convolution(FINE, COARSE, 2), Residual(COARSE))
         self.attention = nn.Conv2d(FINE + COARSE, PARTS, 1)
         self.colour = nn.Sequential(

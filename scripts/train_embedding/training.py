@@ -5,24 +5,32 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import torch  # type: ignore[import-not-found]
 from torch import Tensor, nn
 
 RATE = 2e-3
-SHARED_SCENE = 6  # identities of a scene, see render.PEOPLE
+SHARED_SCENE = 6  # identities of a scene, PEOPLE of scripts/render_people
 
 
 def arguments(description: str, steps: int, output: Path) -> argparse.Namespace:
-    """Read the command line; seed torch and keep it to one thread."""
+    """Read the command line; seed torch, choose its device, keep it to one thread."""
     parser = argparse.ArgumentParser(description=description)
-    parser.add_argument("data", type=Path, help="folder that render.py wrote")
+    parser.add_argument("data", type=Path, help="folder that scripts.render_people wrote")
     parser.add_argument("--steps", type=int, default=steps)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--output", type=Path, default=output, help="default: %(default)s")
+    parser.add_argument("--device", default="cpu", help="for example cuda")
     flags = parser.parse_args()
     torch.set_num_threads(1)
+    torch.set_default_device(flags.device)
     torch.manual_seed(flags.seed)
     return flags
+
+
+def on_device(values: np.ndarray) -> Tensor:
+    """Return an array as a tensor on the default device."""
+    return torch.from_numpy(values).to(torch.get_default_device())
 
 
 def optimise(

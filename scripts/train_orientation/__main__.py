@@ -14,11 +14,17 @@ from torch import Tensor
 from torch.nn import functional  # type: ignore[import-not-found]
 
 from scripts.train_embedding.augment import RGB, blurred, lit, occluded, other_background, with_mask
-from scripts.train_embedding.training import SHARED_SCENE, arguments, export, optimise
+from scripts.train_embedding.training import (
+    SHARED_SCENE,
+    arguments,
+    export,
+    on_device,
+    optimise,
+)
 from scripts.train_orientation.network import SECTORS, SIZE_PX, OrientationNetwork
 
 OUTPUT = Path(__file__).resolve().parents[2] / "models" / "orientation-lab.onnx"
-BATCH = 128
+BATCH = 512
 DECAY = 1e-3
 SIGMA_RAD = math.radians(10)  # of the labels
 INPUT = 2 / 3  # side of the network's input over that of stored crops
@@ -30,7 +36,7 @@ TESTED = 10  # one file of so many is for testing
 class Crops:
     """Rendered crops."""
 
-    images: Tensor  # Nx6xHxW bytes, see render.py
+    images: Tensor  # Nx6xHxW bytes, see scripts/render_people
     scenes: np.ndarray  # N numbers
     yaws_rad: Tensor  # [rad] N
 
@@ -40,15 +46,15 @@ class Crops:
         images, scenes, yaws_rad = [], [], []
         for k, path in enumerate(paths):
             with np.load(path) as file:
-                images.append(file["crops"].transpose(0, 3, 1, 2))
-                scenes.append(file["owners"] // SHARED_SCENE + 1000 * k)
+                images.append(file["upper_bodies"].transpose(0, 3, 1, 2))
+                scenes.append(file["upper_owners"] // SHARED_SCENE + 1000 * k)
                 yaws_rad.append(file["yaws_rad"])
-        yaws = torch.from_numpy(np.concatenate(yaws_rad)).float()
-        return cls(torch.from_numpy(np.concatenate(images)), np.concatenate(scenes), yaws)
+        yaws = on_device(np.concatenate(yaws_rad)).float()
+        return cls(on_device(np.concatenate(images)), np.concatenate(scenes), yaws)
 
     def augmented(self, chosen: np.ndarray) -> tuple[Tensor, Tensor]:
         """Return augmented crops as input of the network, and their yaws."""
-        scenes = torch.from_numpy(np.unique(self.scenes[chosen], return_inverse=True)[1])
+        scenes = on_device(np.unique(self.scenes[chosen], return_inverse=True)[1])
         mirrored = torch.rand(len(chosen)) < 0.5
         images = moved(self.images[chosen].float() / 255, mirrored)
         images = occluded(other_background(images))
@@ -103,7 +109,7 @@ def test(network: OrientationNetwork, crops: Crops) -> str:
 
 def main() -> None:
     """Train, test and export."""
-    flags = arguments(__doc__.splitlines()[0], 5000, OUTPUT)
+    flags = arguments(__doc__.splitlines()[0], 14600, OUTPUT)
     rng = np.random.default_rng(flags.seed)
     paths = sorted(flags.data.glob("*.npz"))
     tested = Crops.read(paths[::TESTED])

@@ -7,9 +7,9 @@ from scripts.train_embedding.network import Residual, convolution
 
 SIZE_PX = (64, 48)  # height and width of the input
 SECTORS = 24  # of the yaw from the line of sight; the first is about 0, facing away
-COARSE, MIDDLE, FINE = 64, 48, 24  # features
+COARSE, MIDDLE, FINE = 128, 64, 32  # features
 CELL = 32  # features of each of the 8x6 cells
-HIDDEN = 96
+HIDDEN = 128
 
 
 class OrientationNetwork(nn.Module):  # type: ignore[misc]

@@ -1,17 +1,13 @@
-"""Render the crops that the network learns from: `python -m scripts.train_embedding.render OUT`.
+"""Views of people of the lab in its rooms, who look like no one of its cast.
 
 Each scene has a few identities, who are drawn some times: in other rooms, from other cameras and
-distances, before and behind each other, cut by the image's edge. Needs nothing but the project.
+distances, before and behind each other, cut by the image's edge.
 """
 
-import argparse
 import math
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -36,15 +32,12 @@ from lab.scenario import WALKABLE_M, Gesture, PersonPlan, RoomName, Waypoint
 from lab.truth.frames import project_visible
 from lab.world import camera_info
 from people4d.messages import F32, F64, U8, CameraInfo
-from scripts.train_embedding.outfits import DressedBody, Paint, Rng, draw_cut, draw_outfit
+from scripts.render_people.outfits import DressedBody, Paint, Rng, draw_cut, draw_outfit
 
 BOOL = npt.NDArray[np.bool_]
-HEIGHT_PX, WIDTH_PX = 80, 40  # of stored crops
 IMAGE_PX = (256, 192)
 DARK_SCENES = 0.4  # share of scenes in which all wear dark clothes
 LAYER_M = (-0.4, 0.5)  # depths of the person's layer, relative to the median of what is visible
-FULL_BOX = 0.6  # share of crops whose box reaches towards hidden parts of the body
-PIXELS_MIN = 150  # of a person that are visible, else there is no crop
 PEOPLE = 6  # of a scene
 SHOULDERS = [5, 6]  # COCO; of people without one that is visible there is no crop
 MOTION_S = 24.0
@@ -69,6 +62,7 @@ class PersonView:
     box_px: F64  # left, top, right, bottom of the body with its hidden parts, in the image
     shoulders_px: F64  # u and v of the middle of the shoulders
     depth_m: float  # [m] of it
+    focal_px: float  # [px] of the camera
     yaw_rad: float  # [rad] of the chest, 0 = facing away along the line of sight, + to the left
 
 
@@ -115,22 +109,19 @@ def draw_motion(rng: Rng, body: DressedBody) -> PersonMotion:
     return simulate([plan], [body.body.skeleton], MOTION_S, int(rng.integers(2**31)))[0]
 
 
-def crops_of_scene(rng: Rng, stage: Stage, views: int) -> Iterator[tuple[int, U8, float]]:
-    """Yield the crops of one scene: number of the person, HEIGHT_PX x WIDTH_PX x 6, yaw in rad.
+def views_of_scene(rng: Rng, stage: Stage, images: int) -> Iterator[tuple[int, U8, PersonView]]:
+    """Yield the views of one scene: number of the person, HxWx3 image, view.
 
-    The last channels are `own`, `hidden` and `layer` of PersonView. Half of the views are in one
-    room.
+    Half of the images are of one room.
     """
     dark = bool(rng.random() < DARK_SCENES)
     people = [draw_identity(rng, stage, dark) for _ in range(PEOPLE)]
     home = int(rng.integers(len(stage.rooms)))
-    for view in range(views):
-        room = home if view < views // 2 else int(rng.integers(len(stage.rooms)))
-        rgb, person_views = draw_image(rng, stage, people, room)
-        for k, person_view in person_views.items():
-            crop = cut(rng, rgb, person_view)
-            if crop is not None:
-                yield k, crop, person_view.yaw_rad
+    for image in range(images):
+        room = home if image < images // 2 else int(rng.integers(len(stage.rooms)))
+        rgb, views = draw_image(rng, stage, people, room)
+        for k, view in views.items():
+            yield k, rgb, view
 
 
 def draw_identity(rng: Rng, stage: Stage, dark: bool) -> Identity:
@@ -194,6 +185,7 @@ def view_of(
         np.clip(box_px, 0, size),
         project(middle_m, info)[0],
         float(middle_m[2]),
+        info.fx,
         yaw_rad,
     )
 
@@ -235,66 +227,3 @@ def moved_pose(pose: BodyPose, where: F64, turn_rad: float) -> BodyPose:
     moved[:3, :3] = turn @ own[:3, :3]
     moved[:3, 3] = [*where, own[2, 3]]
     return BodyPose(moved, pose.rotations)
-
-
-def cut(rng: Rng, rgb: U8, view: PersonView) -> U8 | None:
-    """Cut out a person, about as a detector does; None if too little of them is visible."""
-    own = view.own
-    if np.count_nonzero(own) < PIXELS_MIN:
-        return None
-    rows, columns = np.flatnonzero(own.any(axis=1)), np.flatnonzero(own.any(axis=0))
-    visible_px = np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], np.float64)
-    share = rng.uniform(0, 1, 4) if rng.random() < FULL_BOX else np.zeros(4)
-    box_px = visible_px + share * (view.box_px - visible_px)
-    low, high = box_px[1::-1], box_px[:1:-1]
-    size = high - low
-    low = np.clip(np.rint(low - size * rng.uniform(-0.04, 0.1, 2)), 0, None).astype(int)
-    high = np.clip(np.rint(high + size * rng.uniform(-0.04, 0.1, 2)), low + 4, own.shape)
-    window = (slice(low[0], int(high[0])), slice(low[1], int(high[1])))
-    if min(rgb[window].shape[:2]) < 8 or not own[window].any():
-        return None
-    planes = [plane[window] * np.uint8(255) for plane in (own, view.hidden, view.layer)]
-    parts = [rgb[window], *planes]
-    size_px = (WIDTH_PX, HEIGHT_PX)
-    return np.dstack([cv2.resize(part, size_px, interpolation=cv2.INTER_AREA) for part in parts])
-
-
-def write_parts(
-    description: str, crops_of: Callable[[Rng, Stage, int], Iterator[tuple[int, U8, float]]]
-) -> None:
-    """Read the command line, render and write a file for each part.
-
-    `crops_of` draws one scene with so many views, see `crops_of_scene`.
-    """
-    parser = argparse.ArgumentParser(description=description)
-    parser.add_argument("out", type=Path, help="folder to write to")
-    parser.add_argument("--parts", type=int, default=12, help="files; each draws its own stage")
-    parser.add_argument("--first", type=int, default=0, help="number of the first, and its seed")
-    parser.add_argument("--scenes", type=int, default=25, help="of each part")
-    parser.add_argument("--views", type=int, default=14, help="images of each scene")
-    parser.add_argument("--cuts", type=int, default=16, help="bodies in clothes of different cut")
-    parser.add_argument("--rooms", type=int, default=8)
-    flags = parser.parse_args()
-    cv2.setNumThreads(1)
-    flags.out.mkdir(parents=True, exist_ok=True)
-    for part in range(flags.first, flags.first + flags.parts):
-        start_s = time.process_time()
-        rng = np.random.default_rng(part)
-        stage = make_stage(rng, flags.cuts, flags.rooms)
-        crops, owners, yaws_rad = list[U8](), list[int](), list[float]()
-        for scene in range(flags.scenes):
-            for k, crop, yaw_rad in crops_of(rng, stage, flags.views):
-                crops.append(crop)
-                owners.append(scene * PEOPLE + k)
-                yaws_rad.append(yaw_rad)
-        np.savez(
-            flags.out / f"{part:03}.npz",
-            crops=np.stack(crops),
-            owners=np.array(owners),
-            yaws_rad=np.array(yaws_rad),
-        )
-        print(f"{part}: {len(crops)} crops, {time.process_time() - start_s:.0f} s", flush=True)
-
-
-if __name__ == "__main__":
-    write_parts(__doc__.splitlines()[0], crops_of_scene)

@@ -1,0 +1,70 @@
+"""Crops of rendered people: the body as a detector cuts it, and the upper body.
+
+Channels are red, green, blue, and `own`, `hidden` and `layer` of PersonView, 0 or 255.
+"""
+
+import cv2
+import numpy as np
+
+from people4d.messages import HIDDEN_RGB, U8
+from scripts.render_people.outfits import Rng
+from scripts.render_people.views import PersonView
+
+PIXELS_MIN = 150  # of a person that are visible, else there is no crop
+BODY_PX = (80, 40)  # height and width of stored crops of bodies
+FULL_BOX = 0.6  # share of them whose box reaches towards hidden parts of the body
+UPPER_PX = (96, 72)  # height and width of stored crops of upper bodies
+UPPER_M = (1.65, 1.24)  # of the world at the person's depth
+ABOVE_M = 0.75  # of it above the shoulders
+OUTSIDE = (*HIDDEN_RGB, 0, 255, 0)  # what lies out of the image
+
+
+def body(rng: Rng, rgb: U8, view: PersonView) -> U8 | None:
+    """Return the crop of a person about as a detector cuts it, HxWx6; None if little is visible."""
+    own = view.own
+    if np.count_nonzero(own) < PIXELS_MIN:
+        return None
+    rows, columns = np.flatnonzero(own.any(axis=1)), np.flatnonzero(own.any(axis=0))
+    visible_px = np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], np.float64)
+    share = rng.uniform(0, 1, 4) if rng.random() < FULL_BOX else np.zeros(4)
+    box_px = visible_px + share * (view.box_px - visible_px)
+    low, high = box_px[1::-1], box_px[:1:-1]
+    size = high - low
+    low = np.clip(np.rint(low - size * rng.uniform(-0.04, 0.1, 2)), 0, None).astype(int)
+    high = np.clip(np.rint(high + size * rng.uniform(-0.04, 0.1, 2)), low + 4, own.shape)
+    window = (slice(low[0], int(high[0])), slice(low[1], int(high[1])))
+    if min(rgb[window].shape[:2]) < 8 or not own[window].any():
+        return None
+    planes = [plane[window] * np.uint8(255) for plane in (own, view.hidden, view.layer)]
+    parts = [rgb[window], *planes]
+    return np.dstack(
+        [cv2.resize(part, BODY_PX[::-1], interpolation=cv2.INTER_AREA) for part in parts]
+    )
+
+
+def upper_body(rgb: U8, view: PersonView) -> U8 | None:
+    """Return the crop around the shoulders, HxWx6; None if too little of the person is visible."""
+    if np.count_nonzero(view.own) < PIXELS_MIN:
+        return None
+    planes = [plane * np.uint8(255) for plane in (view.own, view.hidden, view.layer)]
+    image = np.dstack([rgb, *planes])
+    px_per_m = view.focal_px / view.depth_m
+    size = np.array(UPPER_M) * px_per_m
+    corner = view.shoulders_px[::-1] - (ABOVE_M * px_per_m, size[1] / 2)
+    low = np.rint(corner).astype(int)
+    high = np.maximum(np.rint(corner + size).astype(int), low + 4)
+    inside_low, inside_high = np.clip(low, 0, image.shape[:2]), np.clip(high, 0, image.shape[:2])
+    if (inside_high <= inside_low).any():
+        return None
+    window = np.empty((*(high - low), 6), np.uint8)
+    window[:] = OUTSIDE
+    at, to = inside_low - low, inside_high - low
+    part = image[inside_low[0] : inside_high[0], inside_low[1] : inside_high[1]]
+    window[at[0] : to[0], at[1] : to[1]] = part
+    if not window[..., 3].any():
+        return None
+    halves = [
+        cv2.resize(np.ascontiguousarray(half), UPPER_PX[::-1], interpolation=cv2.INTER_AREA)
+        for half in (window[..., :3], window[..., 3:])
+    ]
+    return np.dstack(halves)
