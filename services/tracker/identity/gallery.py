@@ -11,6 +11,8 @@ from services.tracker.interface import GalleryEntry
 from services.tracker.motion.track_record import IdentityDecision
 from services.tracker.strongsort3d.config import IdentityConfig
 
+NEAREST_VIEWS = 2  # of a person: one may be a bad crop
+
 
 @dataclass(frozen=True, slots=True)
 class IdentityQuery:
@@ -82,17 +84,17 @@ class Gallery:
     ) -> IdentityDecision:
         """Return the candidate that a new track is, or why it is none of them.
 
-        The distance of a candidate is that of the mean of the query's embeddings to the nearest of
-        their views; the distance of an unknown person is `limit`, the largest of the same person.
-        A possibility at distance d has the weight exp(-d / temperature), and its part of the sum is
-        the confidence.
+        The distance of a candidate is that of the mean of the query's embeddings to their two
+        nearest views, on average; that of an unknown person is `limit`, the largest of the same
+        person. A possibility at distance d has the weight exp(-d / temperature), and its part of
+        the sum is the confidence.
         """
         if not candidates:
             return IdentityDecision("new", 1.0, "no known person could be here")
         if not query.embeddings:
             return IdentityDecision("new", 0.5, "no embedding")
         mean, known = mean_direction(query.embeddings), self._known()
-        distances = [view_distance(mean, known[identity].views) for identity in candidates]
+        distances = [person_distance(mean, known[identity].views) for identity in candidates]
         order = sorted(range(len(candidates)), key=lambda k: (distances[k], candidates[k]))
         best = order[0]
         # With one candidate there is no second best to compare with.
@@ -128,6 +130,12 @@ def mean_direction(embeddings: Sequence[F64]) -> F64:
     """Return the mean of embeddings at unit length."""
     mean: F64 = np.mean(embeddings, axis=0)
     return mean / max(float(np.linalg.norm(mean)), 1e-6)
+
+
+def person_distance(embedding: F64, views: Sequence[F64]) -> float:
+    """Return the mean cosine distance to the `NEAREST_VIEWS` of a person, or to the only one."""
+    nearest = np.sort(1.0 - np.array(views) @ embedding)[:NEAREST_VIEWS]
+    return float(np.clip(nearest.mean(), 0.0, 2.0))
 
 
 def view_distance(embedding: F64, views: Sequence[F64]) -> float:

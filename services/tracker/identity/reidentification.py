@@ -1,6 +1,6 @@
 """Identity policy: re-identification of people who return."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -44,7 +44,7 @@ class Reidentification(IdentityPolicy):
     """Decide the identity of each new track before it is confirmed.
 
     A track that could be of an absent person stays tentative until one of its crops is
-    unoccluded, or until a timeout.
+    unoccluded, some if the decision is uncertain, or until a timeout.
     """
 
     def __init__(self, config: IdentityConfig) -> None:
@@ -99,6 +99,17 @@ class Reidentification(IdentityPolicy):
         """Check for a confirmed track of the frame's camera that is absent."""
         own = record.confirmed and record.camera == observation.camera
         return own and record.detection is None and self.is_absent(record, observation)
+
+    def cosine_limits(self, records: Sequence[TrackRecord], frame: FrameContext) -> F64:
+        """Return C_cos, but the limit of people who return for tracks that were missed for long.
+
+        Where they are is a guess by then, and the nearest detection may be another person's.
+        """
+        c_cos, stamp_ns = frame.cosine_distance_max, frame.observation.stamp_ns
+        limit = self._config.limit(frame.observation.embedder, c_cos)
+        longest_ns = self._config.absent_s * 1e9
+        is_long = [t.missed > 1 and stamp_ns - t.missed_since_ns > longest_ns for t in records]
+        return np.where(is_long, min(limit, c_cos), c_cos)
 
     def after_prediction(self, tracks: TrackSet, observation: Observation) -> None:
         """After a time without frames, end tracks that could be of others, as absent ones."""
@@ -160,7 +171,7 @@ class Reidentification(IdentityPolicy):
         self, tracks: TrackSet, match: Match, quality: _MatchQuality, frame: FrameContext
     ) -> None:
         """Decide the identity of a new track, or keep it tentative."""
-        (record, measurement), stamp_ns = match, match[0].matched_ns
+        (record, measurement), stamp_ns, config = match, match[0].matched_ns, self._config
         pending = self._pending.setdefault(record.id, _PendingIdentity(stamp_ns))
         if measurement.embedding is not None:
             embeddings = pending.unoccluded if quality.unoccluded else pending.others
@@ -170,13 +181,16 @@ class Reidentification(IdentityPolicy):
         query = IdentityQuery(record.x[:3], stamp_ns, pending.unoccluded or pending.others)
         present = {t.id for t in tracks.records if t.detection is not None or _beside(t, record)}
         candidates = self._gallery.plausible(query, present)
-        waits = stamp_ns - pending.since_ns < self._config.wait_s * 1e9
-        if candidates and waits and not pending.unoccluded:
+        waits = stamp_ns - pending.since_ns < config.wait_s * 1e9
+        limit = config.limit(frame.observation.embedder, frame.cosine_distance_max)
+        decision = self._gallery.decide(query, candidates, limit)
+        confidence = 0.0 if decision.identity == "refused" else decision.confidence or 0.0
+        certain = confidence >= config.confidence_min
+        if candidates and waits and len(pending.unoccluded) < (1 if certain else config.crops_min):
             record.confirmed = False
             return
         del self._pending[record.id]
-        limit = self._config.limit(frame.observation.embedder, frame.cosine_distance_max)
-        record.identity = decision = self._gallery.decide(query, candidates, limit)
+        record.identity = decision
         if decision.id is not None:
             # The lost track of the same person ends here.
             tracks.records = [t for t in tracks.records if t.id != decision.id]

@@ -22,9 +22,9 @@ Seconds = Annotated[float, Meta(ge=0, le=60)]
 Metres = Annotated[float, Meta(ge=0, le=10)]
 CHI2_3DOF_95, CHI2_3DOF_999 = 7.8147, 16.27
 
-# Measured: benchmarks/reid_threshold.md.
-COSINE_DISTANCE_MAX = {"appearance": 0.3, "histogram": 0.25, "osnet": 0.45}
-REIDENTIFICATION_MAX = {"appearance": 0.2, "histogram": 0.15, "osnet": 0.38}  # 2 % false
+# Measured: benchmarks/reid_threshold.md; of the appearance network on the lab and real people.
+COSINE_DISTANCE_MAX = {"appearance": 0.46, "histogram": 0.25, "osnet": 0.45}
+REIDENTIFICATION_MAX = {"appearance": 0.28, "histogram": 0.15, "osnet": 0.38}  # 2 % false
 
 
 class OcclusionConfig(Config, frozen=True, kw_only=True):
@@ -71,8 +71,11 @@ class IdentityConfig(Config, frozen=True, kw_only=True):
     # camera has missed
     absent_cut_off_s: Seconds = 0.2
     # Time of the decision
-    # [s] a new track waits for an unoccluded crop for so long, while an absent person could be back
+    # [s] a new track waits for unoccluded crops for so long, while an absent person could be back:
+    # for one if the decision is of this confidence, else for so many
     wait_s: Seconds = 0.3
+    confidence_min: Ratio = 0.7
+    crops_min: PositiveInt = 3
     # Rule of the decision
     # Largest cosine distance of the same person; absent: of REIDENTIFICATION_MAX, else C_cos
     match_max: CosineDistance | None = None

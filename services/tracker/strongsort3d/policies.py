@@ -121,6 +121,10 @@ class IdentityPolicy(TrackPolicy):
         """Check that a track is left to re-identification instead of association."""
         return False
 
+    def cosine_limits(self, records: Sequence[TrackRecord], frame: FrameContext) -> F64:
+        """Return the largest cosine distances (N) at which tracks match in round 1."""
+        return np.full(len(records), frame.cosine_distance_max)
+
     def entries(self) -> list[tuple[int, GalleryEntry]]:
         """Return the gallery for a checkpoint."""
         return []

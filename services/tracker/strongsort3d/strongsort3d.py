@@ -163,6 +163,8 @@ class StrongSort3d(TrackSetTracker):
             narrow_m2, narrow_det = kalman.gate(x, P, z, R)
             d_m2, log_det = np.where(unknown, (narrow_m2, narrow_det), (d_m2, log_det))
         cost = combined_cost(d_m2, d_cos, frame.cosine_distance_max, self._config)
+        limits = self._policies.identity.cosine_limits(records, frame)
+        cost[d_cos > limits[:, None]] = np.inf
         return cost + self._config.motion_weight * log_det if self._config.likelihood else cost
 
     def _contradicted(

@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -99,7 +100,9 @@ def test_ambiguous_return_is_refused() -> None:
     sort = tracker()
     stay(sort, 0, 10, person(3, 0, embedding=RED), person(3, 1, 1, 0.8, RED_TOO))
     stay(sort, 10, 40)
-    assert stay(sort, 50, 3, person(3, 0.5, embedding=RED)) == [(3, "confirmed", "refused")]
+    # Two crops (the second and the third match) are not enough for a decision without a winner.
+    assert stay(sort, 50, 3, person(3, 0.5, embedding=RED)) == []
+    assert stay(sort, 53, 1, person(3, 0.5, embedding=RED)) == [(3, "confirmed", "refused")]
 
 
 def test_of_two_similar_people_the_absent_one_returns() -> None:
@@ -315,3 +318,19 @@ def test_person_hidden_at_the_edge_has_left_a_camera_that_rests(turned: bool, ab
     record.missed, record.occluded, record.visible_ratio, record.turned = 5, 5, 0.9, turned
     policy = Reidentification(IdentityConfig())
     assert policy.is_absent(record, frame(14)) == absent
+
+
+@pytest.mark.parametrize(("hidden_frames", "goes_on"), [(8, True), (14, False)])
+def test_person_like_one_hidden_for_long_takes_no_track(hidden_frames: int, goes_on: bool) -> None:
+    # RED is hidden behind BLUE. Who comes out is 0.2 from RED: more than re-identification takes of
+    # histograms (0.15), less than C_cos (0.25); 0.8 m aside is beyond round 2.
+    like_red = (1.0, 0.89, 0.0)
+    sort = build_strongsort3d(published_config(strongsort3d=msgspec.structs.replace(ALL, a_max=30)))
+    behind, before = person(4, 0, embedding=RED), person(2, 0, 1, 0.8, BLUE)
+    for number in range(10):
+        sort.update(with_pose(number, behind))
+    for number in range(10, 10 + hidden_frames):
+        sort.update(with_pose(number, before))
+    for number in range(10 + hidden_frames, 16 + hidden_frames):
+        tracks = sort.update(with_pose(number, person(4, 0.8, embedding=like_red)))
+    assert (1 in [t.id for t in tracks if t.state == "confirmed"]) is goes_on
