@@ -321,7 +321,7 @@ def test_person_hidden_at_the_edge_has_left_a_camera_that_rests(turned: bool, ab
 
 
 @pytest.mark.parametrize(("hidden_frames", "goes_on"), [(8, True), (14, False)])
-def test_person_like_one_hidden_for_long_gets_an_identity_of_their_own(hidden_frames: int, goes_on: bool) -> None:
+def test_person_like_one_hidden_for_long_is_new(hidden_frames: int, goes_on: bool) -> None:
     # RED is hidden behind BLUE. Who comes out is 0.2 from RED: more than re-identification takes of
     # histograms (0.15), less than C_cos (0.25); 0.8 m aside is beyond round 2.
     like_red = (1.0, 0.89, 0.0)
