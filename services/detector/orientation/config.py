@@ -92,7 +92,7 @@ class OrientationNetworkConfig(Config, frozen=True, kw_only=True):
 
     # Name in the manifest of models, or path of an .onnx file; empty: there is none
     model: str = "orientation-lab"
-    # Exponent of its probabilities: the image is not independent of the keypoints
+    # Exponent of its probabilities; less than 1 if image and keypoints err together
     weight: Annotated[float, Meta(gt=0, le=1)] = 1.0
     outliers: Fraction = 0.05  # probability of an image that shows something else
 
