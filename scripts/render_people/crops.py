@@ -1,6 +1,6 @@
 """Crops of rendered people: the body as a detector cuts it, and the upper body.
 
-Channels are red, green, blue, and `own`, `hidden` and `layer` of PersonView, 0 or 255.
+Channels are red, green, blue, and the planes of PersonView.
 """
 
 import cv2
@@ -10,7 +10,6 @@ from people4d.messages import HIDDEN_RGB, U8
 from scripts.render_people.outfits import Rng
 from scripts.render_people.views import PersonView
 
-PIXELS_MIN = 150  # of a person that are visible, else there is no crop
 BODY_PX = (80, 40)  # height and width of stored crops of bodies
 FULL_BOX = 0.6  # share of them whose box reaches towards hidden parts of the body
 UPPER_PX = (96, 72)  # height and width of stored crops of upper bodies
@@ -20,10 +19,8 @@ OUTSIDE = (*HIDDEN_RGB, 0, 255, 0)  # what lies out of the image
 
 
 def body(rng: Rng, rgb: U8, view: PersonView) -> U8 | None:
-    """Return the crop of a person about as a detector cuts it, HxWx6; None if little is visible."""
-    own = view.own
-    if np.count_nonzero(own) < PIXELS_MIN:
-        return None
+    """Return the crop of a person about as a detector cuts it, HxWx6; None if it is too small."""
+    own = view.planes[..., 0]
     rows, columns = np.flatnonzero(own.any(axis=1)), np.flatnonzero(own.any(axis=0))
     visible_px = np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], np.float64)
     share = rng.uniform(0, 1, 4) if rng.random() < FULL_BOX else np.zeros(4)
@@ -35,19 +32,12 @@ def body(rng: Rng, rgb: U8, view: PersonView) -> U8 | None:
     window = (slice(low[0], int(high[0])), slice(low[1], int(high[1])))
     if min(rgb[window].shape[:2]) < 8 or not own[window].any():
         return None
-    planes = [plane[window] * np.uint8(255) for plane in (own, view.hidden, view.layer)]
-    parts = [rgb[window], *planes]
-    return np.dstack(
-        [cv2.resize(part, BODY_PX[::-1], interpolation=cv2.INTER_AREA) for part in parts]
-    )
+    return reduced(rgb[window], view.planes[window], BODY_PX)
 
 
 def upper_body(rgb: U8, view: PersonView) -> U8 | None:
-    """Return the crop around the shoulders, HxWx6; None if too little of the person is visible."""
-    if np.count_nonzero(view.own) < PIXELS_MIN:
-        return None
-    planes = [plane * np.uint8(255) for plane in (view.own, view.hidden, view.layer)]
-    image = np.dstack([rgb, *planes])
+    """Return the crop around the shoulders, HxWx6; None if the person is not in it."""
+    image = np.dstack([rgb, view.planes])
     px_per_m = view.focal_px / view.depth_m
     size = np.array(UPPER_M) * px_per_m
     corner = view.shoulders_px[::-1] - (ABOVE_M * px_per_m, size[1] / 2)
@@ -63,8 +53,13 @@ def upper_body(rgb: U8, view: PersonView) -> U8 | None:
     window[at[0] : to[0], at[1] : to[1]] = part
     if not window[..., 3].any():
         return None
+    return reduced(window[..., :3], window[..., 3:], UPPER_PX)
+
+
+def reduced(rgb: U8, planes: U8, size_px: tuple[int, int]) -> U8:
+    """Return colours and planes (HxWx3 each) at a size, height and width, HxWx6."""
     halves = [
-        cv2.resize(np.ascontiguousarray(half), UPPER_PX[::-1], interpolation=cv2.INTER_AREA)
-        for half in (window[..., :3], window[..., 3:])
+        cv2.resize(np.ascontiguousarray(half), size_px[::-1], interpolation=cv2.INTER_AREA)
+        for half in (rgb, planes)
     ]
     return np.dstack(halves)

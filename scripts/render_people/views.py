@@ -39,7 +39,8 @@ IMAGE_PX = (256, 192)
 DARK_SCENES = 0.4  # share of scenes in which all wear dark clothes
 LAYER_M = (-0.4, 0.5)  # depths of the person's layer, relative to the median of what is visible
 PEOPLE = 6  # of a scene
-SHOULDERS = [5, 6]  # COCO; of people without one that is visible there is no crop
+PIXELS_MIN = 150  # of a person that are visible, else there is no view
+SHOULDERS = [5, 6]  # COCO; of people without one that is visible there is no view
 MOTION_S = 24.0
 
 
@@ -56,9 +57,9 @@ class Stage:
 class PersonView:
     """View of one person in an image."""
 
-    own: U8  # HxW, 1 where the person is visible
-    hidden: U8  # HxW, 1 on surfaces before the person
-    layer: U8  # HxW, 1 on surfaces at about the person's depth
+    # HxWx3, 0 or 255: where the person is visible, surfaces before the person, and surfaces at
+    # about the person's depth
+    planes: U8
     box_px: F64  # left, top, right, bottom of the body with its hidden parts, in the image
     shoulders_px: F64  # u and v of the middle of the shoulders
     depth_m: float  # [m] of it
@@ -158,6 +159,8 @@ def draw_image(
     views = {}
     for k, points_m in enumerate(shoulders_m):
         own = owners == k + 1
+        if np.count_nonzero(own) < PIXELS_MIN:
+            continue
         column, row = np.rint(project_visible(apply(optical_from_map, points_m), renderer.info)).T
         inside = (column >= 0) & (column < own.shape[1]) & (row >= 0) & (row < own.shape[0])
         if own[row[inside].astype(int), column[inside].astype(int)].any():
@@ -178,10 +181,10 @@ def view_of(
     body_px = body_px[np.isfinite(body_px).all(axis=1)]
     box_px = np.concatenate([body_px.min(axis=0), body_px.max(axis=0)])
     size = np.array(own.shape[::-1] * 2)
+    hidden = (relative_m < LAYER_M[0]) & ~own
+    layer = (relative_m >= LAYER_M[0]) & (relative_m <= LAYER_M[1])
     return PersonView(
-        own.astype(np.uint8),
-        ((relative_m < LAYER_M[0]) & ~own).astype(np.uint8),
-        ((relative_m >= LAYER_M[0]) & (relative_m <= LAYER_M[1])).astype(np.uint8),
+        np.dstack([own, hidden, layer]) * np.uint8(255),
         np.clip(box_px, 0, size),
         project(middle_m, info)[0],
         float(middle_m[2]),
