@@ -94,7 +94,7 @@ class Gallery:
         if not query.embeddings:
             return IdentityDecision("new", 0.5, "no embedding")
         mean, known = mean_direction(query.embeddings), self._known()
-        distances = [person_distance(mean, known[identity].views) for identity in candidates]
+        distances = [view_distance(mean, known[k].views, NEAREST_VIEWS) for k in candidates]
         order = sorted(range(len(candidates)), key=lambda k: (distances[k], candidates[k]))
         best = order[0]
         # With one candidate there is no second best to compare with.
@@ -132,16 +132,10 @@ def mean_direction(embeddings: Sequence[F64]) -> F64:
     return mean / max(float(np.linalg.norm(mean)), 1e-6)
 
 
-def person_distance(embedding: F64, views: Sequence[F64]) -> float:
-    """Return the mean cosine distance to the `NEAREST_VIEWS` of a person, or to the only one."""
-    nearest = np.sort(1.0 - np.array(views) @ embedding)[:NEAREST_VIEWS]
-    return float(np.clip(nearest.mean(), 0.0, 2.0))
-
-
-def view_distance(embedding: F64, views: Sequence[F64]) -> float:
-    """Return the cosine distance to the nearest view."""
-    nearest = 1.0 - float((np.array(views) @ embedding).max())
-    return min(max(nearest, 0.0), 2.0)
+def view_distance(embedding: F64, views: Sequence[F64], count: int = 1) -> float:
+    """Return the mean cosine distance to so many nearest views, or to all if there are fewer."""
+    nearest = np.sort(1.0 - np.array(views) @ embedding)[:count]
+    return min(max(float(nearest.mean()), 0.0), 2.0)
 
 
 def add_view(views: list[F64], embedding: F64, gap: float, most: int) -> None:
