@@ -20,7 +20,7 @@ class IdentityQuery:
 
     position_m: F64  # 3
     stamp_ns: int  # [ns] of the frame
-    embeddings: Sequence[F64]  # unit vectors of one model
+    embeddings: Sequence[F64]  # of one model; the longer one is, the more it counts
 
 
 class Gallery:
@@ -127,7 +127,7 @@ class Gallery:
 
 
 def mean_direction(embeddings: Sequence[F64]) -> F64:
-    """Return the mean of embeddings at unit length."""
+    """Return the direction, at unit length, of the mean of embeddings."""
     mean: F64 = np.mean(embeddings, axis=0)
     return mean / max(float(np.linalg.norm(mean)), 1e-6)
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from people4d.messages import F64
 from services.tracker.identity.gallery import Gallery, IdentityQuery
-from services.tracker.interface import GalleryEntry, Observation
+from services.tracker.interface import GalleryEntry, Measurement, Observation
 from services.tracker.motion.track_record import BOOL, IdentityDecision, TrackRecord
 from services.tracker.motion.track_set import TrackSet
 from services.tracker.sort3d.association import distances, match_probabilities
@@ -36,8 +36,9 @@ class _PendingIdentity:
     """A track whose identity is undecided."""
 
     since_ns: int  # [ns] stamp of the second match
-    unoccluded: list[F64] = field(default_factory=list)  # embeddings of unoccluded crops
-    others: list[F64] = field(default_factory=list)  # embeddings of other crops
+    # Embeddings of unoccluded crops and of others, times the areas of the boxes
+    unoccluded: list[F64] = field(default_factory=list)
+    others: list[F64] = field(default_factory=list)
 
 
 class Reidentification(IdentityPolicy):
@@ -174,11 +175,14 @@ class Reidentification(IdentityPolicy):
         (record, measurement), stamp_ns, config = match, match[0].matched_ns, self._config
         pending = self._pending.setdefault(record.id, _PendingIdentity(stamp_ns))
         if measurement.embedding is not None:
-            embeddings = pending.unoccluded if quality.unoccluded else pending.others
-            embeddings.append(measurement.embedding)
+            crops = pending.unoccluded if quality.unoccluded else pending.others
+            crops.append(_area_px2(measurement) * measurement.embedding)
         if not record.confirmed:
             return
-        query = IdentityQuery(record.x[:3], stamp_ns, pending.unoccluded or pending.others)
+        # Occluded crops are worse than unoccluded ones, but better than few.
+        enough = len(pending.unoccluded) >= config.crops_min
+        embeddings = pending.unoccluded if enough else pending.unoccluded + pending.others
+        query = IdentityQuery(record.x[:3], stamp_ns, embeddings)
         present = {t.id for t in tracks.records if t.detection is not None or _beside(t, record)}
         candidates = self._gallery.plausible(query, present)
         waits = stamp_ns - pending.since_ns < config.wait_s * 1e9
@@ -202,6 +206,11 @@ class Reidentification(IdentityPolicy):
         self._gallery.add(
             record.id, record.x[:3], stamp_ns, measurement.embedding, not quality.unoccluded
         )
+
+
+def _area_px2(measurement: Measurement) -> float:
+    left, top, right, bottom = measurement.box_xyxy_px
+    return float((right - left) * (bottom - top))
 
 
 def _beside(record: TrackRecord, new: TrackRecord) -> bool:

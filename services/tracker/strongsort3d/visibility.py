@@ -10,7 +10,7 @@ from people4d.messages import F64
 from services.tracker.motion.track_record import BOOL
 
 NEAR_M = 0.3  # [m] people nearer to the camera's plane than this are not in its view
-EDGE_RATIO = 0.01  # of the image's width: a box so near to its edge may be cut off
+EDGE_RATIO = 0.02  # of the image's width: a box so near to its edge may be cut off
 
 
 SIDES = np.array([-1.0, 1.0])
