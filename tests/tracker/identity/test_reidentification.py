@@ -147,9 +147,10 @@ def test_one_unoccluded_crop_decides_at_the_second_match() -> None:
     [(10.0, (1, "confirmed", "reidentified")), (90.0, (2, "confirmed", "new"))],
 )
 def test_large_crops_count_more(width_px: float, identity: tuple[int, str, str]) -> None:
-    # RED comes back at the edge of the image, in four crops that all touch it: two of an arm, BLUE,
-    # then two of 90 px. The directions of RED and BLUE are a right angle apart; with widths w the
-    # cosine distance to RED is 1 - 90 / sqrt(90^2 + w^2): 0.006, and 0.29, above 0.25.
+    # RED comes back at the edge of the image, in crops that all touch it: an arm, BLUE, and then 90
+    # px. Two of each count, for the first one begins the track. The directions of RED and BLUE are
+    # about a right angle apart; with widths w the cosine distance to RED is 1 - 90 / sqrt(90^2 +
+    # w^2): 0.006, and 0.29, above 0.25.
     sort = tracker(IdentityConfig(enabled=True, wait_s=0.3, match_max=0.25))
 
     def crop(width_px: float, embedding: tuple[float, ...]) -> Measurement:
@@ -159,8 +160,8 @@ def test_large_crops_count_more(width_px: float, identity: tuple[int, str, str])
     stay(sort, 0, 10, person(3, 0, embedding=RED))
     stay(sort, 10, 40)
     crops = [*3 * [crop(width_px, BLUE)], *2 * [crop(90.0, RED)]]
-    frames = [with_pose(50 + k, person) for k, person in enumerate(crops)]
-    (track,) = [sort.update(observation) for observation in frames][-1]
+    for number, found in enumerate(crops, start=50):
+        (track,) = sort.update(with_pose(number, found))
     assert (track.id, track.state, track.identity) == identity
 
 
