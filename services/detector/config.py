@@ -101,7 +101,8 @@ class AreaConfig(Config, frozen=True, kw_only=True):
 
     columns: PositiveInt = 6  # samples of depth across
     rows: PositiveInt = 8  # samples of depth downward
-    width: PositiveRatio = 0.5  # of the box, in its middle
+    width: PositiveRatio = 0.5  # of the box, in its middle or at the edge that cuts it off
+    edge_ratio: Ratio = 0.02  # of the image's width: a box so near to its edge is cut off there
     below_top: Confidence = 0.3  # of the box's height: its upper edge where no shoulder is known
     # Torso of people of whom no joint is known, by their box
     crown_m: Positive = 0.55  # [m] box's upper edge to the middle of the torso

@@ -31,6 +31,7 @@ class DepthSamples:
     size: BodySize | None = None  # None: unknown
     crown_px: tuple[float, float] | None = None  # [px] top of the person; None: unknown
     margin_px: float = 0.0  # [px] outline of the person beyond the points and the crown
+    cut_off: bool = False  # one side of the image cuts the person off
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +130,7 @@ def _best(person: DepthSamples, own: Flags, config: LayerConfig) -> _Choice:
     depth_m, weights = person.depth_m[own], person.weights[own]
     near = np.abs(depth_m[:, None] - depth_m) <= config.half_m
     parts = weights / max(float(weights.sum()), 1e-9)
-    fit = 1.0 if person.size is None else _fit(depth_m, person.size, config)
+    fit = _fit(depth_m, person, config)
     scores = near @ parts * fit
     best = int(np.argmax(scores))
     part_own = float(weights.sum()) / max(float(person.weights.sum()), 1e-9)
@@ -150,12 +151,17 @@ def _best(person: DepthSamples, own: Flags, config: LayerConfig) -> _Choice:
     return _Choice(layer_m, score, uncertainty * gap_m**2, uncertainty * beside_m**2)
 
 
-def _fit(depth_m: F64, size: BodySize, config: LayerConfig) -> F64:
+def _fit(depth_m: F64, person: DepthSamples, config: LayerConfig) -> F64:
     """Return the weight of depths by the size of the person, 0 where all measures are impossible.
 
     Farther away the person would be larger than people are, nearer smaller. Where widths alone are
     known, a nearer person is turned: of bodies turned at random, a width has the density z / z_s.
+    The box of people who are cut off, without a measure, may hold an arm and much of the
+    background: depths weigh 1 / z.
     """
+    size = person.size
+    if size is None:
+        return depth_m.min() / depth_m if person.cut_off else np.ones(len(depth_m))
     ratio = depth_m / size.depth_m
     fit = np.maximum(np.exp(-np.square(np.log(ratio) / config.size_sigma) / 2), config.misfit)
     if size.has_height:

@@ -37,6 +37,7 @@ from services.detector.position.visible_area import (
     EMPTY,
     area_pixels,
     box_torso,
+    cut_off,
     in_image,
     read_pixels,
 )
@@ -146,7 +147,9 @@ class TorsoEstimator:
         left, top, right, _ = torso.box_xyxy_px.tolist()
         crown_px = (left + right) / 2, top
         margin_px = config.margin_share * torso.diagonal_px
-        return replace(samples, size=size, crown_px=crown_px, margin_px=margin_px)
+        at_left, at_right = cut_off(torso.box_xyxy_px, info, config.area)
+        is_cut = at_left != at_right
+        return replace(samples, size=size, crown_px=crown_px, margin_px=margin_px, cut_off=is_cut)
 
     def estimate(
         self,

@@ -21,7 +21,10 @@ EMPTY: F64 = np.zeros((0, 2))
 def area_pixels(
     box_xyxy_px: F32, joints_px: F64, known: Flags, info: CameraInfo, config: AreaConfig
 ) -> F64:
-    """Return a grid of pixels in the middle of the visible body, Nx2, u and v.
+    """Return a grid of pixels on the visible body, Nx2, u and v.
+
+    It is in the middle of the box. Where the image cuts the box off to the left or right the body
+    goes on there, so that the grid begins at that edge.
 
     Args:
         box_xyxy_px: Box of the person, may reach beyond the image.
@@ -40,8 +43,10 @@ def area_pixels(
     if math.isnan(lower) or lower <= upper:
         lower = bottom
     width = config.width * (right - left)
+    at_left, at_right = cut_off(box_xyxy_px, info, config)
+    fraction = (1 + at_right - at_left) / 2  # 0: left, 1: right
     grid: F64 = _grid(config.columns, config.rows) * (width, lower - upper)
-    grid += ((left + right - width) / 2, upper)
+    grid += (left + fraction * (right - left - width), upper)
     return grid
 
 
@@ -71,6 +76,13 @@ def cut_to_image(box_xyxy_px: F32, info: CameraInfo) -> list[float]:
     sides = (info.width - 1.0, info.height - 1.0) * 2
     corners = zip(box_xyxy_px.tolist(), sides, strict=True)
     return [min(max(corner, 0.0), side) if corner == corner else 0.0 for corner, side in corners]
+
+
+def cut_off(box_xyxy_px: F32, info: CameraInfo, config: AreaConfig) -> tuple[bool, bool]:
+    """Check whether the left and the right edge of the image cut a box off."""
+    left, _, right, _ = box_xyxy_px.tolist()
+    edge_px = config.edge_ratio * info.width
+    return left < edge_px, right > info.width - 1 - edge_px
 
 
 def box_torso(box_xyxy_px: F32, depth_m: float, info: CameraInfo, config: AreaConfig) -> F64:

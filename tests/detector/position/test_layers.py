@@ -142,6 +142,14 @@ def test_people_of_unknown_size_are_assigned_last() -> None:
     assert depths([unknown, known]) == [None, 2.0]
 
 
+def test_of_a_person_cut_off_without_a_measure_nearer_layers_count_more() -> None:
+    # Two samples on an arm at 1.5 m, three on the wall at 4 m: 2 against 3 * 1.5 / 4 = 1.1.
+    arm = samples([1.5, 1.5, 4.0, 4.0, 4.0])
+    assert depths([arm, replace(arm, cut_off=True)]) == [4.0, 1.5]
+    # One sample of something nearer does not outvote four of the person.
+    assert depths([replace(samples([0.7, 2.0, 2.0, 2.0, 2.0]), cut_off=True)]) == [2.0]
+
+
 def test_another_layer_of_nearly_equal_score_adds_variance() -> None:
     # Three samples at 2 m, two at 3 m: 0.4^2 and 0.6^2 are 4/13 and 9/13 of their sum, 1 m apart;
     # with weights of 1 and 0.5, 0.25^2 and 0.75^2: 0.1 and 0.9.
