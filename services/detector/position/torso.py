@@ -37,7 +37,7 @@ from services.detector.position.visible_area import (
     EMPTY,
     area_pixels,
     box_torso,
-    cut_off,
+    cut_side,
     in_image,
     read_pixels,
 )
@@ -147,8 +147,7 @@ class TorsoEstimator:
         left, top, right, _ = torso.box_xyxy_px.tolist()
         crown_px = (left + right) / 2, top
         margin_px = config.margin_share * torso.diagonal_px
-        at_left, at_right = cut_off(torso.box_xyxy_px, info, config.area)
-        is_cut = at_left != at_right
+        is_cut = cut_side(torso.box_xyxy_px, info, config.area) != 0
         return replace(samples, size=size, crown_px=crown_px, margin_px=margin_px, cut_off=is_cut)
 
     def estimate(

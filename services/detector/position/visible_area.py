@@ -43,8 +43,7 @@ def area_pixels(
     if math.isnan(lower) or lower <= upper:
         lower = bottom
     width = config.width * (right - left)
-    at_left, at_right = cut_off(box_xyxy_px, info, config)
-    fraction = (1 + at_right - at_left) / 2  # 0: left, 1: right
+    fraction = (1 + cut_side(box_xyxy_px, info, config)) / 2  # 0: at the left, 1: at the right
     grid: F64 = _grid(config.columns, config.rows) * (width, lower - upper)
     grid += (left + fraction * (right - left - width), upper)
     return grid
@@ -78,11 +77,11 @@ def cut_to_image(box_xyxy_px: F32, info: CameraInfo) -> list[float]:
     return [min(max(corner, 0.0), side) if corner == corner else 0.0 for corner, side in corners]
 
 
-def cut_off(box_xyxy_px: F32, info: CameraInfo, config: AreaConfig) -> tuple[bool, bool]:
-    """Check whether the left and the right edge of the image cut a box off."""
-    left, _, right, _ = box_xyxy_px.tolist()
+def cut_side(box_xyxy_px: F32, info: CameraInfo, config: AreaConfig) -> int:
+    """Return the side on which the image cuts a box off: -1 left, 1 right, 0 neither or both."""
+    left, right = float(box_xyxy_px[0]), float(box_xyxy_px[2])
     edge_px = config.edge_ratio * info.width
-    return left < edge_px, right > info.width - 1 - edge_px
+    return (right > info.width - 1 - edge_px) - (left < edge_px)
 
 
 def box_torso(box_xyxy_px: F32, depth_m: float, info: CameraInfo, config: AreaConfig) -> F64:

@@ -272,15 +272,17 @@ def test_wild_keypoints_and_noise_give_finite_positions() -> None:
                 assert np.linalg.eigvalsh(estimate.covariance_m2)[0] > 0
 
 
-@pytest.mark.parametrize(("left", "width"), [(0.0, 20), (620.0, 20)])
-def test_person_beside_the_image_is_not_on_the_wall(left: float, width: int) -> None:
+@pytest.mark.parametrize(("arm", "box"), [((0, 20), (0, 60)), ((620, 640), (580, 640))])
+def test_person_beside_the_image_is_not_on_the_wall(
+    arm: tuple[int, int], box: tuple[int, int]
+) -> None:
     # An arm of 20 px at the edge of the image, in a box of 60 px: the rest of it is the wall.
     depth_mm = room()
-    depth_mm[100:400, int(left) : int(left) + width] = 2000
+    depth_mm[100:400, slice(*arm)] = 2000
     points = np.zeros((17, 3), np.float32)
-    box = np.array([0, 100, 60, 400] if left == 0 else [580, 100, 640, 400], np.float32)
+    corners = np.array([box[0], 100, box[1], 400], np.float32)
     image = DepthImage(depth_mm, INFO)
-    torsos = SURFACE.find([DetectedPerson(0.9, box, points)], 0.3, image)
+    torsos = SURFACE.find([DetectedPerson(0.9, corners, points)], 0.3, image)
     (estimate,) = SURFACE.estimate(torsos, image, [None])
     assert estimate is not None
     assert estimate.position_m[2] == pytest.approx(2.0)
