@@ -62,6 +62,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "likelihood in round 1": (f"{STRONG}.likelihood=false",),
     "life cycle by hits": (f"{STRONG}.lifetime=streak", f"{STRONG}.n_init=3"),
     "standing model": (f"{STRONG}.imm.enabled=false",),
+    "jumps of position": (f"{STRONG}.jump_min=inf",),
     "acceleration": (f"{STRONG}.sigma_acceleration_mps2=0.5",),
 }
 

@@ -63,10 +63,16 @@ def decay_velocity(
 
 
 class KalmanFilter:
-    """One motion model; `decay` is applied to unmatched tracks before each prediction."""
+    """One motion model.
 
-    def __init__(self, motion: Motion, decay: Decay = no_decay) -> None:
-        self._motion, self._decay = motion, decay
+    Args:
+        motion: The model.
+        decay: Applied to unmatched tracks before each prediction.
+        jump_min: Squared Mahalanobis distance from which a position has jumped.
+    """
+
+    def __init__(self, motion: Motion, decay: Decay = no_decay, jump_min: float = math.inf) -> None:
+        self._motion, self._decay, self._jump_min = motion, decay, jump_min
 
     def start(self, x: F64, P: F64) -> None:
         """Return None: the state has one model only."""
@@ -84,7 +90,8 @@ class KalmanFilter:
         self, records: Sequence[TrackRecord], z: F64, R: F64, velocities: Velocities = ()
     ) -> list[FilterState]:
         """Return states updated with one measurement (Nxm, noise Nxmxm) each, and velocities."""
-        x, P = kalman.update(*stack(records), z, R)
+        x, P = stack(records)
+        x, P = kalman.update(x, kalman.with_jumps(x, P, z, R, self._jump_min), z, R)
         if any(velocities) and isinstance(self._motion, PositionMotion):
             x, P = kalman.update_velocity(x, P, *stacked(velocities))
         return [FilterState(*s) for s in zip(x, P, strict=True)]
@@ -96,11 +103,19 @@ class Imm:
     A person who stands has no velocity, but a single model turns every error of the measured
     position into one. So two filters run in parallel, each as probable as it predicts the
     measurements, with transitions between them at a rate; the estimate is their mean. `decay`
-    applies to the walking mode. Source: docs/method.md, section 16 [Blom 1988].
+    applies to the walking mode, jumps from `jump_min` on to both, see `KalmanFilter`. Source:
+    docs/method.md, section 16 [Blom 1988].
     """
 
-    def __init__(self, motion: PositionMotion, config: ImmConfig, decay: Decay = no_decay) -> None:
+    def __init__(
+        self,
+        motion: PositionMotion,
+        config: ImmConfig,
+        decay: Decay = no_decay,
+        jump_min: float = math.inf,
+    ) -> None:
         self._motion, self._config, self._decay = motion, config, decay
+        self._jump_min = jump_min
         velocity = config.standing_sigma_mps**2 * (np.eye(6) - IS_POSITION) * np.eye(6)
         self._still = np.array([velocity, np.zeros((6, 6))])  # of a standing person
         level, up = config.walking_sigma_mps**2, config.standing_sigma_mps**2
@@ -159,6 +174,7 @@ class Imm:
     ) -> tuple[F64, F64, F64]:
         """Update with one measurement (3) each, and weigh the modes by its likelihood."""
         z, R = z[:, None], R[:, None]
+        P = kalman.with_jumps(x, P, z, R, self._jump_min)
         y, S = kalman.innovation(x, P, z, R)
         inverse = inverted(S)
         d_m2 = kalman.squared_lengths(y, inverse)

@@ -54,4 +54,6 @@ def build_strongsort3d(config: TrackerConfig) -> StrongSort3d:
 def _state_filter(config: StrongSort3dConfig, motion: PositionMotion) -> StateFilter:
     enabled = config.occlusion.enabled
     decay = partial(decay_velocity, config=config.occlusion) if enabled else no_decay
-    return Imm(motion, config.imm, decay) if config.imm.enabled else KalmanFilter(motion, decay)
+    if config.imm.enabled:
+        return Imm(motion, config.imm, decay, config.jump_min)
+    return KalmanFilter(motion, decay, config.jump_min)

@@ -13,6 +13,7 @@ from common.config import Config
 from people4d.messages.base import (
     Positive,
     PositiveInt,
+    PositiveOrInfinite,
     PositiveRatio,
     Ratio,
 )
@@ -20,7 +21,7 @@ from people4d.messages.base import (
 CosineDistance = Annotated[float, Meta(gt=0, le=2)]
 Seconds = Annotated[float, Meta(ge=0, le=60)]
 Metres = Annotated[float, Meta(ge=0, le=10)]
-CHI2_3DOF_95, CHI2_3DOF_999 = 7.8147, 16.27
+CHI2_3DOF_90, CHI2_3DOF_95, CHI2_3DOF_999 = 6.2514, 7.8147, 16.27
 
 # Measured: benchmarks/reid_threshold.md, with 2 % false matches in the second line; of the
 # appearance network on the lab and real people.
@@ -142,6 +143,9 @@ class StrongSort3dConfig(Config, frozen=True, kw_only=True):
     # "measured": R is the covariance of the detection where the detector estimates one, and neither
     # depth nor score change it; "constant": sigma_measurement_m; section 3
     noise: Literal["constant", "measured"] = "measured"
+    # d_M^2 of an update from which the position has jumped, to another person or from another
+    # depth: it follows, the velocity does not; inf: never. section 3
+    jump_min: PositiveOrInfinite = CHI2_3DOF_90
     # In gates R is so many times that covariance: errors of consecutive frames are similar, and
     # longer for two people close together, so that a track may be off by as much as a measurement
     noise_factor: Positive = 4.0

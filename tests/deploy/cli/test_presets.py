@@ -1,5 +1,6 @@
 """Presets: every one loads, says what docs/method.md says, and gives way to flags."""
 
+import math
 from pathlib import Path
 from typing import TypeVar
 
@@ -82,6 +83,7 @@ def test_the_other_methods_track_by_sections_3_and_5(method: str, suffix: str) -
         sigma_measurement_m=0.5,
         max_depth_m=5.0,
         nsa_floor=0.05,
+        jump_min=math.inf,
         noise="constant",
         noise_factor=2.0,
         occlusion=OcclusionConfig(enabled=False),

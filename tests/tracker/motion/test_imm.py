@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -11,7 +12,7 @@ from services.tracker.motion.motion import PositionMotion
 from services.tracker.motion.state_filter import STANDING, WALKING, Imm, mix
 from services.tracker.motion.track_record import ImmState
 from services.tracker.strongsort3d.build import build_strongsort3d
-from services.tracker.strongsort3d.config import ImmConfig
+from services.tracker.strongsort3d.config import CHI2_3DOF_90, ImmConfig
 from tests.tracker.scene import frame, person, published, published_config
 
 UNMATCHED = np.array([False])
@@ -39,7 +40,7 @@ def state(x_m: float, vx_mps: float) -> F64:
 def test_mixing_of_modes_by_hand() -> None:
     # Shares 0.5 and 0.5; of those who stand 0.2 begin to walk, of those who walk 0.4 stop. After:
     # 0.5 * 0.8 + 0.5 * 0.4 = 0.6 stand, of which 0.4 / 0.6 = 2/3 stood before; 0.4 walk, of which
-    # 0.1 / 0.4 = 1/4 stood. CameraPoseLookup 0 (stood) and 3 (walked): 2/3 * 0 + 1/3 * 3 = 1 and
+    # 0.1 / 0.4 = 1/4 stood. Positions 0 (stood) and 3 (walked): 2/3 * 0 + 1/3 * 3 = 1 and
     # 1/4 * 0 + 3/4 * 3 = 2.25. Variances 1 and 1, and between the places
     # 2/3 * 1 + 1/3 * 4 = 2 and 1/4 * 5.0625 + 3/4 * 0.5625 = 1.6875.
     x = np.array([[state(0.0, 0.0), state(3.0, 0.0)]])
@@ -160,3 +161,21 @@ def test_measured_velocities_are_followed_at_once() -> None:
 
     assert speed(measured=True) > 0.8
     assert speed(measured=False) < 0.5
+
+
+@pytest.mark.parametrize("enabled", [False, True])
+def test_a_jump_moves_the_position_and_hardly_the_velocity(enabled: bool) -> None:
+    # Two seconds at rest, then 1.5 m behind, as a person hidden by the one in front.
+    def state(jump_min: float) -> tuple[float, float]:
+        config = msgspec.structs.replace(CONFIG, imm=ImmConfig(enabled=enabled), jump_min=jump_min)
+        # Round 2 admits the pair
+        config = msgspec.structs.replace(config, distance_max_m=2.0)
+        tracker = build_strongsort3d(published_config(strongsort3d=config))
+        for number in range(21):
+            (track,) = tracker.update(frame(number, person(5.0 if number == 20 else 3.5, 0)))
+        return float(track.position_m[0]), float(track.velocity_mps[0])
+
+    position_m, velocity_mps = state(CHI2_3DOF_90)
+    assert position_m > 4.85
+    assert abs(velocity_mps) < 0.5
+    assert state(np.inf)[1] > 2.0
