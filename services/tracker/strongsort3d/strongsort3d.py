@@ -5,7 +5,6 @@ The algorithm is that of [PIC4SeR]; whatever goes beyond composes around it as `
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import ClassVar
 
 import msgspec
@@ -41,7 +40,6 @@ OTHERS_NS = 200_000_000
 # d_M^2 above which the motion contradicts a match in round 2 with a detection that another person
 # partly covers, whose position and crop are partly of that person; of others CHI2_3DOF_999
 CONTRADICTED_OCCLUDED_MIN = 40.0
-OCCLUDED_SIGMA = 6.0  # factor of the standard deviation of velocities of occluded detections
 
 
 class StrongSort3d(TrackSetTracker):
@@ -71,7 +69,7 @@ class StrongSort3d(TrackSetTracker):
             policy.after_prediction(tracks, observation)
         self._drop_other_embeddings(observation)
         result = self._associate(observation)
-        tracks.update(_less_certain(result.matches, result.frame), observation)
+        tracks.update(result.matches, observation)
         update_embeddings(result.matches, result.frame, policies.contact)
         for policy in policies.in_order:
             policy.after_update(tracks, result)
@@ -207,19 +205,6 @@ class StrongSort3d(TrackSetTracker):
         for record in self.tracks.records:
             record.embedding = None
         self._policies.identity.clear()
-
-
-def _less_certain(matches: Sequence[Match], frame: FrameContext) -> list[Match]:
-    """Return the matches; velocities of occluded detections may be those of others."""
-    result = list[Match]()
-    for record, measurement in matches:
-        velocity = measurement.velocity
-        if velocity and measurement.index in frame.occluded:
-            covariance_m2ps2 = OCCLUDED_SIGMA**2 * velocity.covariance_m2ps2
-            velocity = velocity._replace(covariance_m2ps2=covariance_m2ps2)
-            measurement = replace(measurement, velocity=velocity)
-        result.append((record, measurement))
-    return result
 
 
 def _is_uncertain(record: TrackRecord, observation: Observation) -> bool:
