@@ -12,6 +12,7 @@ from common.io.recording import RecordingWriter
 from deploy.anonymise.colourless import without_colour
 from deploy.cli.data.targets import Force, check_target
 from deploy.cli.options import Connect, Robot, kinds_of, missing, open_client
+from deploy.cli.terminal import signals_interrupt
 from deploy.recorder.conditions import PERSON, condition_of
 from deploy.recorder.outputs import (
     EventFiles,
@@ -90,8 +91,8 @@ def record(
     deadline_s = time.monotonic() + seconds if seconds else float("inf")
     counts: Counter[str] = Counter()
     with closing(output), open_client(connect, robot) as client:
-        typer.echo(f"Recording {topics} to {file}; Ctrl-C ends it.", err=True)
-        with suppress(KeyboardInterrupt):
+        with suppress(KeyboardInterrupt), signals_interrupt():
+            typer.echo(f"Recording {topics} to {file}; Ctrl-C ends it.", err=True)
             for message in client.messages(*recorded, timeout_s=seconds):
                 shown = message if colour else without_colour(message)
                 if shown is None:

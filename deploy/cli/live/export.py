@@ -1,7 +1,6 @@
 """people4d export."""
 
 import os
-import signal
 import socket
 import time
 from collections.abc import Sequence
@@ -13,6 +12,7 @@ import typer
 from common.runtime.monitor import Monitor
 from common.transport.trace import ProcessId
 from deploy.cli.options import Connect, Robot, missing, open_client
+from deploy.cli.terminal import signals_interrupt
 from deploy.exporters.measures import Exporter
 from people4d.client import Client
 from people4d.messages import Health
@@ -43,11 +43,11 @@ def export(
     """
     if prometheus is None and not otlp:
         raise typer.BadParameter("name --prometheus PORT, --otlp URL, or both")
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a supervisor's path to say Ctrl-C
     with (
         open_client(connect, robot) as client,
         ExitStack() as exporters,
         suppress(KeyboardInterrupt),
+        signals_interrupt(),
     ):
         used: list[Exporter] = []
         if prometheus is not None:

@@ -15,6 +15,7 @@ from deploy import viewers
 from deploy.cli.data.replay import paced
 from deploy.cli.data.spans import End, RecordingSpan, Start
 from deploy.cli.options import Connect, Robot, missing, open_client
+from deploy.cli.terminal import signals_interrupt
 from deploy.viewers.colour_images import FORMATS, ColourEncoder
 from deploy.viewers.scene import PeopleScene
 from people4d.client import Client
@@ -76,9 +77,8 @@ def view(
         recording, file = None, recording
     if file is not None and rerun != (file.suffix == RRD):
         raise ConfigError(f"{file} is of another kind", f"Rerun writes *{RRD}, Foxglove *.mcap.")
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a supervisor's path to say Ctrl-C
     span, shown = RecordingSpan(start_s, end_s), "none" if image_hz == 0 else images
-    with ExitStack() as stack, suppress(KeyboardInterrupt):
+    with ExitStack() as stack, suppress(KeyboardInterrupt), signals_interrupt():
         if recording:
             messages = recorded(recording, span, None if file else rate, loop and file is None)
         else:

@@ -94,7 +94,7 @@ def recording(file: Path, topics: str, environment: Mapping[str, str]) -> Iterat
         try:
             yield
         finally:
-            process.send_signal(signal.SIGINT)
+            process.send_signal(signal.SIGTERM)
             with ending(process):
                 process.communicate(timeout=TIMEOUT_S)
 
