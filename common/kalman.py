@@ -72,13 +72,11 @@ def with_jumps(x: F64, P: F64, z: F64, R: F64, largest: float) -> F64:
     """
     y, S = innovation(x, P, z, R)
     distance = mahalanobis(y, S)
-    far = distance > largest
-    if not far.any():
+    if not (distance > largest).any():
         return P
-    m, known = z.shape[-1], np.where(far, distance, 1.0)
     # y^T (S + a y y^T)^-1 y = d / (1 + a d) of a distance d
-    a = np.where(far, 1.0 / largest - 1.0 / known, 0.0)[..., None, None]
-    P = P.copy()
+    a = (1.0 / largest - 1.0 / np.maximum(distance, largest))[..., None, None]
+    m, P = z.shape[-1], P.copy()
     P[..., :m, :m] += a * y[..., :, None] * y[..., None, :]
     return P
 

@@ -166,16 +166,19 @@ def test_measured_velocities_are_followed_at_once() -> None:
 @pytest.mark.parametrize("enabled", [False, True])
 def test_a_jump_moves_the_position_and_hardly_the_velocity(enabled: bool) -> None:
     # Two seconds at rest, then 1.5 m behind, as a person hidden by the one in front.
-    def state(jump_min: float) -> tuple[float, float]:
-        config = msgspec.structs.replace(CONFIG, imm=ImmConfig(enabled=enabled), jump_min=jump_min)
-        # Round 2 admits the pair
-        config = msgspec.structs.replace(config, distance_max_m=2.0)
+    def after_jump(jump_min: float) -> tuple[float, float]:
+        config = msgspec.structs.replace(
+            CONFIG,
+            imm=ImmConfig(enabled=enabled),
+            jump_min=jump_min,
+            distance_max_m=2.0,  # round 2 admits the pair
+        )
         tracker = build_strongsort3d(published_config(strongsort3d=config))
         for number in range(21):
             (track,) = tracker.update(frame(number, person(5.0 if number == 20 else 3.5, 0)))
         return float(track.position_m[0]), float(track.velocity_mps[0])
 
-    position_m, velocity_mps = state(CHI2_3DOF_90)
+    position_m, velocity_mps = after_jump(CHI2_3DOF_90)
     assert position_m > 4.85
     assert abs(velocity_mps) < 0.5
-    assert state(np.inf)[1] > 2.0
+    assert after_jump(np.inf)[1] > 2.0
