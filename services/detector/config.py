@@ -91,6 +91,7 @@ class LayerConfig(Config, frozen=True, kw_only=True):
     smaller_max: AboveOne = 2.2  # likewise too small, by the height of the torso
     other_weight: PositiveRatio = 0.5  # weight of samples that are not on the torso
     area_weight: NonNegative = 2.0  # weight of all samples of the visible area together
+    missing_weight: Ratio = 0.5  # weight of samples without a reading as a layer beyond the range
     # Least part of all samples, times the weight by size, of a layer that is the person's; 0.005:
     # of a person who appears half as large as people are a quarter of the samples
     score_min: Ratio = 0.005

@@ -32,6 +32,7 @@ class DepthSamples:
     crown_px: tuple[float, float] | None = None  # [px] top of the person; None: unknown
     margin_px: float = 0.0  # [px] outline of the person beyond the points and the crown
     cut_off: bool = False  # one side of the image cuts the person off
+    range_m: float = math.inf  # [m] beyond it the camera reads no depth
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,8 +123,8 @@ def _best(person: DepthSamples, own: Flags, config: LayerConfig) -> _Choice:
     looks out beside the one in front: across, the position is uncertain by p (1 - p) beside_m^2.
     Readings of the best layer do not count for it: they are the person's own arms and legs. The
     score is 0 if no layer is possible, or the best one has next to nothing of the person, readings
-    that are absent or out of range counted: furniture before a person who is beyond the range of
-    the camera.
+    that are absent or out of range counted, or less than those do as a layer beyond the camera's
+    range: furniture, or somebody else, before a person whom it does not reach.
     """
     if not own.any():
         return NO_LAYER
@@ -133,8 +134,9 @@ def _best(person: DepthSamples, own: Flags, config: LayerConfig) -> _Choice:
     fit = _fit(depth_m, person, config)
     scores = near @ parts * fit
     best = int(np.argmax(scores))
-    part_own = float(weights.sum()) / max(float(person.weights.sum()), 1e-9)
-    if scores[best] <= 0 or scores[best] * part_own < config.score_min:
+    total = max(float(person.weights.sum()), 1e-9)
+    part = float(scores[best] * weights.sum()) / total
+    if part <= 0 or part < max(config.score_min, _beyond(person, config) / total):
         return NO_LAYER
     ranked_m = np.sort(depth_m[near[best]])
     layer_m = float(ranked_m[(len(ranked_m) - 1) // 2] + ranked_m[len(ranked_m) // 2]) / 2
@@ -149,6 +151,19 @@ def _best(person: DepthSamples, own: Flags, config: LayerConfig) -> _Choice:
     uncertainty = fraction * (1 - fraction)
     beside_m = config.beside_m if gap_m > 0 else 0.0
     return _Choice(layer_m, score, uncertainty * gap_m**2, uncertainty * beside_m**2)
+
+
+def _beyond(person: DepthSamples, config: LayerConfig) -> float:
+    """Return the weight of a person's samples without a reading as a layer beyond the range.
+
+    It is 0 of a person of unknown size.
+    """
+    missing = ~np.isfinite(person.depth_m)
+    if person.size is None or not missing.any():
+        return 0.0
+    beyond_m = np.array([max(person.range_m, person.size.depth_m)])
+    weight = config.missing_weight * float(person.weights[missing].sum())
+    return weight * float(_fit(beyond_m, person, config)[0])
 
 
 def _fit(depth_m: F64, person: DepthSamples, config: LayerConfig) -> F64:

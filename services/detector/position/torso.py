@@ -45,8 +45,6 @@ from services.detector.position.visible_area import (
 OTHERS = [i for i in range(17) if i not in TORSO]  # face and limbs
 TORSO_ROWS = (0.20, 0.275, 0.35, 0.425, 0.50)  # of a mask's height: chest to hips of the upright
 WINDOW_MIN_PX = 5
-# Somebody is out of range who is beyond this part of it by size, with fewer windows read
-RANGE_PART, READ_MIN = 0.9, 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,21 +132,21 @@ class TorsoEstimator:
         return TorsoJoints(joints_px, known, diagonal_px, person.box_xyxy_px, points)
 
     def _sized(self, torso: TorsoJoints, samples: DepthSamples, info: CameraInfo) -> DepthSamples:
-        """Return the depth samples of a torso with its size.
-
-        Those of somebody out of the camera's range count as not read: they would be of furniture.
-        """
+        """Return the depth samples of a torso with its size."""
         config = self._config
         size = size_depth(torso.joints_px, torso.known, info, config.proportions)
-        if size is not None and size.depth_m > RANGE_PART * info.max_depth_m:
-            windows_m = samples.depth_m[: len(torso.points.torso_px)]
-            if np.isfinite(windows_m).mean() < READ_MIN:
-                samples = replace(samples, depth_m=np.full_like(samples.depth_m, np.nan))
         left, top, right, _ = torso.box_xyxy_px.tolist()
         crown_px = (left + right) / 2, top
         margin_px = config.margin_share * torso.diagonal_px
         is_cut = cut_side(torso.box_xyxy_px, info, config.area) != 0
-        return replace(samples, size=size, crown_px=crown_px, margin_px=margin_px, cut_off=is_cut)
+        return replace(
+            samples,
+            size=size,
+            crown_px=crown_px,
+            margin_px=margin_px,
+            cut_off=is_cut,
+            range_m=info.max_depth_m,
+        )
 
     def estimate(
         self,

@@ -69,6 +69,22 @@ def test_furniture_before_a_person_out_of_range_is_not_the_person() -> None:
     assert depths([samples([2.8, nan, nan, nan, 2.8], size_depth_m=6.0)]) == [2.8]
 
 
+def test_person_behind_something_and_beyond_the_range_has_no_layer() -> None:
+    # As large as somebody at 4.15 m, of whom a monitor at 2.1 m covers half; the range is 5 m.
+    # The monitor: ln(2.1 / 4.15) / 0.2 = -3.4, 0.6 * 0.02 = 0.012; beyond: ln(5 / 4.15) / 0.2 =
+    # 0.93, 0.5 * 0.4 * 0.65 = 0.13.
+    nan = math.nan
+    behind = samples([nan, nan, 2.1, 2.1, 2.1], size_depth_m=4.15)
+    assert depths([replace(behind, range_m=5.0)]) == [None]
+    assert depths([replace(behind, range_m=15.0)]) == [2.1]
+    # Near the end of the range readings are missing of the person, too.
+    near = samples([nan, nan, 4.6, 4.6, nan], size_depth_m=4.8)
+    assert depths([replace(near, range_m=5.0)]) == [4.6]
+    assert depths([replace(samples([nan, nan, nan, nan, 4.6], 4.8), range_m=5.0)]) == [None]
+    # Of unknown size, whatever is read is the person's.
+    assert depths([replace(behind, range_m=5.0, size=None)]) == [2.1]
+
+
 def test_samples_of_a_person_in_front_do_not_count_behind() -> None:
     # Both cover the same square: all samples of the front one are at 2 m, three of the other.
     front, behind = samples([2.0] * 5), samples([2.0, 2.0, 2.1, 3.0, 3.1])
