@@ -112,7 +112,7 @@ class StrongSort3dConfig(Config, frozen=True, kw_only=True):
     """StrongSORT-3D [PIC4SeR], section 5, and the policies around it."""
 
     # round 1
-    motion_weight: Ratio = 0.05  # lambda in c = lambda d_M^2 + (1 - lambda) d_cos; section 5: 0.02
+    motion_weight: Ratio = 0.03  # lambda in c = lambda d_M^2 + (1 - lambda) d_cos; section 5: 0.02
     mahalanobis_max: Positive = CHI2_3DOF_95  # largest d_M^2: chi^2, 3 dof, 95 %; section 5
     # C_cos, largest cosine distance, by the name of the embedder (section 5: per embedder). What is
     # not named here is taken from COSINE_DISTANCE_MAX, else it is cosine_distance_max_other.

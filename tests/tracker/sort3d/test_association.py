@@ -93,10 +93,10 @@ def test_strongsort3d_cost() -> None:
 
 def test_motion_decides_between_people_who_are_alike() -> None:
     # Two tracks and a detection of the second one's person, partly hidden, when both wear black:
-    # 0.05 * 7.5 + 0.95 * 0.23 = 0.5935, 0.05 * 0.8 + 0.95 * 0.37 = 0.3915; papers: 0.3754, 0.3786.
+    # 0.03 * 7.5 + 0.97 * 0.23 = 0.4481, 0.03 * 0.8 + 0.97 * 0.37 = 0.3829; papers: 0.3754, 0.3786.
     d_m2, d_cos = np.array([[7.5], [0.8]]), np.array([[0.23], [0.37]])
     cost = strongsort3d.combined_cost(d_m2, d_cos, 0.46, StrongSort3dConfig())
-    np.testing.assert_allclose(cost, [[0.5935], [0.3915]])
+    np.testing.assert_allclose(cost, [[0.4481], [0.3829]])
     cost = strongsort3d.combined_cost(d_m2, d_cos, 0.46, published())
     np.testing.assert_allclose(cost, [[0.3754], [0.3786]])
 
