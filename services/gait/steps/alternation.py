@@ -24,6 +24,7 @@ TIME_SIGMA = 0.3  # of the logarithm of a step's time by the median
 BACK = 4  # landings, of which all but the first and the last may be none
 BETWEEN_MIN_S = 0.2  # between landings
 APART = 0.7  # median steps, from which on a landing is apart from others
+UNSEEN_MIN_M = 0.3  # of a step that was not seen: the length of each
 # Median steps, from which on a step was no single one: a stop, or quick steps of a turn, were
 # between its landings
 SINGLE_MAX = 1.6
@@ -105,7 +106,13 @@ def _steps_between(ratio: float, same: bool, stood: bool) -> tuple[float, int]:
 
 
 def _stood(before: Swing, after: Swing, same: bool, config: StepConfig) -> bool:
-    """Check that a foot that would have taken an unseen step between two landings stood."""
+    """Check that a foot that would have taken an unseen step between two landings stood.
+
+    Or that the person hardly moved on, as in a stop or a turn on the spot.
+    """
+    steps = 2 if same else 3
+    if np.linalg.norm(after.to_m - before.to_m) < steps * UNSEEN_MIN_M:
+        return True
     if same:
         moved_m = [after.other_m - before.other_m]
     else:

@@ -24,6 +24,7 @@ JUMP_M, JUMP_S = 0.15, 0.25  # of motions that are no steps, unless the foot is 
 LIFT_M, LIFT_SIGMA_M = 0.03, 0.1  # of a foot in a swing; level noise of its points, at most
 LIFT_S = (0.1, 0.6)  # [s] about a swing, in which the foot is lifted, and mostly stands
 STEPS_MIN = 2  # for the cadence; of each foot, for the asymmetry
+SURE = 0.7  # confidence of a step from which on the time to the step before it counts
 STEPS_APART_MAX = 16  # of a pair of landings by which the cadence is estimated
 LANDING_S = 0.08  # [s] standard deviation of the time of a landing
 UNSURE = 0.02  # of the time of a step: from this standard deviation on the rhythm counts, too
@@ -151,13 +152,12 @@ def cadence(steps: Sequence[FootStep], rhythm: Sequence[Oscillation] = ()) -> fl
 
     Median over all pairs of landings of the time of a step between them, in each part of the walk:
     one landing that is early or late changes it little [Theil 1950] [Sen 1968]. The rhythm of feet
-    and head counts the more, the fewer landings there are.
+    and head counts the more, the fewer landings there are. An uncertain step begins another part:
+    in turns and stops feet also move without a step.
     """
-    parts: list[list[float]] = []
-    for step in steps:
-        if not (step.follows and parts):
-            parts.append([])
-        parts[-1].append(step.landed_s)
+    parts = _parts(steps, SURE)
+    if sum(map(len, parts)) - len(parts) < STEPS_MIN:
+        parts = _parts(steps, 0.0)
     times_s: list[float] = []
     spread = 0.0  # squares of the numbers of landings about their means
     for part in parts:
@@ -165,9 +165,9 @@ def cadence(steps: Sequence[FootStep], rhythm: Sequence[Oscillation] = ()) -> fl
         spread += len(part) * (len(part) ** 2 - 1) / 12
         for apart in range(1, min(len(part), STEPS_APART_MAX + 1)):
             times_s += ((landed_s[apart:] - landed_s[:-apart]) / apart).tolist()
-    time_s = float(np.median(times_s)) if len(step_times_s(steps)) >= STEPS_MIN else 0.0
-    if time_s <= 0:
+    if sum(map(len, parts)) - len(parts) < STEPS_MIN:
         return None
+    time_s = float(np.median(times_s))
     sigma_s = LANDING_S / math.sqrt(spread)
     walked_s = sum(part[-1] - part[0] for part in parts)
     in_view_s = max((float(np.ptp(one.times_s)) for one in rhythm if len(one.times_s)), default=0.0)
@@ -175,6 +175,17 @@ def cadence(steps: Sequence[FootStep], rhythm: Sequence[Oscillation] = ()) -> fl
     if lasts and sigma_s > UNSURE * time_s:
         time_s = with_rhythm(time_s, sigma_s, rhythm)
     return 60 / time_s
+
+
+def _parts(steps: Sequence[FootStep], confidence_min: float) -> list[list[float]]:
+    """Return the times of landings that follow each other; unobserved steps have no confidence."""
+    parts: list[list[float]] = []
+    for step in steps:
+        sure = step.confidence >= confidence_min or not step.observed
+        if not (step.follows and sure and parts):
+            parts.append([])
+        parts[-1].append(step.landed_s)
+    return parts
 
 
 def walked_strides(steps: Sequence[FootStep], config: StepConfig) -> list[tuple[FootStep, Stride]]:

@@ -15,6 +15,9 @@ from services.tracker.motion.yaw import States, VelocityYaw, measured_rad
 BINS = 48
 STEP_RAD = 2 * math.pi / BINS
 ANGLES = STEP_RAD * np.arange(BINS, dtype=np.float64)
+# Bins of the angles before, after and opposite; indices take a fifth of the time of np.roll
+BEFORE, AFTER = np.roll(np.arange(BINS), 1), np.roll(np.arange(BINS), -1)
+OPPOSITE = np.roll(np.arange(BINS), BINS // 2)
 NEAR = np.arange(-BINS // 6, BINS // 6 + 1)  # bins within 60 deg of the mode
 DENSITY_MIN = 1e-9  # of each bin: nothing is impossible
 TURN_MAX_RAD = math.radians(60)  # a larger step in one frame is no turn
@@ -89,7 +92,7 @@ class DensityYaw(VelocityYaw):
         _read(after)
         is_known = ~np.isnan(yaws.yaw_rad)
         after[is_known, RATE] = self._rates(predicted, after)[is_known]
-        after[:, SINCE], after[:, BEARING] = 0.0, np.nan_to_num(yaws.bearing_rad)
+        after[:, SINCE], after[:, BEARING] = 0.0, _or(yaws.bearing_rad, 0.0)
         return list(after)
 
     def _rates(self, predicted: F64, after: F64) -> F64:
@@ -127,7 +130,7 @@ def likelihood_measured(yaws: YawMeasurements, factor: F64, config: YawFilterCon
     behind, or any.
     """
     # Where the bearing is unknown, each angle may show the back.
-    behind = np.nan_to_num(np.maximum(np.cos(ANGLES - yaws.bearing_rad[:, None]), 0.0), nan=1.0)
+    behind = _or(np.maximum(np.cos(ANGLES - yaws.bearing_rad[:, None]), 0.0), 1.0)
     reversed_ = config.reversed_front + (config.reversed_back - config.reversed_front) * behind
     # A larger sigma is one of angles nearby, and a chance of any other.
     limited_rad = np.minimum(yaws.sigma_rad, config.sigma_max_rad)
@@ -136,9 +139,9 @@ def likelihood_measured(yaws: YawMeasurements, factor: F64, config: YawFilterCon
     sigma_rad = np.maximum(factor * limited_rad, STEP_RAD / 2)[:, None]
     normal = _normal(wrap_each(yaws.yaw_rad[:, None] - ANGLES), sigma_rad)
     p = (1.0 - outliers) * (1.0 - reversed_) * normal
-    p += (1.0 - outliers) * reversed_ * np.roll(normal, BINS // 2, axis=1)
+    p += (1.0 - outliers) * reversed_ * normal[:, OPPOSITE]
     p += outliers / (2 * math.pi)
-    return np.where(np.isnan(p), 1.0, p)
+    return _or(p, 1.0)
 
 
 def likelihood_walking(velocities_mps: F64, covariances_m2ps2: F64, config: YawFilterConfig) -> F64:
@@ -155,6 +158,11 @@ def likelihood_walking(velocities_mps: F64, covariances_m2ps2: F64, config: YawF
     p = (1.0 - config.walk_outliers) * _normal(error_rad, np.sqrt(variance)[:, None])
     p += config.walk_outliers / (2 * math.pi)
     return p
+
+
+def _or(values: F64, other: float) -> F64:
+    """Return values, another one where they are NaN."""
+    return np.where(np.isnan(values), other, values)
 
 
 def _normal(error: F64, sigma: F64) -> F64:
@@ -180,9 +188,9 @@ def _read(states: F64) -> F64:
     """Normalise the densities of states (Nx53), and set the most likely angles and their shares."""
     density = np.maximum(states[:, DENSITY], DENSITY_MIN)
     density /= density.sum(axis=1, keepdims=True)
-    smooth = density + np.roll(density, 1, axis=1) + np.roll(density, -1, axis=1)
+    smooth = density + density[:, BEFORE] + density[:, AFTER]
     best = smooth.argmax(axis=1)[:, None]
-    near = np.take_along_axis(density, (best + NEAR) % BINS, axis=1)
+    near = density[np.arange(len(best))[:, None], (best + NEAR) % BINS]
     share = near.sum(axis=1)
     states[:, DENSITY], states[:, SHARE] = density, share
     states[:, YAW] = wrap_each(ANGLES[best[:, 0]] + STEP_RAD * (near @ NEAR) / share)

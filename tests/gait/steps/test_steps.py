@@ -455,6 +455,28 @@ def test_foot_that_stood_between_two_landings_took_no_unseen_steps() -> None:
     assert [one.steps for one in alternating(swings, CONFIG)] == [0, 1, 1, 1, 0, 1]
 
 
+def test_person_who_hardly_moves_on_takes_no_unseen_steps() -> None:
+    # A stop: the left foot lands again, the other one is not visible.
+    swings = walk("lrl")
+    last = swings[-1]
+    for ahead_m, steps in ((1.2, 2), (0.4, 0)):
+        after = landed("left", last.landed_s + 1.2, last.to_m[0] + ahead_m)
+        assert [one.steps for one in alternating([*swings, after], CONFIG)] == [0, 1, 1, steps]
+
+
+def test_uncertain_steps_of_a_stop_change_no_cadence() -> None:
+    times_s = np.arange(0, 6, 1 / 30)
+    steps = found_steps(*feet(times_s), times_s)
+    last = steps[-1]
+    in_stop = [
+        replace(last, landed_s=last.landed_s + 0.75 * k, confidence=0.4, follows=True)
+        for k in range(1, 10)
+    ]
+    assert cadence([*steps, *in_stop]) == pytest.approx(cadence(steps))
+    # They count if there are no others.
+    assert cadence(in_stop) == pytest.approx(60 / 0.75)
+
+
 def test_motion_of_a_frame_or_two_is_hardly_a_step() -> None:
     # A point that jumps past the other foot.
     times_s = np.arange(0, 4, 1 / 30)
