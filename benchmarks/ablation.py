@@ -64,6 +64,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "weight of motion": (f"{STRONG}.motion_weight=0.02",),
     "life cycle by hits": (f"{STRONG}.lifetime=streak", f"{STRONG}.n_init=3"),
     "standing model": (f"{STRONG}.imm.enabled=false",),
+    "weight of measured velocities": (f"{STRONG}.imm.velocity_weight=1",),
     "jumps of position": (f"{STRONG}.jump_min=inf",),
     "acceleration": (f"{STRONG}.sigma_acceleration_mps2=0.5",),
 }

@@ -186,7 +186,8 @@ class Imm:
     ) -> tuple[F64, F64, F64]:
         """Update with one velocity (3) each, and weigh the modes by its likelihood.
 
-        The velocity of a standing person is 0. One that no mode explains does not count.
+        The velocity of a standing person is 0. One that no mode explains does not count. Errors of
+        consecutive velocities are similar, so each is less evidence than its likelihood says.
         """
         still = self._config.standing_sigma_mps**2 * np.eye(3)
         y = np.stack([v, v - x[:, WALKING, 3:]], axis=1)
@@ -196,8 +197,8 @@ class Imm:
         x, P = x.copy(), P.copy()
         updated = kalman.update_velocity(x[used, WALKING], P[used, WALKING], v[used], R[used])
         x[used, WALKING], P[used, WALKING] = updated
-        weights = np.where(used[:, None], weighed(probability, d_m2, S), probability)
-        return x, P, weights
+        after = weighed(probability, d_m2, S, self._config.velocity_weight)
+        return x, P, np.where(used[:, None], after, probability)
 
     def means(self, x: F64, P: F64, probability: F64) -> list[FilterState]:
         """Return mean state and covariance of both modes, for N tracks, with these modes."""
@@ -245,9 +246,12 @@ def moments(weight: F64, x: F64, P: F64) -> tuple[F64, F64]:
     return weight @ x, within + (weight[..., 0] * weight[..., 1])[..., None, None] * spread
 
 
-def weighed(probability: F64, d_m2: F64, S: F64) -> F64:
-    """Return probabilities (Nx2) of modes after innovations of covariances S (Nx2xmxm)."""
-    logs = -0.5 * (d_m2 + np.linalg.slogdet(S)[1])
+def weighed(probability: F64, d_m2: F64, S: F64, exponent: float = 1.0) -> F64:
+    """Return probabilities (Nx2) of modes after innovations of covariances S (Nx2xmxm).
+
+    Likelihoods are raised to the exponent.
+    """
+    logs = -0.5 * exponent * (d_m2 + np.linalg.slogdet(S)[1])
     greatest = np.maximum.reduce(logs, axis=1, keepdims=True)
     weight = normalised(probability * np.exp(logs - greatest))
     return normalised(np.maximum(weight, PROBABILITY_MIN))

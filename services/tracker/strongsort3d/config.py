@@ -106,6 +106,8 @@ class ImmConfig(Config, frozen=True, kw_only=True):
     walking_sigma_mps: Positive = 0.6  # [m/s] of people who begin to walk, per axis
     standing_s: Positive = 0.5  # [s] mean time until a standing person begins to walk
     walking_s: Positive = 10.0  # [s] and until a walking person stops
+    # Exponent of the likelihood of a measured velocity: at 1 slow people are taken for standing
+    velocity_weight: Ratio = 0.3
 
 
 class StrongSort3dConfig(Config, frozen=True, kw_only=True):
