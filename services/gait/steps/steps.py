@@ -24,7 +24,7 @@ JUMP_M, JUMP_S = 0.15, 0.25  # of motions that are no steps, unless the foot is 
 LIFT_M, LIFT_SIGMA_M = 0.03, 0.1  # of a foot in a swing; level noise of its points, at most
 LIFT_S = (0.1, 0.6)  # [s] about a swing, in which the foot is lifted, and mostly stands
 STEPS_MIN = 2  # for the cadence; of each foot, for the asymmetry
-SURE = 0.7  # confidence of a step from which on the time to the step before it counts
+CERTAIN = 0.7  # confidence of a step from which on the time to the step before it counts
 STEPS_APART_MAX = 16  # of a pair of landings by which the cadence is estimated
 LANDING_S = 0.08  # [s] standard deviation of the time of a landing
 UNSURE = 0.02  # of the time of a step: from this standard deviation on the rhythm counts, too
@@ -155,7 +155,7 @@ def cadence(steps: Sequence[FootStep], rhythm: Sequence[Oscillation] = ()) -> fl
     and head counts the more, the fewer landings there are. An uncertain step begins another part:
     in turns and stops feet also move without a step.
     """
-    parts = _parts(steps, SURE)
+    parts = _parts(steps, CERTAIN)
     if sum(map(len, parts)) - len(parts) < STEPS_MIN:
         parts = _parts(steps, 0.0)
     times_s: list[float] = []
@@ -181,8 +181,8 @@ def _parts(steps: Sequence[FootStep], confidence_min: float) -> list[list[float]
     """Return the times of landings that follow each other; unobserved steps have no confidence."""
     parts: list[list[float]] = []
     for step in steps:
-        sure = step.confidence >= confidence_min or not step.observed
-        if not (step.follows and sure and parts):
+        certain = step.confidence >= confidence_min or not step.observed
+        if not (step.follows and certain and parts):
             parts.append([])
         parts[-1].append(step.landed_s)
     return parts

@@ -455,7 +455,7 @@ def test_foot_that_stood_between_two_landings_took_no_unseen_steps() -> None:
     assert [one.steps for one in alternating(swings, CONFIG)] == [0, 1, 1, 1, 0, 1]
 
 
-def test_person_who_hardly_moves_on_takes_no_unseen_steps() -> None:
+def test_no_step_is_assumed_where_a_person_hardly_moves_on() -> None:
     # A stop: the left foot lands again, the other one is not visible.
     swings = walk("lrl")
     last = swings[-1]
