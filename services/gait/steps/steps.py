@@ -2,7 +2,7 @@
 
 Lengths are means over strides, weighted by their confidence: both ends of a stride are the same
 foot, while of two feet the toes of one may be visible and the heel of the other. The cadence is
-that of all steps that follow each other, those included that were not seen but must have been.
+that of certain steps that follow each other, and of those that were not seen but must have been.
 
 Source: docs/method.md, section 20.
 """
@@ -148,12 +148,12 @@ def step_times_s(steps: Sequence[FootStep]) -> list[float]:
 
 
 def cadence(steps: Sequence[FootStep], rhythm: Sequence[Oscillation] = ()) -> float | None:
-    """Return the steps a minute of all that follow another; None with fewer than two of them.
+    """Return the steps a minute of those that follow another; None with fewer than two of them.
 
     Median over all pairs of landings of the time of a step between them, in each part of the walk:
     one landing that is early or late changes it little [Theil 1950] [Sen 1968]. The rhythm of feet
     and head counts the more, the fewer landings there are. An uncertain step begins another part:
-    in turns and stops feet also move without a step.
+    in turns and stops feet also move without a step. Such steps count where there are no others.
     """
     parts = _parts(steps, CERTAIN)
     if sum(map(len, parts)) - len(parts) < STEPS_MIN:
@@ -165,9 +165,10 @@ def cadence(steps: Sequence[FootStep], rhythm: Sequence[Oscillation] = ()) -> fl
         spread += len(part) * (len(part) ** 2 - 1) / 12
         for apart in range(1, min(len(part), STEPS_APART_MAX + 1)):
             times_s += ((landed_s[apart:] - landed_s[:-apart]) / apart).tolist()
-    if sum(map(len, parts)) - len(parts) < STEPS_MIN:
+    # One step time gives one pair of landings, more give as many pairs or more.
+    time_s = float(np.median(times_s)) if len(times_s) >= STEPS_MIN else 0.0
+    if time_s <= 0:
         return None
-    time_s = float(np.median(times_s))
     sigma_s = LANDING_S / math.sqrt(spread)
     walked_s = sum(part[-1] - part[0] for part in parts)
     in_view_s = max((float(np.ptp(one.times_s)) for one in rhythm if len(one.times_s)), default=0.0)
@@ -178,7 +179,10 @@ def cadence(steps: Sequence[FootStep], rhythm: Sequence[Oscillation] = ()) -> fl
 
 
 def _parts(steps: Sequence[FootStep], confidence_min: float) -> list[list[float]]:
-    """Return the times of landings that follow each other; unobserved steps have no confidence."""
+    """Return the times of landings that follow each other, by part of the walk.
+
+    An observed step of less confidence begins another part.
+    """
     parts: list[list[float]] = []
     for step in steps:
         certain = step.confidence >= confidence_min or not step.observed

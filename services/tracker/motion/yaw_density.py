@@ -15,8 +15,8 @@ from services.tracker.motion.yaw import States, VelocityYaw, measured_rad
 BINS = 48
 STEP_RAD = 2 * math.pi / BINS
 ANGLES = STEP_RAD * np.arange(BINS, dtype=np.float64)
-# Bins of the angles before, after and opposite; indices take a fifth of the time of np.roll
-BEFORE, AFTER = np.roll(np.arange(BINS), 1), np.roll(np.arange(BINS), -1)
+# Bins of the angles before, after and opposite; indices take a third of the time of np.roll
+PREVIOUS, NEXT = np.roll(np.arange(BINS), 1), np.roll(np.arange(BINS), -1)
 OPPOSITE = np.roll(np.arange(BINS), BINS // 2)
 NEAR = np.arange(-BINS // 6, BINS // 6 + 1)  # bins within 60 deg of the mode
 DENSITY_MIN = 1e-9  # of each bin: nothing is impossible
@@ -188,7 +188,7 @@ def _read(states: F64) -> F64:
     """Normalise the densities of states (Nx53), and set the most likely angles and their shares."""
     density = np.maximum(states[:, DENSITY], DENSITY_MIN)
     density /= density.sum(axis=1, keepdims=True)
-    smooth = density + density[:, BEFORE] + density[:, AFTER]
+    smooth = density + density[:, PREVIOUS] + density[:, NEXT]
     best = smooth.argmax(axis=1)[:, None]
     near = density[np.arange(len(best))[:, None], (best + NEAR) % BINS]
     share = near.sum(axis=1)

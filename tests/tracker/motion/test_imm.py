@@ -118,13 +118,13 @@ def test_covariances_stay_positive_definite() -> None:
 
 @pytest.mark.parametrize(("measured_mps", "walks"), [(0.0, False), (1.0, True)])
 def test_a_measured_velocity_weighs_the_modes(measured_mps: float, walks: bool) -> None:
-    models = imm()
+    models = imm(velocity_weight=1.0)
     start = models.start(state(4.0, 0.5), 0.1 * np.eye(6))
     even = ImmState(start.x, start.P, np.array([0.5, 0.5]))
     v = np.array([[measured_mps, 0.0, 0.0]])
     x, _, probability = models.update_velocities(*stacked(even), v, 0.01 * np.eye(3)[None])
-    assert (probability[0, WALKING] > 0.5) == walks
-    assert (probability[0, STANDING] > 0.5) != walks
+    assert (probability[0, WALKING] > 0.9) == walks
+    assert (probability[0, STANDING] > 0.9) != walks
     # P = 0.1, R = 0.01: 0.5 + (v - 0.5) 10 / 11; who stands has no velocity to be updated.
     assert x[0, WALKING, 3] == pytest.approx(0.5 + (measured_mps - 0.5) * 10 / 11)
     assert x[0, STANDING, 3] == 0.5
