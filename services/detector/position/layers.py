@@ -49,7 +49,7 @@ class _Choice(NamedTuple):
     """Best layer of a person's own samples."""
 
     depth_m: float  # [m] NaN where the score is 0
-    score: float  # 0 to 1
+    score: float  # 0 to 1, of all samples, also those without a reading
     along_m2: float  # [m^2] as of `PersonLayer`
     across_m2: float  # [m^2]
 
@@ -69,8 +69,9 @@ class LayerWindows:
 def assign_layers(people: Sequence[DepthSamples], config: LayerConfig) -> list[PersonLayer | None]:
     """Return the layer of each person of a frame, None without own samples.
 
-    People are assigned in the order of their agreement with one layer, those of unknown size last.
-    Samples that lie on a person who has a layer do not count for others.
+    People are assigned in the order in which all of their samples agree with one layer, those of
+    unknown size last: of somebody beyond the camera's range only samples on a person in front have
+    readings. Samples that lie on a person who has a layer do not count for others.
     """
     layers: list[PersonLayer | None] = [None] * len(people)
     finite = [np.isfinite(person.depth_m) for person in people]
@@ -143,14 +144,14 @@ def _best(person: DepthSamples, own: Flags, config: LayerConfig) -> _Choice:
     score = float(scores[best])
     apart = np.abs(depth_m - layer_m) > config.half_m
     if not apart.any():
-        return _Choice(layer_m, score, 0.0, 0.0)
+        return _Choice(layer_m, part, 0.0, 0.0)
     others = apart * (near @ (parts * apart)) * fit
     second = int(np.argmax(others))
     fraction = float(others[second] ** 2 / (score**2 + others[second] ** 2))
     gap_m = float(depth_m[second]) - layer_m
     uncertainty = fraction * (1 - fraction)
     beside_m = config.beside_m if gap_m > 0 else 0.0
-    return _Choice(layer_m, score, uncertainty * gap_m**2, uncertainty * beside_m**2)
+    return _Choice(layer_m, part, uncertainty * gap_m**2, uncertainty * beside_m**2)
 
 
 def _beyond(person: DepthSamples, config: LayerConfig) -> float:

@@ -102,6 +102,17 @@ def test_person_hidden_at_all_samples_has_no_layer() -> None:
     assert depths([front, hidden]) == [2.0, None]
 
 
+def test_person_beyond_the_range_does_not_own_the_arm_of_the_one_in_front() -> None:
+    # Two samples of five are read, on the other person, whose size suits less: exp(-0.62) = 0.54
+    # of all, the other one ln(4.5 / 4.6) / 0.2 = -0.1, 0.4 of all.
+    nan = math.nan
+    front = samples([4.5] * 5, size_depth_m=3.6)
+    behind = replace(samples([nan, nan, 4.5, 4.5, nan], size_depth_m=4.6), range_m=15.0)
+    assert depths([behind]) == [4.5]
+    assert depths([front, behind]) == [4.5, None]
+    assert depths([behind, front]) == [None, 4.5]
+
+
 def test_people_side_by_side_share_no_samples() -> None:
     assert depths([samples([2.0] * 5), samples([2.1] * 5, shift_px=40.0)]) == [2.0, 2.1]
 
