@@ -79,8 +79,9 @@ class Detection(Record, frozen=True, kw_only=True):
     position_m: Vector3 | None = None  # [m] frame: camera optical; absent if depth gave none
     # [m^2] covariance of position_m, frame: camera optical; absent if unknown
     position_covariance_m2: Matrix3 | None = None
-    # [m/s] relative to the camera, mean over Detections.velocity_interval_s: the position less that
-    # before, each in the camera's optical frame of its time; absent if unknown
+    # [m/s] relative to the camera, mean over Detections.velocity_interval_s: the position of the
+    # surface that the camera sees, 0.12 m before position_m, less that before, each in the camera's
+    # optical frame of its time; absent if unknown
     velocity_mps: Vector3 | None = None
     # [m^2/s^2] covariance of velocity_mps, frame: camera optical; absent if unknown
     velocity_covariance_m2ps2: Matrix3 | None = None

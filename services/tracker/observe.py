@@ -25,6 +25,7 @@ LENGTH_MIN = 1e-6  # of an embedding: a shorter one has no direction
 VELOCITY_MAX_MPS = 15.0  # [m/s] people do not run faster
 VELOCITY_SIGMA_MPS = 0.03  # [m/s] of the velocity now, by the mean since the frame before
 MOTION_ERROR = 0.1  # of the movement of a camera, in that of what it sees
+SURFACE_M = 0.12  # [m] from a position back to the surface that velocities are measured on
 LEVEL_MIN = 0.2  # a heading with a shorter level part (steeper than 78 deg) has no yaw
 
 
@@ -125,7 +126,9 @@ def _velocities(
 ) -> dict[int, VelocityMeasurement]:
     """Return the velocities over the ground by index.
 
-    What a camera's own motion adds to the movement of a point is known to a part of it.
+    They are measured on the surface of a person, which a camera that turns carries less far than
+    the axis behind it. What a camera's own motion adds to the movement of a point is known to a
+    part of it.
     """
     interval_s, velocities = detections.velocity_interval_s, dict[int, VelocityMeasurement]()
     if interval_s is None or pose_before is None:
@@ -134,8 +137,10 @@ def _velocities(
         covariance = person.velocity_covariance_m2ps2
         if person.velocity_mps is None or person.position_m is None or covariance is None:
             continue
-        before_m = person.position_m - person.velocity_mps * interval_s
-        start_m, end_m = apply(pose_before.matrix, before_m), apply(pose.matrix, person.position_m)
+        range_m = float(np.linalg.norm(person.position_m))
+        surface_m = person.position_m * (1 - SURFACE_M / max(range_m, SURFACE_M))
+        before_m = surface_m - person.velocity_mps * interval_s
+        start_m, end_m = apply(pose_before.matrix, before_m), apply(pose.matrix, surface_m)
         carried_m = start_m - apply(pose.matrix, before_m)
         mps = (end_m - start_m) / interval_s
         if np.linalg.norm(mps) > VELOCITY_MAX_MPS:

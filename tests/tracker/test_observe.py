@@ -15,7 +15,7 @@ from common.geometry.transforms import (
 )
 from people4d.messages import F64, Detection, Detections
 from services.tracker.camera_poses import pose_covariance
-from services.tracker.observe import PEOPLE_MAX, VELOCITY_SIGMA_MPS, observe, rotated
+from services.tracker.observe import PEOPLE_MAX, SURFACE_M, VELOCITY_SIGMA_MPS, observe, rotated
 from tests import builders
 
 BOX = np.array([0.0, 0.0, 10.0, 20.0], np.float32)
@@ -113,18 +113,29 @@ def test_person_who_stands_before_a_camera_that_moves_has_no_velocity() -> None:
     # It drove 0.1 m and turned by 2 degrees: seen from it the person moved the other way.
     link = transform_from([0.1, 0.0, 0.0], rotation_from_rpy(0.0, 0.0, np.radians(2.0)))
     before, now = LINK_FROM_OPTICAL, link @ LINK_FROM_OPTICAL
-    person_m = np.array([4.0, 0.0, 0.0])
-    position_m = apply(invert(now), person_m)
-    velocity_mps = (position_m - apply(invert(before), person_m)) / 0.1
+    position_m = apply(invert(now), np.array([4.0, 0.0, 0.0]))
+    # What it sees is the surface before the person's axis.
+    surface_m = position_m * (1 - SURFACE_M / np.linalg.norm(position_m))
+    velocity_mps = (surface_m - apply(invert(before) @ now, surface_m)) / 0.1
     assert np.linalg.norm(velocity_mps) > 1.0
     found = moving(velocity_mps, position_m)
     poses = TransformEstimate(now), TransformEstimate(before)
     (one,) = observe(found, None, poses[0], 100.0, Counter(), poses[1]).measurements
     assert one.velocity is not None
     np.testing.assert_allclose(one.velocity.mps, 0.0, atol=1e-9)
-    # A tenth is uncertain of what the camera adds, 1 m/s along and 4 m * 2 degrees in 0.1 s aside.
+    # A tenth is uncertain of what the camera adds, 1 m/s along and 3.88 m * 2 degrees in
+    # 0.1 s aside.
     added_m2ps2 = np.trace(one.velocity.covariance_m2ps2) - 0.06 - 3 * VELOCITY_SIGMA_MPS**2
-    assert added_m2ps2 == pytest.approx(0.1**2 * (1.0**2 + 1.4**2), rel=0.05)
+    assert added_m2ps2 == pytest.approx(0.1**2 * (1.0**2 + 1.35**2), rel=0.05)
+
+
+def test_velocity_of_a_person_at_the_camera_is_known() -> None:
+    pose = TransformEstimate(LINK_FROM_OPTICAL)
+    for position_m in (np.zeros(3), np.array([0.0, 0.0, 0.05])):
+        found = moving(np.array([1.0, 0.5, 2.0]), position_m)
+        (measurement,) = observe(found, None, pose, 100.0, Counter(), pose).measurements
+        assert measurement.velocity is not None
+        np.testing.assert_allclose(measurement.velocity.mps, [2.0, -1.0, -0.5])
 
 
 def test_absurd_velocities_are_counted_and_those_of_unknown_times_do_not_count() -> None:
