@@ -80,6 +80,19 @@ def test_mean_length_is_that_of_the_measures_and_weighted_by_confidence() -> Non
     assert (one.high or 0) - (one.low or 0) < (high or 0) - (low or 0)
 
 
+def test_interval_of_the_cadence_is_that_of_the_steps_it_is_of() -> None:
+    times_s = np.arange(0, 8, 1 / 30)
+    left, right = feet(times_s)
+    steps = find_steps(trajectory(times_s, left), trajectory(times_s, right), UP, CONFIG)
+    last = steps[-1]
+    stop = replace(last, landed_s=last.landed_s + 1.4, confidence=0.4, follows=True)
+    walked, stopped = (
+        {p.name: p for p in gait_parameters(some, None, CONFIG)}["cadence"]
+        for some in (steps, [*steps, stop])
+    )
+    assert (stopped.low, stopped.value, stopped.high) == (walked.low, walked.value, walked.high)
+
+
 def test_shares_of_a_stride_add_up() -> None:
     # One foot swings as soon as the other one has landed: half of the time, at an even speed.
     found = walk()

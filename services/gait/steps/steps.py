@@ -10,7 +10,6 @@ Source: docs/method.md, section 20.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -143,8 +142,8 @@ def gait_measures(
 
 
 def step_times_s(steps: Sequence[FootStep]) -> list[float]:
-    """Return the times [s] of steps that follow another."""
-    return [after.landed_s - one.landed_s for one, after in pairwise(steps) if after.follows]
+    """Return the times [s] of the steps by which the cadence is estimated."""
+    return [float(time_s) for part in _walks(steps) for time_s in np.diff(part)]
 
 
 def cadence(steps: Sequence[FootStep], rhythm: Sequence[Oscillation] = ()) -> float | None:
@@ -155,9 +154,7 @@ def cadence(steps: Sequence[FootStep], rhythm: Sequence[Oscillation] = ()) -> fl
     and head counts the more, the fewer landings there are. An uncertain step begins another part:
     in turns and stops feet also move without a step. Such steps count where there are no others.
     """
-    parts = _parts(steps, CERTAIN)
-    if sum(map(len, parts)) - len(parts) < STEPS_MIN:
-        parts = _parts(steps, 0.0)
+    parts = _walks(steps)
     times_s: list[float] = []
     spread = 0.0  # squares of the numbers of landings about their means
     for part in parts:
@@ -176,6 +173,16 @@ def cadence(steps: Sequence[FootStep], rhythm: Sequence[Oscillation] = ()) -> fl
     if lasts and sigma_s > UNSURE * time_s:
         time_s = with_rhythm(time_s, sigma_s, rhythm)
     return 60 / time_s
+
+
+def _walks(steps: Sequence[FootStep]) -> list[list[float]]:
+    """Return the times of landings that follow each other, by part of the walk.
+
+    Parts of certain steps; of all steps where too few are certain.
+    """
+    certain = _parts(steps, CERTAIN)
+    enough = sum(map(len, certain)) - len(certain) >= STEPS_MIN
+    return certain if enough else _parts(steps, 0.0)
 
 
 def _parts(steps: Sequence[FootStep], confidence_min: float) -> list[list[float]]:
