@@ -49,7 +49,7 @@ class _Choice(NamedTuple):
     """Best layer of a person's own samples."""
 
     depth_m: float  # [m] NaN where the score is 0
-    score: float  # 0 to 1, of all samples, also those without a reading
+    score: float  # 0 to 1, less the share of samples that are rather beyond the camera's range
     along_m2: float  # [m^2] as of `PersonLayer`
     across_m2: float  # [m^2]
 
@@ -69,9 +69,10 @@ class LayerWindows:
 def assign_layers(people: Sequence[DepthSamples], config: LayerConfig) -> list[PersonLayer | None]:
     """Return the layer of each person of a frame, None without own samples.
 
-    People are assigned in the order in which all of their samples agree with one layer, those of
-    unknown size last: of somebody beyond the camera's range only samples on a person in front have
-    readings. Samples that lie on a person who has a layer do not count for others.
+    People are assigned in the order of their agreement with one layer, those of unknown size last.
+    Samples that are rather beyond the camera's range do not agree: of somebody there only those on
+    a person in front have readings. Samples that lie on a person who has a layer do not count for
+    others.
     """
     layers: list[PersonLayer | None] = [None] * len(people)
     finite = [np.isfinite(person.depth_m) for person in people]
@@ -135,27 +136,27 @@ def _best(person: DepthSamples, own: Flags, config: LayerConfig) -> _Choice:
     fit = _fit(depth_m, person, config)
     scores = near @ parts * fit
     best = int(np.argmax(scores))
-    total = max(float(person.weights.sum()), 1e-9)
-    part = float(scores[best] * weights.sum()) / total
-    if part <= 0 or part < max(config.score_min, _beyond(person, config) / total):
+    part = float(scores[best] * weights.sum()) / max(float(person.weights.sum()), 1e-9)
+    beyond = _beyond(person, config)
+    if part <= 0 or part < max(config.score_min, config.missing_weight * beyond):
         return NO_LAYER
     ranked_m = np.sort(depth_m[near[best]])
     layer_m = float(ranked_m[(len(ranked_m) - 1) // 2] + ranked_m[len(ranked_m) // 2]) / 2
-    score = float(scores[best])
+    score, seen = float(scores[best]), 1 - beyond
     apart = np.abs(depth_m - layer_m) > config.half_m
     if not apart.any():
-        return _Choice(layer_m, part, 0.0, 0.0)
+        return _Choice(layer_m, score * seen, 0.0, 0.0)
     others = apart * (near @ (parts * apart)) * fit
     second = int(np.argmax(others))
     fraction = float(others[second] ** 2 / (score**2 + others[second] ** 2))
     gap_m = float(depth_m[second]) - layer_m
     uncertainty = fraction * (1 - fraction)
     beside_m = config.beside_m if gap_m > 0 else 0.0
-    return _Choice(layer_m, part, uncertainty * gap_m**2, uncertainty * beside_m**2)
+    return _Choice(layer_m, score * seen, uncertainty * gap_m**2, uncertainty * beside_m**2)
 
 
 def _beyond(person: DepthSamples, config: LayerConfig) -> float:
-    """Return the weight of a person's samples without a reading as a layer beyond the range.
+    """Return the share of a person's samples without a reading as a layer beyond the range.
 
     It is 0 of a person of unknown size.
     """
@@ -163,8 +164,8 @@ def _beyond(person: DepthSamples, config: LayerConfig) -> float:
     if person.size is None or not missing.any():
         return 0.0
     beyond_m = np.array([max(person.range_m, person.size.depth_m)])
-    weight = config.missing_weight * float(person.weights[missing].sum())
-    return weight * float(_fit(beyond_m, person, config)[0])
+    share = float(person.weights[missing].sum()) / max(float(person.weights.sum()), 1e-9)
+    return share * float(_fit(beyond_m, person, config)[0])
 
 
 def _fit(depth_m: F64, person: DepthSamples, config: LayerConfig) -> F64:

@@ -103,14 +103,16 @@ def test_person_hidden_at_all_samples_has_no_layer() -> None:
 
 
 def test_person_beyond_the_range_does_not_own_the_arm_of_the_one_in_front() -> None:
-    # Two samples of five are read, on the other person, whose size suits less: exp(-0.62) = 0.54
-    # of all, the other one ln(4.5 / 4.6) / 0.2 = -0.1, 0.4 of all.
+    # Two samples of five are read, on the other person, whose size suits less: exp(-0.62) = 0.54.
+    # Beyond a range of 5 m: ln(5 / 4.6) / 0.2 = 0.42, 0.6 * 0.92 = 0.55, so 0.45 is left.
     nan = math.nan
     front = samples([4.5] * 5, size_depth_m=3.6)
-    behind = replace(samples([nan, nan, 4.5, 4.5, nan], size_depth_m=4.6), range_m=15.0)
+    behind = replace(samples([nan, nan, 4.5, 4.5, nan], size_depth_m=4.6), range_m=5.0)
     assert depths([behind]) == [4.5]
     assert depths([front, behind]) == [4.5, None]
     assert depths([behind, front]) == [None, 4.5]
+    # Somebody well within the range has holes in their depth.
+    assert depths([replace(behind, range_m=9.0), front]) == [4.5, None]
 
 
 def test_people_side_by_side_share_no_samples() -> None:
