@@ -142,17 +142,18 @@ def _best(person: DepthSamples, own: Flags, config: LayerConfig) -> _Choice:
         return NO_LAYER
     ranked_m = np.sort(depth_m[near[best]])
     layer_m = float(ranked_m[(len(ranked_m) - 1) // 2] + ranked_m[len(ranked_m) // 2]) / 2
-    score, within = float(scores[best]), 1 - beyond
+    score = float(scores[best])
+    agreement = score * (1 - beyond)
     apart = np.abs(depth_m - layer_m) > config.half_m
     if not apart.any():
-        return _Choice(layer_m, score * within, 0.0, 0.0)
+        return _Choice(layer_m, agreement, 0.0, 0.0)
     others = apart * (near @ (parts * apart)) * fit
     second = int(np.argmax(others))
     fraction = float(others[second] ** 2 / (score**2 + others[second] ** 2))
     gap_m = float(depth_m[second]) - layer_m
     uncertainty = fraction * (1 - fraction)
     beside_m = config.beside_m if gap_m > 0 else 0.0
-    return _Choice(layer_m, score * within, uncertainty * gap_m**2, uncertainty * beside_m**2)
+    return _Choice(layer_m, agreement, uncertainty * gap_m**2, uncertainty * beside_m**2)
 
 
 def _beyond(person: DepthSamples, config: LayerConfig) -> float:
