@@ -23,7 +23,7 @@ from services.detector.position.torso import LayeredTorso
 GRID = 8, 14  # points on a torso across and down
 MARGIN, MARGIN_DOWN = 0.25, 0.06  # beyond the joints, to each side: of their width, of the height
 UPPER_BODY = 0.2, 0.2, 0.8, 0.55  # of a box, where joints are unknown: left, top, right, bottom
-WINDOW_PX, LEVELS = 7, 3  # of optical flow
+WINDOW_PX, LEVELS = 9, 3  # of optical flow
 BACK_PX = 0.5  # [px] largest error of a point that was followed there and back
 POINTS_MIN = 5  # that a velocity needs
 LAYER_M, MOVED_M = 0.3, 0.35  # [m] largest distance from the person's layer, in this frame; in both
