@@ -35,7 +35,7 @@ and 90th percentile of the distance to the surface at the middle of hand and foo
 joints (wrist and ankle). A point is hidden where its joint is. `hidden as measured`: of the points
 published while hidden, predicted or measured; below, of these the ones more than 0.1 m off (of a
 foot the ankle may be covered and the toes not), then of all hidden points, lost ones too.
-`exchanged`: nearer to the other side's reference by 10 cm. `in 90 % ellipse`: of predicted points.
+`exchanged`: nearer to the other side's reference by 10 cm. `in 90 % ellipse`: predicted points.
 A true step is a swing of an ankle by 0.2 m or more; found within 0.3 s. The film may begin in a
 step: it is neither asked for nor invented. Walkers take three steps or more in view. `in range`:
 nearer than 5 m, beyond which the sensor gives no depth: there a joint may be visible in colour
@@ -54,7 +54,8 @@ choose_2: slow with bent trunk, carrying a box; turns: stops, turns on the spot 
 choose_circles: three people, of whom one walks circles of 0.4 m with stops, one carries and one is
 behind the others; judge_1: slow with bent trunk, fast; judge_2: hands in pockets, a limp of 20 %;
 judge_3: a limp of 10 %, a skirt; judge_4: three people, of whom one stops and one carries; limp and
-even: a robot follows a person who walks straight, or drives ahead of them, for 40 to 45 s.
+even: a robot follows a person who walks straight, or drives ahead of them, for 40 to 45 s. The
+first two columns put the scenes of each half together.
 """
 
 
@@ -139,6 +140,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2, help="processes at once")
     parser.add_argument("--report", type=Path, default=REPORT, help="file to write")
     arguments = parser.parse_args()
+    halves = {"all of judge": Tally(), "all others": Tally()}
     columns: dict[str, Tally] = {}
     people: dict[str, list[Tally]] = {}
     with ProcessPoolExecutor(arguments.jobs, get_context("spawn")) as pool:
@@ -148,10 +150,12 @@ def main() -> None:
         }
         for name, task in tasks.items():
             columns[name], people[name] = Tally(), task.result()
+            half = halves["all of judge" if name.startswith("judge_") else "all others"]
             for one in people[name]:
                 columns[name].add(one)
+                half.add(one)
             print(name, flush=True)
-    table = {name: cells(one) for name, one in columns.items()}
+    table = {name: cells(one) for name, one in (halves | columns).items()}
     names = list(next(iter(table.values())))
     rows = [[name, *(values[name] for values in table.values())] for name in names]
     command = " ".join(f"FOLDER/{folder.name}" for folder in arguments.folders)

@@ -51,7 +51,7 @@ COLUMNS = (
     *("steps found", "invented", "walkers with measures", "worst step cm", "worst cadence %"),
     *("limps found", "limps invented", "hands visible cm", "feet visible cm"),
     *("visible published %", "hidden as measured %", "exchanged visible %"),
-    *("exchanged hidden %", "in 90 % ellipse %"),
+    *("exchanged hidden %", "hidden in 90 % ellipse %"),
 )
 INTRO = """Two people of the lab walk {seconds:.0f} s, to and fro, across the view or round, 2.4 to
 4.8 m from a camera 0.4 to 2.4 m high with 10 to 30 frames a second; bodies are 0.88 to 1.12 times

@@ -157,7 +157,7 @@ def _points(
         tally_.measured_hidden_off += not unhidden and measured and error_m > HIDDEN_OFF_M
         if not measured:
             d2 = offset @ np.linalg.solve(point.covariance[:3, :3], offset)
-            tally_.covered.append(bool(d2 <= COVERED_90))
+            tally_.covered.setdefault(when, []).append(bool(d2 <= COVERED_90))
 
 
 def _steps(

@@ -20,7 +20,7 @@ class Tally:
     hidden: int = 0  # published while hidden
     hidden_all: int = 0  # lost ones, too
     exchanged: dict[str, list[bool]] = field(default_factory=dict)  # by visibility
-    covered: list[bool] = field(default_factory=list)  # of predicted points
+    covered: dict[str, list[bool]] = field(default_factory=dict)  # predicted points, by visibility
     visible: int = 0
     visible_measured: int = 0
     visible_in_range: int = 0  # nearer than the farthest depth
@@ -64,9 +64,9 @@ def cells(one: Tally) -> Mapping[str, str]:
     def percent(count: float, of: float) -> str:
         return f"{100 * count / of:.1f}" if of else "-"
 
-    def exchanged(when: str) -> str:
-        flags = one.exchanged.get(when, [])
-        return percent(sum(flags), len(flags))
+    def share(flags: Mapping[str, list[bool]], when: str) -> str:
+        known = flags.get(when, [])
+        return percent(sum(known), len(known))
 
     worst_m = max((abs(x) for x in one.length_off_m), default=np.nan)
     worst = max((abs(x) for x in one.cadence_off), default=np.nan)
@@ -101,9 +101,10 @@ def cells(one: Tally) -> Mapping[str, str]:
         "hidden as measured %": percent(one.measured_hidden, one.hidden),
         "the same, > 10 cm off %": percent(one.measured_hidden_off, one.hidden),
         "the same of all hidden %": percent(one.measured_hidden, one.hidden_all),
-        "exchanged visible %": exchanged("visible"),
-        "exchanged hidden %": exchanged("hidden"),
-        "in 90 % ellipse %": percent(sum(one.covered), len(one.covered)),
+        "exchanged visible %": share(one.exchanged, "visible"),
+        "exchanged hidden %": share(one.exchanged, "hidden"),
+        "visible in 90 % ellipse %": share(one.covered, "visible"),
+        "hidden in 90 % ellipse %": share(one.covered, "hidden"),
     }
 
 
