@@ -76,7 +76,8 @@ def assign_layers(people: Sequence[DepthSamples], config: LayerConfig) -> list[P
     """
     layers: list[PersonLayer | None] = [None] * len(people)
     finite = [np.isfinite(person.depth_m) for person in people]
-    alone = [_best(one, own, config) for one, own in zip(people, finite, strict=True)]
+    beyond = [_beyond(person, config) for person in people]
+    alone = [_best(*one, config) for one in zip(people, finite, beyond, strict=True)]
     order = sorted(range(len(people)), key=lambda k: (people[k].size is None, -alone[k].score))
     before: list[int] = []
     for k in order:
@@ -87,7 +88,7 @@ def assign_layers(people: Sequence[DepthSamples], config: LayerConfig) -> list[P
                 taken = own & _on(person, people[other], layer, config.half_m)
                 own = own & ~taken if taken.any() else own
         is_alone = own is finite[k]
-        best = alone[k] if is_alone else _best(person, own, config)
+        best = alone[k] if is_alone else _best(person, own, beyond[k], config)
         if best.score > 0:
             layers[k] = PersonLayer(best.depth_m, own, best.along_m2, best.across_m2)
         before.append(k)
@@ -117,8 +118,8 @@ def read_layers(people: Sequence[LayerWindows], image: DepthImage, half_m: float
     return np.split(depth_m, np.cumsum(counts[:-1]))
 
 
-def _best(person: DepthSamples, own: Flags, config: LayerConfig) -> _Choice:
-    """Return the best layer.
+def _best(person: DepthSamples, own: Flags, beyond: float, config: LayerConfig) -> _Choice:
+    """Return the best layer; `beyond` is the share of samples rather beyond the camera's range.
 
     Another layer of a fraction p of the sum of both squared scores, a gap away, makes the depth
     uncertain by p (1 - p) gap^2. If it is farther, the joints may be those of a person there who
@@ -137,7 +138,6 @@ def _best(person: DepthSamples, own: Flags, config: LayerConfig) -> _Choice:
     scores = near @ parts * fit
     best = int(np.argmax(scores))
     part = float(scores[best] * weights.sum()) / max(float(person.weights.sum()), 1e-9)
-    beyond = _beyond(person, config)
     if part <= 0 or part < max(config.score_min, config.missing_weight * beyond):
         return NO_LAYER
     ranked_m = np.sort(depth_m[near[best]])
