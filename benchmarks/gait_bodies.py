@@ -15,7 +15,7 @@ import numpy as np
 from benchmarks.gait_scenes import SCENES, TO_AND_FRO
 from benchmarks.lib.gait.bodies import JointTruth, tally
 from benchmarks.lib.gait.other_walkers import Style
-from benchmarks.lib.gait.tally import Tally, cells, results_of
+from benchmarks.lib.gait.tally import Tally, cells, results_of, total
 from benchmarks.lib.table import machine, markdown
 from evaluation.gait.report import read_run
 from services.gait.estimator import GaitFrame
@@ -124,10 +124,7 @@ def style_rows(people: Mapping[str, Sequence[Tally]]) -> list[list[str]]:
                 found.setdefault((style_name(style), name.split("_")[0]), []).append(one)
     rows = []
     for (style_text, half), tallies in sorted(found.items()):
-        total = Tally()
-        for one in tallies:
-            total.add(one)
-        values = cells(total)
+        values = cells(total(tallies))
         rows.append([style_text, half, str(len(tallies)), *(values[key] for key in BY_STYLE)])
     return rows
 
@@ -140,8 +137,6 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2, help="processes at once")
     parser.add_argument("--report", type=Path, default=REPORT, help="file to write")
     arguments = parser.parse_args()
-    halves = {"all of judge": Tally(), "all others": Tally()}
-    columns: dict[str, Tally] = {}
     people: dict[str, list[Tally]] = {}
     with ProcessPoolExecutor(arguments.jobs, get_context("spawn")) as pool:
         tasks = {
@@ -149,13 +144,15 @@ def main() -> None:
             for folder in arguments.folders
         }
         for name, task in tasks.items():
-            columns[name], people[name] = Tally(), task.result()
-            half = halves["all of judge" if name.startswith("judge_") else "all others"]
-            for one in people[name]:
-                columns[name].add(one)
-                half.add(one)
+            people[name] = task.result()
             print(name, flush=True)
-    table = {name: cells(one) for name, one in (halves | columns).items()}
+    held_out = {name for name in people if name.startswith("judge_")}
+    groups = {"all of judge": held_out, "all others": people.keys() - held_out}
+    groups |= {name: {name} for name in people}
+    table = {
+        title: cells(total(one for name in scenes for one in people[name]))
+        for title, scenes in groups.items()
+    }
     names = list(next(iter(table.values())))
     rows = [[name, *(values[name] for values in table.values())] for name in names]
     command = " ".join(f"FOLDER/{folder.name}" for folder in arguments.folders)

@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks.gait_scenes import visible_joints
 from benchmarks.lib.gait.bodies import JointTruth, tally
-from benchmarks.lib.gait.tally import Tally, cells, results_of
+from benchmarks.lib.gait.tally import Tally, cells, results_of, total
 from benchmarks.lib.table import machine, markdown
 from evaluation.cache import default_folder, key_of
 from evaluation.gait.report import read_run
@@ -156,13 +156,13 @@ def main() -> None:
     arguments = parser.parse_args()
     rows = []
     for half, seeds in HALVES.items():
-        total = Tally()
+        people: list[tuple[str, Tally]] = []
         for seed in seeds:
-            for name, one in compare(seed).items():
-                total.add(one)
-                rows.append([name, half, *(cells(one)[key] for key in COLUMNS)])
+            people += compare(seed).items()
             print(half, seed, flush=True)
-        rows.append(["all", half, *(cells(total)[key] for key in COLUMNS)])
+        for name, one in [*people, ("all", total(one for _, one in people))]:
+            values = cells(one)
+            rows.append([name, half, *(values[key] for key in COLUMNS)])
     text = "\n\n".join(
         [
             "# Gait of other bodies and styles in the lab",

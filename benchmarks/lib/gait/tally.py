@@ -1,6 +1,6 @@
 """Comparisons of points and steps of people against joints, and their figures."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -52,6 +52,14 @@ class Tally:
             else:
                 for key, some in value.items():
                     own.setdefault(key, []).extend(some)
+
+
+def total(tallies: Iterable[Tally]) -> Tally:
+    """Return the comparisons of several people put together."""
+    together = Tally()
+    for one in tallies:
+        together.add(one)
+    return together
 
 
 def cells(one: Tally) -> Mapping[str, str]:
