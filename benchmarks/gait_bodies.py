@@ -29,6 +29,13 @@ BY_STYLE = (
 )  # figures
 DEPTH_MAX_M = 5.0  # farthest reading of the sensor
 MARGIN_PX = 4.0  # of ankles in view to the edges
+NO_KEYPOINTS = "gait.cascade.depth.keypoints=false"
+WITHOUT_KEYPOINTS = (
+    *("steps found", "invented", "hands visible cm", "hands visible, measured cm"),
+    *("hands hidden cm", "feet visible cm", "feet visible, measured cm", "feet hidden cm"),
+    *("limbs visible cm", "visible published %", "visible measured %", "hidden as measured %"),
+    *("exchanged visible %", "exchanged hidden %"),
+)  # figures
 INTRO = """
 People of a second simulator, with other bodies and another walk than the lab's. Errors are median
 and 90th percentile of the distance to the surface at the middle of hand and foot, made from the
@@ -129,6 +136,29 @@ def style_rows(people: Mapping[str, Sequence[Tally]]) -> list[list[str]]:
     return rows
 
 
+def compare_all(
+    pool: ProcessPoolExecutor, folders: Sequence[Path], settings: Sequence[str]
+) -> Mapping[str, list[Tally]]:
+    """Return the comparisons of each person by folder."""
+    tasks = {folder.name: pool.submit(compare, folder.resolve(), settings) for folder in folders}
+    people: dict[str, list[Tally]] = {}
+    for name, task in tasks.items():
+        people[name] = task.result()
+        print(name, *settings, flush=True)
+    return people
+
+
+def by_scene(people: Mapping[str, Sequence[Tally]]) -> dict[str, Mapping[str, str]]:
+    """Return the figures of each half, and of each scene."""
+    held_out = {name for name in people if name.startswith("judge_")}
+    groups = {"all of judge": held_out, "all others": people.keys() - held_out}
+    groups |= {name: {name} for name in people}
+    return {
+        title: cells(total(one for name in scenes for one in people[name]))
+        for title, scenes in groups.items()
+    }
+
+
 def main() -> None:
     """Compare the folders, and write the report."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -137,24 +167,14 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2, help="processes at once")
     parser.add_argument("--report", type=Path, default=REPORT, help="file to write")
     arguments = parser.parse_args()
-    people: dict[str, list[Tally]] = {}
     with ProcessPoolExecutor(arguments.jobs, get_context("spawn")) as pool:
-        tasks = {
-            folder.name: pool.submit(compare, folder.resolve(), arguments.settings)
-            for folder in arguments.folders
-        }
-        for name, task in tasks.items():
-            people[name] = task.result()
-            print(name, flush=True)
-    held_out = {name for name in people if name.startswith("judge_")}
-    groups = {"all of judge": held_out, "all others": people.keys() - held_out}
-    groups |= {name: {name} for name in people}
-    table = {
-        title: cells(total(one for name in scenes for one in people[name]))
-        for title, scenes in groups.items()
-    }
-    names = list(next(iter(table.values())))
-    rows = [[name, *(values[name] for values in table.values())] for name in names]
+        people = compare_all(pool, arguments.folders, arguments.settings)
+        alone = compare_all(pool, arguments.folders, [*arguments.settings, NO_KEYPOINTS])
+    table, without = by_scene(people), by_scene(alone)
+    rows = [[name, *(cell[name] for cell in table.values())] for name in next(iter(table.values()))]
+    rows_without = [
+        [name, *(cell[name] for cell in without.values())] for name in WITHOUT_KEYPOINTS
+    ]
     command = " ".join(f"FOLDER/{folder.name}" for folder in arguments.folders)
     text = "\n\n".join(
         [
@@ -162,6 +182,9 @@ def main() -> None:
             f"Made by `python -m benchmarks.gait_bodies {command}` on {machine()}.",
             " ".join(INTRO.split()),
             markdown(["figure", *table], rows),
+            "The same without keypoints (`gait.cascade.depth.keypoints=false`): hands and feet by "
+            "the ends of limbs alone; the limits are 5 cm (median) and 15 cm of visible ones:",
+            markdown(["figure", *without], rows_without),
             "The same people by style, in scenes that chose and in scenes that judge:",
             markdown(["style", "half", "people", *BY_STYLE], style_rows(people)),
         ]

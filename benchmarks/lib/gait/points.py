@@ -1,8 +1,8 @@
 """Points of a body against their ground truth, as in Figures 5.7 to 5.9 of the source.
 
-An error is the distance in space from the estimate to the middle of the head, hand or foot, in
-frames in which it is visible: of points that are marked by hand to the surface that is visible
-there, of the service's to its own definition (`limb_references`), to that surface besides.
+An error is the distance in space from the estimate to the middle of the head, hand or foot by the
+service's own definition (`limb_references`), in frames in which it is visible; besides, to the
+surface that is visible there, on which points are marked by hand.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -116,17 +116,11 @@ def track_points(
         points.append([row[0] for row in rows])
         measured.append([row[1] for row in rows])
         covariances.append([row[2] for row in rows])
-    arrays = np.array(points), np.array(measured), np.array(covariances)
-    return compared(recording, *arrays, by_hand=variant.by_hand)
+    return compared(recording, np.array(points), np.array(measured), np.array(covariances))
 
 
 def compared(
-    recording: GaitRecording,
-    points_m: F64,
-    measured: Flags,
-    covariances_m2: F64,
-    *,
-    by_hand: bool = False,
+    recording: GaitRecording, points_m: F64, measured: Flags, covariances_m2: F64
 ) -> PointResults:
     """Return points compared with the ground truth."""
     visible = recording.truth.visible[: len(points_m)].astype(bool)
@@ -134,8 +128,7 @@ def compared(
         np.where(visible, np.linalg.norm(points_m - true_m[: len(points_m)], axis=-1), np.nan)
         for true_m in (recording.truth.points_m, recording.middles_m)
     )
-    errors = surface if by_hand else middle
-    return PointResults(points_m, measured, covariances_m2, errors, surface, visible)
+    return PointResults(points_m, measured, covariances_m2, middle, surface, visible)
 
 
 def keypoints_alone(recording: GaitRecording) -> PointResults:
@@ -230,8 +223,11 @@ HEADER = ["median cm", "p90 cm", "published %"]
 
 def table(runs: Mapping[tuple[str, str], Sequence[PointResults]], points: Sequence[int]) -> str:
     """Return errors of some points by case and variant."""
-    rows = [[case, variant, *figures(found, points)] for (case, variant), found in runs.items()]
-    return markdown(["case", "tracked by", *HEADER], rows)
+    rows = [
+        [case, variant, *figures(found, points), surface_errors(found, points)]
+        for (case, variant), found in runs.items()
+    ]
+    return markdown(["case", "tracked by", *HEADER, "to the surface: median, p90 cm"], rows)
 
 
 def by_point(runs: Mapping[str, Sequence[PointResults]]) -> str:

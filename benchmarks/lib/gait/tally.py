@@ -65,8 +65,8 @@ def total(tallies: Iterable[Tally]) -> Tally:
 def cells(one: Tally) -> Mapping[str, str]:
     """Return the figures of a tally by column."""
 
-    def errors(kind: str) -> str:
-        known = 100 * np.array(one.errors_m.get(kind, []))
+    def errors(*kinds: str) -> str:
+        known = 100 * np.array([error for kind in kinds for error in one.errors_m.get(kind, [])])
         return f"{np.median(known):.1f}, {np.quantile(known, 0.9):.1f}" if len(known) else "-"
 
     def percent(count: float, of: float) -> str:
@@ -103,6 +103,7 @@ def cells(one: Tally) -> Mapping[str, str]:
         "feet visible, measured cm": errors("foot measured"),
         "feet visible, in range cm": errors("foot in range"),
         "feet hidden cm": errors("foot hidden"),
+        "limbs visible cm": errors("hand visible", "foot visible"),
         "visible published %": percent(shown, one.visible),
         "the same in range %": percent(near, one.visible_in_range),
         "visible measured %": percent(one.visible_measured, one.visible),

@@ -22,7 +22,13 @@ from services.gait.points.likelihood import (
 )
 from services.gait.points.limbs.anchors import SAME_M
 from services.gait.points.limbs.surface import SurfacePosition
-from services.gait.points.limbs.visibility import VISIBILITY, limb_evidence, shank_points_away
+from services.gait.points.limbs.visibility import (
+    VISIBILITY,
+    WITHOUT_KEYPOINTS,
+    Visibility,
+    limb_evidence,
+    shank_points_away,
+)
 from services.gait.points.point_filter import PointFilter
 
 CONTRADICTION = 3.0  # [standard deviations] of a point from its keypoint
@@ -198,6 +204,15 @@ class Acceptance:
         if confidence > START_CONFIDENCE:
             point.adapt(float(body.geodesic_m[vertex]))
 
+    def _visibility(self, point: PointFilter) -> Visibility | None:
+        """Return what tells visible points of a kind from others; None if nothing does.
+
+        Where keypoints are used, none does without a detection.
+        """
+        if self.has_keypoints:
+            return VISIBILITY.get(point.kind)
+        return None if self.had_keypoints else WITHOUT_KEYPOINTS.get(point.kind)
+
     def _odds(
         self,
         point: PointFilter,
@@ -206,8 +221,8 @@ class Acceptance:
         evidence: PointEvidence,
     ) -> float | None:
         """Return the log-odds that the surface measured is that of the point; None: not known."""
-        kind = VISIBILITY.get(point.kind)
-        if kind is None or not self.has_keypoints:
+        kind = self._visibility(point)
+        if kind is None:
             return None
         measured = limb_evidence(
             point,
@@ -216,6 +231,7 @@ class Acceptance:
             body,
             evidence.anchor,
             evidence.counterpart,
+            evidence.extremity,
             self._info,
         )
         return None if measured is None else kind.odds(measured)
@@ -227,11 +243,12 @@ class Acceptance:
 
         With keypoints that is not known without a detection, and before there is a heading.
         """
-        if odds is None:
+        kind = self._visibility(point)
+        if odds is None or kind is None:
             return point.kind not in VISIBILITY or not self.had_keypoints
         if point.kind == "foot" and shank_points_away(anchor, body, self._info):
             return False
-        return odds >= VISIBILITY[point.kind].least
+        return odds >= kind.least
 
     def _by_extremity(
         self, point: PointFilter, body: MeasuredBody, vertex: int, evidence: PointEvidence

@@ -43,6 +43,7 @@ from services.gait.points.likelihood import (
     spin_similarities,
 )
 from services.gait.points.limbs.anchors import feet_apart, on_own_limbs
+from services.gait.points.limbs.ends import end_position
 from services.gait.points.limbs.floor_feet import FloorPosition, correct_by_floor, floor_positions
 from services.gait.points.limbs.prior import limb_priors
 from services.gait.points.limbs.surface import surface_position
@@ -241,14 +242,14 @@ class DepthLayer:
         noise_px = sigma_px(anchor, depth_m, self._info, self._config) if anchor else 1.0
         other = self._points.get(COUNTERPARTS.get(point.name, ""))
         taken = self._assigned.get(other.name) if other is not None else None
-        surface = (
-            surface_position(point.name, anchor, body, self._heading, self._up, self._info)
-            if point.kind in ("hand", "foot") and self._combined
-            else None
-        )
-        return PointEvidence(
-            anchor, noise_px, other, self._assigned.get(point.name), taken, surface
-        )
+        own = self._assigned.get(point.name)
+        surface = None
+        if point.kind in ("hand", "foot") and self._combined:
+            around = (body, self._heading, self._up)
+            surface = surface_position(point.name, anchor, *around, self._info)
+            if not self._acceptance.had_keypoints:
+                surface = end_position(point.name, own, *around)
+        return PointEvidence(anchor, noise_px, other, own, taken, surface)
 
     def _start_points(
         self,

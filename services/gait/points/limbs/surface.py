@@ -30,11 +30,11 @@ DEPTH_NOISE_M = 0.018  # [m] of the depth behind it: the limb is round
 
 @dataclass(frozen=True)
 class SurfacePosition:
-    """Position of a hand or foot by its keypoint and the surface behind it."""
+    """Position of a hand or foot by the surface of its limb."""
 
     position_m: F64  # 3, optical frame
     noise_m2: F64  # 3x3, besides that of depth
-    vertex: int  # behind the keypoint
+    vertex: int  # behind the keypoint, or at the end of the limb
 
 
 def surface_position(

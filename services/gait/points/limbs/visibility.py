@@ -16,7 +16,7 @@ import numpy as np
 
 from common.geometry.transforms import project
 from people4d.messages import CameraInfo
-from services.gait.points.body import MeasuredBody
+from services.gait.points.body import Extremity, MeasuredBody
 from services.gait.points.keypoints import Anchor
 from services.gait.points.point_filter import PointFilter
 
@@ -43,6 +43,7 @@ class LimbEvidence(NamedTuple):
     before: float  # [m] that the expected position is behind the surface
     own_end: float  # 1: the surface leads up to the end of a limb of its kind
     off_along_m: float  # geodesic distance from its reference
+    end: float  # persistence of the end of the limb that was matched, 0 to 1; 0: none
 
 
 @dataclass(frozen=True)
@@ -62,14 +63,40 @@ class Visibility:
 VISIBILITY: Mapping[str, Visibility] = MappingProxyType(
     {
         "hand": Visibility(
-            LimbEvidence(9.8, -6.6, -20.1, 2.9, 1.8, -1.0, 0.2, -0.1, 2.2, -2.9, 0.6, -1.4),
+            LimbEvidence(9.8, -6.6, -20.1, 2.9, 1.8, -1.0, 0.2, -0.1, 2.2, -2.9, 0.6, -1.4, 0.0),
             bias=3.3,
             least=3.0,
         ),
         "foot": Visibility(
-            LimbEvidence(4.7, -1.3, -6.0, 3.7, 1.7, -0.7, 0.2, 0.4, -0.4, -5.4, 0.1, -1.9),
+            LimbEvidence(4.7, -1.3, -6.0, 3.7, 1.7, -0.7, 0.2, 0.4, -0.4, -5.4, 0.1, -1.9, 0.0),
             bias=0.7,
             least=2.7,
+        ),
+    }
+)
+
+# The same without any keypoint, fitted to scenes for choosing of two simulators.
+NO_WEIGHTS = LimbEvidence(*[0.0] * len(LimbEvidence._fields))
+WITHOUT_KEYPOINTS: Mapping[str, Visibility] = MappingProxyType(
+    {
+        "hand": Visibility(
+            NO_WEIGHTS._replace(
+                before_other=2.6, beside_other=3.4, off=-1.3, off_pixel=-2.6, end=1.9
+            ),
+            bias=1.6,
+            least=1.5,
+        ),
+        "foot": Visibility(
+            NO_WEIGHTS._replace(
+                before_other=3.4,
+                beside_other=5.3,
+                off=-1.1,
+                off_pixel=-0.8,
+                off_along_m=-3.6,
+                end=1.9,
+            ),
+            bias=1.8,
+            least=2.0,
         ),
     }
 )
@@ -97,6 +124,7 @@ def limb_evidence(
     body: MeasuredBody,
     anchor: Anchor | None,
     other: PointFilter | None,
+    extremity: Extremity | None,
     info: CameraInfo,
 ) -> LimbEvidence | None:
     """Return the evidence of a point that measures a position (3); None without expectation."""
@@ -131,6 +159,7 @@ def limb_evidence(
         before=_before(there.mean_m[2] - position_m[2]),
         own_end=float(basin >= 0 and body.kinds[basin] == point.kind),
         off_along_m=min(along, 0.5) if np.isfinite(along) else 0.5,
+        end=0.0 if extremity is None else extremity.strength,
     )
 
 

@@ -5,7 +5,12 @@ import pytest
 
 from services.gait.points.body import MeasuredBody, measure_body
 from services.gait.points.keypoints import Anchor
-from services.gait.points.limbs.visibility import VISIBILITY, LimbEvidence, shank_points_away
+from services.gait.points.limbs.visibility import (
+    VISIBILITY,
+    WITHOUT_KEYPOINTS,
+    LimbEvidence,
+    shank_points_away,
+)
 from services.gait.surface.geodesic import geodesic_extrema, geodesic_m
 from tests.gait.builders import INFO, mesh_of
 
@@ -23,6 +28,7 @@ CLEAR = LimbEvidence(
     before=0.0,
     own_end=1.0,
     off_along_m=0.03,
+    end=1.0,
 )
 
 
@@ -48,6 +54,15 @@ def test_clear_point_is_visible(kind: str) -> None:
 )
 def test_point_without_evidence_is_not(kind: str, change: dict[str, float]) -> None:
     assert VISIBILITY[kind].odds(CLEAR._replace(**change)) < VISIBILITY[kind].least
+
+
+@pytest.mark.parametrize("kind", ["hand", "foot"])
+def test_without_keypoints_the_end_of_a_limb_is_visible_where_it_is_expected(kind: str) -> None:
+    own = WITHOUT_KEYPOINTS[kind]
+    beside = CLEAR._replace(keypoint=0.0, has_keypoint=0.0, keypoint_off_m=0.15)
+    assert own.odds(beside) >= own.least
+    assert own.odds(beside._replace(off=4.0, off_pixel=2.0)) < own.least
+    assert own.odds(beside._replace(before_other=-0.3, beside_other=0.03)) < own.least
 
 
 def leg(ankle_m: tuple[float, float, float]) -> tuple[MeasuredBody, Anchor]:
