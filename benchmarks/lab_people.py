@@ -82,7 +82,7 @@ def report_progress(what: str, share: float) -> None:
 def main() -> None:
     """Render, track and write the table."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--scenes", type=int, default=5, help="of each group")
+    parser.add_argument("--scenes", type=int, default=10, help="of each group")
     parser.add_argument("--choose", action="store_true", help="seeds for choosing; nothing written")
     parser.add_argument("--paths", type=Path, help="folder of recorded paths, for one more group")
     parser.add_argument("--jobs", type=int, default=2)
