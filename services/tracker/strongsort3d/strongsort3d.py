@@ -40,6 +40,9 @@ OTHERS_NS = 200_000_000
 # d_M^2 above which the motion contradicts a match in round 2 with a detection that another person
 # partly covers, whose position and crop are partly of that person; of others CHI2_3DOF_999
 CONTRADICTED_OCCLUDED_MIN = 40.0
+# [m] from the prediction, in round 1, of who was found in the frame before, however uncertain a
+# depth is: it is somebody else who came before them
+DISPLACEMENT_MAX_M = 1.3
 
 
 class StrongSort3d(TrackSetTracker):
@@ -163,6 +166,10 @@ class StrongSort3d(TrackSetTracker):
         cost = combined_cost(d_m2, d_cos, frame.cosine_distance_max, self._config)
         limits = self._policies.identity.cosine_limits(records, frame)
         cost[d_cos > limits[:, None]] = np.inf
+        if self._config.distance_gated and not self._config.identity.is_gap(self.tracks.elapsed_ns):
+            recent = np.array([t.frames_missed <= 1 for t in records], np.bool_)
+            far = distances(x[:, :3], z) > DISPLACEMENT_MAX_M
+            cost[recent[:, None] & far] = np.inf
         return cost + self._config.motion_weight * log_det if self._config.likelihood else cost
 
     def _contradicted(

@@ -222,6 +222,25 @@ def test_gated_round_two_refuses_who_is_unlike_and_too_far_for_the_motion(
     assert any(track.id == 1 and track.detection == 0 for track in tracks) == matched
 
 
+@pytest.mark.parametrize(
+    ("gated", "missed", "identity"), [(True, 0, 2), (True, 1, 1), (False, 0, 1)]
+)
+def test_who_was_just_found_does_not_jump_to_somebody_who_comes_before_them(
+    gated: bool, missed: int, identity: int
+) -> None:
+    # A detection 1.4 m nearer, whose depth says little, and who is dressed alike.
+    sort = tracker(distance_gated=gated)
+    for number in range(8):
+        sort.update(frame(number, person(3, 0, embedding=RED)))
+    for number in range(8, 8 + missed):
+        sort.update(frame(number))
+    near = dataclasses.replace(
+        person(1.6, 0, embedding=RED), covariance_m2=np.diag([1.0, 0.01, 0.01])
+    )
+    found = sort.update(frame(8 + missed, near))
+    assert [track.id for track in found if track.detection is not None] == [identity]
+
+
 def test_embeddings_of_another_model_are_dropped() -> None:
     sort = tracker()
     for number in range(3):
