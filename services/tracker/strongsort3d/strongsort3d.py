@@ -41,7 +41,7 @@ OTHERS_NS = 200_000_000
 # partly covers, whose position and crop are partly of that person; of others CHI2_3DOF_999
 CONTRADICTED_OCCLUDED_MIN = 40.0
 # [m] from the prediction, in round 1, of who was found in the frame before, however uncertain a
-# depth is: it is somebody else who came before them
+# depth is and whoever looks alike: it is somebody else who came before them
 DISPLACEMENT_MAX_M = 1.3
 
 
@@ -169,7 +169,7 @@ class StrongSort3d(TrackSetTracker):
         if self._config.distance_gated and not self._config.identity.is_gap(self.tracks.elapsed_ns):
             recent = np.array([t.frames_missed <= 1 for t in records], np.bool_)
             far = distances(x[:, :3], z) > DISPLACEMENT_MAX_M
-            cost[recent[:, None] & far] = np.inf
+            cost[recent[:, None] & far & ~unknown] = np.inf
         return cost + self._config.motion_weight * log_det if self._config.likelihood else cost
 
     def _contradicted(
