@@ -41,7 +41,7 @@ OTHERS_NS = 200_000_000
 # partly covers, whose position and crop are partly of that person; of others CHI2_3DOF_999
 CONTRADICTED_OCCLUDED_MIN = 40.0
 # [m] from the prediction, in round 1, of who was found in the frame before, however uncertain a
-# depth is and whoever looks alike: it is somebody else who came before them
+# depth is and alike in appearance: it is somebody else who came before them
 DISPLACEMENT_MAX_M = 1.3
 
 
