@@ -182,7 +182,7 @@ def main() -> None:
             f"Made by `python -m benchmarks.gait_bodies {command}` on {machine()}.",
             " ".join(INTRO.split()),
             markdown(["figure", *table], rows),
-            "The same without keypoints (`gait.cascade.depth.keypoints=false`): hands and feet by "
+            f"The same without keypoints (`{NO_KEYPOINTS}`): hands and feet by "
             "the ends of limbs alone; the limits are 5 cm (median) and 15 cm of visible ones:",
             markdown(["figure", *without], rows_without),
             "The same people by style, in scenes that chose and in scenes that judge:",

@@ -205,9 +205,9 @@ class Acceptance:
             point.adapt(float(body.geodesic_m[vertex]))
 
     def _visibility(self, point: PointFilter) -> Visibility | None:
-        """Return what tells visible points of a kind from others; None if nothing does.
+        """Return the regression of a point's visibility; None of a kind that has none.
 
-        Where keypoints are used, none does without a detection.
+        Where keypoints are used, none holds in a frame without a detection.
         """
         if self.has_keypoints:
             return VISIBILITY.get(point.kind)

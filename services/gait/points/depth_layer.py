@@ -246,9 +246,11 @@ class DepthLayer:
         surface = None
         if point.kind in ("hand", "foot") and self._combined:
             around = (body, self._heading, self._up)
-            surface = surface_position(point.name, anchor, *around, self._info)
-            if not self._acceptance.had_keypoints:
-                surface = end_position(point.name, own, *around)
+            surface = (
+                surface_position(point.name, anchor, *around, self._info)
+                if self._acceptance.had_keypoints
+                else end_position(point.name, own, *around)
+            )
         return PointEvidence(anchor, noise_px, other, own, taken, surface)
 
     def _start_points(

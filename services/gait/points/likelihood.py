@@ -34,7 +34,7 @@ class PointEvidence:
     counterpart: PointFilter | None = None  # the same point on the other side of the body
     extremity: Extremity | None = None  # assigned to the point
     counterpart_extremity: Extremity | None = None  # assigned to the counterpart
-    surface: SurfacePosition | None = None  # by the keypoint, or else by the end of the limb
+    surface: SurfacePosition | None = None  # by the keypoint; without any, by the end of the limb
 
 
 @dataclass(frozen=True)

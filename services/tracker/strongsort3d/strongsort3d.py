@@ -40,8 +40,8 @@ OTHERS_NS = 200_000_000
 # d_M^2 above which the motion contradicts a match in round 2 with a detection that another person
 # partly covers, whose position and crop are partly of that person; of others CHI2_3DOF_999
 CONTRADICTED_OCCLUDED_MIN = 40.0
-# [m] from the prediction, in round 1, of who was found in the frame before, however uncertain a
-# depth is and alike in appearance: it is somebody else who came before them
+# [m] largest distance in round 1 from a prediction to a detection, of tracks that the frame before
+# found: farther ones are of other people, however uncertain in depth and alike in appearance
 DISPLACEMENT_MAX_M = 1.3
 
 
@@ -139,16 +139,21 @@ class StrongSort3d(TrackSetTracker):
         unmatched = frame.cosine_distance_max if self._config.likelihood else math.inf
         cost = self._appearance_cost(confirmed, frame)
         first = associate(cost, confirmed, detections, unmatched)
-        # After a time without frames the distance alone says little.
-        gap = self._config.identity.is_gap(self.tracks.elapsed_ns)
-        recent = [] if gap else [t for t in first.unmatched_tracks if t.frames_missed <= 1]
-        recent += tentative
+        recent = [t for t in first.unmatched_tracks if self._just_found(t)] + tentative
         rest = first.unmatched_detections
         cost = self._distance_cost(recent, rest)
         if self._config.distance_gated:
             cost[self._contradicted(recent, rest, frame)] = np.inf
         second = associate(cost, recent, rest)
         return AssociationResult(frame, first, second)
+
+    def _just_found(self, record: TrackRecord) -> bool:
+        """Check for a track that the frame before found; after a time without frames none is.
+
+        The distance alone says little then.
+        """
+        gap = self._config.identity.is_gap(self.tracks.elapsed_ns)
+        return not gap and record.frames_missed <= 1
 
     def _appearance_cost(self, records: Sequence[TrackRecord], frame: FrameContext) -> F64:
         motion, detections = self._motion, frame.detections
@@ -166,8 +171,8 @@ class StrongSort3d(TrackSetTracker):
         cost = combined_cost(d_m2, d_cos, frame.cosine_distance_max, self._config)
         limits = self._policies.identity.cosine_limits(records, frame)
         cost[d_cos > limits[:, None]] = np.inf
-        if self._config.distance_gated and not self._config.identity.is_gap(self.tracks.elapsed_ns):
-            recent = np.array([t.frames_missed <= 1 for t in records], np.bool_)
+        if self._config.distance_gated:
+            recent = np.array([self._just_found(t) for t in records], np.bool_)
             far = distances(x[:, :3], z) > DISPLACEMENT_MAX_M
             cost[recent[:, None] & far & ~unknown] = np.inf
         return cost + self._config.motion_weight * log_det if self._config.likelihood else cost

@@ -1,8 +1,8 @@
 """Positions of hands and feet at the ends of their limbs, without keypoints.
 
 The end of a limb is that of the fingers, of the toes, or of the heel of a foot that points away.
-Where forearm and shank come from tells where the middle of the hand or foot is: linear regression
-on the middles of three slices of the limb, across its length.
+The middle of the hand or foot follows from the direction of forearm or shank: linear regression on
+the middles of three slices of the limb, across its length.
 
 Source: docs/method.md, section 19.
 """
