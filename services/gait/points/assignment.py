@@ -16,6 +16,9 @@ REACH_M = 0.30  # from the predicted point to its extremity, at most
 GEODESIC_SIGMA_M = 0.10  # of an extremity's geodesic distance
 NEAR_SIGMA_M = 0.10  # of an extremity about the predicted point
 UNASSIGNED_COST = 9.0
+# Of the length and of the body's prior of a hand without keypoints, at most: along the body it is as
+# far as its hip where it touches that, as its shoulder where it is held before the torso
+HAND_COST_MAX = 3.0
 SIGMA_MAX_M = 0.2  # of a prediction
 PRIOR_FREE = 3.0  # squared deviation from the body's prior that costs nothing
 ARM_MIN = 0.3  # of the stature, geodesic distance of fingertips
@@ -74,14 +77,16 @@ def _cost(point: PointFilter, extremity: Extremity, anchors_m: Mapping[str, F64]
     sigma_m = min(point.motion.sigma_m, SIGMA_MAX_M)
     if distance_m > REACH_M + sigma_m:
         return np.inf
+    any_pose = point.without_keypoints and point.kind == "hand"
+    length2 = ((extremity.geodesic_m - point.limb_length_m) / GEODESIC_SIGMA_M) ** 2
     cost = (distance_m / (NEAR_SIGMA_M + 0.5 * sigma_m)) ** 2
-    cost += ((extremity.geodesic_m - point.limb_length_m) / GEODESIC_SIGMA_M) ** 2
+    cost += min(length2, HAND_COST_MAX) if any_pose else length2
     if point.name in anchors_m:
         apart = np.linalg.norm((extremity.position_m - anchors_m[point.name])[:2])
         cost += min(float(apart / NEAR_SIGMA_M) ** 2, 9.0)
     if point.prior is not None:
         off2 = float(point.prior.distances2(extremity.position_m[None])[0])
-        cost += min(max(off2 - PRIOR_FREE, 0.0), UNASSIGNED_COST)
+        cost += min(max(off2 - PRIOR_FREE, 0.0), HAND_COST_MAX if any_pose else UNASSIGNED_COST)
     return float(cost) + 1.0 - extremity.strength
 
 

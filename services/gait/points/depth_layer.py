@@ -184,6 +184,7 @@ class DepthLayer:
             priors = limb_priors(body, self._heading, self._up, joints, self._info)
         for name, point in self._points.items():
             point.prior, point.hidden_keypoint = priors.get(name), None
+            point.without_keypoints = not self._acceptance.had_keypoints
 
     def _anchors(self, observation: MeshObservation, body: MeasuredBody) -> Mapping[str, Anchor]:
         if not (self._combined and self._config.keypoints):

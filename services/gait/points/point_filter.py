@@ -22,6 +22,7 @@ SPEED_MPS = 1.5  # of a new point, standard deviation
 PROPOSAL_SIGMA_MAX_M = 0.15  # [m] of particles about the prediction
 EXTREMITY_SIGMA_M = 0.03  # [m] of particles about the extremity
 CONTRADICTION2 = 16.0  # squared Mahalanobis distance of a motion from the body's prior
+UNUSUAL2 = 2.0  # the same, above which that prior of a limb that is followed becomes wider
 # Of a predicted point: neither motion nor the body's proportions are as assumed
 SPREAD, SPREAD_M = 1.5, 0.06
 HIDDEN_KEYPOINT_M = 0.15  # [m] standard deviation of a keypoint of a hidden point
@@ -78,6 +79,7 @@ class PointFilter:
         self.unsupported_s = 0.0  # since extremity or keypoint agreed
         self.state: PointState = "lost"
         self.prior: Normal | None = None  # expected position relative to the body
+        self.without_keypoints = False  # no keypoint was ever used
         self.hidden_keypoint: Anchor | None = None  # keypoint of a point that is hidden
 
     @property
@@ -89,6 +91,14 @@ class PointFilter:
     def limb_length_m(self) -> float:
         """Reference geodesic distance of the end of the limb; NaN if not connected."""
         return float(self.geodesic_m + np.nan_to_num(self.tip_distance_m))
+
+    @property
+    def follows_limb(self) -> bool:
+        """True while the end of a limb confirms a point without keypoints.
+
+        Its limb may be held in any way then, as a hand before the torso.
+        """
+        return self.without_keypoints and self.alive and self.unsupported_s == 0.0
 
     def expected(self, dt_s: float = 0.0) -> Normal | None:
         """Return the expected position after some time, by its motion and by the body.
@@ -102,9 +112,11 @@ class PointFilter:
         if self.prior is None:
             return own
         apart = Normal(own.mean_m, own.covariance + self.prior.covariance)
-        if apart.distances2(self.prior.mean_m[None])[0] > CONTRADICTION2:
+        off2 = float(apart.distances2(self.prior.mean_m[None])[0])
+        if off2 > CONTRADICTION2:
             return own if self.unsupported_s == 0.0 else self.prior
-        return own.fused(self.prior)
+        wider = (off2 / UNUSUAL2) ** 2 if self.follows_limb and off2 > UNUSUAL2 else 1.0
+        return own.fused(Normal(self.prior.mean_m, wider * self.prior.covariance))
 
     def _now(self) -> tuple[F64, F64]:
         assert self.motion is not None

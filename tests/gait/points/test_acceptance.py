@@ -68,3 +68,34 @@ def test_hand_that_could_be_anywhere_is_lost_until_it_is_less_uncertain(
     assert point.estimate().state == state
     point.motion.covariance[:3, :3] = 0.05**2 * np.eye(3)
     assert point.estimate().state == "predicted"
+
+
+@pytest.mark.parametrize(
+    ("without_keypoints", "unsupported_s", "hidden"),
+    [(True, 0.0, False), (True, 0.1, True), (False, 0.0, True)],
+)
+def test_hand_that_is_followed_may_be_before_the_torso(
+    without_keypoints: bool, unsupported_s: float, hidden: bool
+) -> None:
+    body = arm()
+    point = PointFilter("left_hand", CONFIG, INFO, np.random.default_rng(0))
+    point.start(HAND, body, None)
+    position_m = body.mesh.points_m[HAND]
+    point.prior = Normal(position_m + np.array([0.0, 0.0, 0.3]), 0.1**2 * np.eye(3))
+    point.without_keypoints, point.unsupported_s = without_keypoints, unsupported_s
+    assert Acceptance(CONFIG, INFO).is_hidden(point, position_m, None) == hidden
+
+
+def test_expectation_of_a_hand_that_is_followed_is_where_it_moves() -> None:
+    point = PointFilter("left_hand", CONFIG, INFO, np.random.default_rng(0))
+    point.start(HAND, arm(), None)
+    assert point.motion is not None
+    point.motion.covariance[:3, :3] = 0.1**2 * np.eye(3)
+    off_m = np.array([0.4, 0.0, 0.0])  # 2.8 standard deviations
+    point.prior = Normal(point.motion.position_m + off_m, 0.1**2 * np.eye(3))
+    between, point.without_keypoints = point.expected(), True
+    followed = point.expected()
+    assert between is not None
+    assert followed is not None
+    assert between.mean_m[0] - point.motion.position_m[0] == pytest.approx(0.2)
+    assert followed.mean_m[0] - point.motion.position_m[0] < 0.03

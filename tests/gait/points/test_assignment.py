@@ -100,3 +100,14 @@ def test_lost_foot_starts_at_the_end_of_a_leg_on_its_side(
         "right_foot": foot("right_foot", -0.1, right),
     }
     assert [name for name, _ in expected_starts(points, [leg(leg_m)])] == starts
+
+
+@pytest.mark.parametrize("without_keypoints", [True, False])
+def test_hand_without_keypoints_is_followed_off_its_hip(without_keypoints: bool) -> None:
+    # Before the torso the way along the body leads over the shoulder, and no prior expects it.
+    point = hand("left_hand", 0.0)
+    point.without_keypoints = without_keypoints
+    point.prior = Normal(np.array([0.5, 0.0, 2.0]), 0.1**2 * np.eye(3))
+    found = assign([point], [extremity(0, 0.02, LENGTH_M + 0.6)], {})
+    assert set(found) == ({"left_hand"} if without_keypoints else set())
+    assert assign([point], [extremity(0, 0.28, LENGTH_M + 0.6)], {}) == {}

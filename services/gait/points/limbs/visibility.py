@@ -26,6 +26,7 @@ SHANK = 0.246  # of the stature, from knee to ankle [Winter 2009]
 # from the surface at the knee to that at the ankle, at least
 AWAY_SHARE, AWAY_M = 0.5, 0.1
 SIGMAS_MAX = 20.0**0.5
+DISTINCT_END = 0.7  # strength of an end of a limb whose limb may be held in any way
 
 
 class LimbEvidence(NamedTuple):
@@ -53,9 +54,12 @@ class Visibility:
     weights: LimbEvidence
     bias: float
     least: float  # of a measured point
+    off_pixel_max: float = np.inf  # of a point at a distinct end of a limb
 
     def odds(self, evidence: LimbEvidence) -> float:
         """Return the log-odds that a point with this evidence is visible."""
+        if evidence.end >= DISTINCT_END and evidence.off_pixel > self.off_pixel_max:
+            evidence = evidence._replace(off_pixel=self.off_pixel_max)
         return float(np.dot(self.weights, evidence)) + self.bias
 
 
@@ -85,6 +89,7 @@ WITHOUT_KEYPOINTS: Mapping[str, Visibility] = MappingProxyType(
             ),
             bias=1.6,
             least=1.5,
+            off_pixel_max=1.5,
         ),
         "foot": Visibility(
             NO_WEIGHTS._replace(

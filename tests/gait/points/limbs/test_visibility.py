@@ -98,3 +98,9 @@ def test_shank_of_unknown_knee_or_off_the_body_does_not_point_away() -> None:
     assert not shank_points_away(Anchor(anchor.pixel, 1.0, 0.9, anchor.joint), body, INFO)
     off = Anchor(anchor.pixel, 1.0, 0.9, anchor.joint, anchor.joint + 80.0)
     assert not shank_points_away(off, body, INFO)
+
+
+@pytest.mark.parametrize(("end", "likely"), [(1.0, True), (0.4, False)])
+def test_hand_held_in_an_unusual_way_is_likely_at_a_distinct_end(end: float, likely: bool) -> None:
+    unusual = CLEAR._replace(keypoint=0.0, has_keypoint=0.0, off_pixel=4.0, end=end)
+    assert (WITHOUT_KEYPOINTS["hand"].odds(unusual) > 0) == likely
