@@ -65,6 +65,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "likelihood in round 1": (f"{STRONG}.likelihood=false",),
     "weight of motion": (f"{STRONG}.motion_weight=0.02",),
     "life cycle by hits": (f"{STRONG}.lifetime=streak", f"{STRONG}.n_init=3"),
+    "gates of distance": (f"{STRONG}.distance_gated=false",),
     "standing model": (f"{STRONG}.imm.enabled=false",),
     "weight of measured velocities": (f"{STRONG}.imm.velocity_weight=1",),
     "jumps of position": (f"{STRONG}.jump_min=inf",),
