@@ -16,8 +16,8 @@ REACH_M = 0.30  # from the predicted point to its extremity, at most
 GEODESIC_SIGMA_M = 0.10  # of an extremity's geodesic distance
 NEAR_SIGMA_M = 0.10  # of an extremity about the predicted point
 UNASSIGNED_COST = 9.0
-# Of the length and of the body's prior of a hand without keypoints, at most: along the body it is as
-# far as its hip where it touches that, as its shoulder where it is held before the torso
+# Of the length and of the body's prior of a hand without keypoints, at most: along the body it is
+# near where it touches its hip, and far where it is held before the torso
 HAND_COST_MAX = 3.0
 SIGMA_MAX_M = 0.2  # of a prediction
 PRIOR_FREE = 3.0  # squared deviation from the body's prior that costs nothing

@@ -101,6 +101,6 @@ def test_shank_of_unknown_knee_or_off_the_body_does_not_point_away() -> None:
 
 
 @pytest.mark.parametrize(("end", "likely"), [(1.0, True), (0.4, False)])
-def test_hand_held_in_an_unusual_way_is_likely_at_a_distinct_end(end: float, likely: bool) -> None:
+def test_hand_in_an_unusual_pose_is_likely_at_a_distinct_end(end: float, likely: bool) -> None:
     unusual = CLEAR._replace(keypoint=0.0, has_keypoint=0.0, off_pixel=4.0, end=end)
     assert (WITHOUT_KEYPOINTS["hand"].odds(unusual) > 0) == likely
