@@ -107,8 +107,10 @@ class Acceptance:
             return False
         reliable = 0.0 if anchor is None else (anchor.confidence - 0.4) / 0.2
         sigmas = float(np.clip(1.0 + reliable, 1.0, OCCLUDED_SIGMAS))
-        expectations = [(expected, OCCLUDED_SIGMAS), (point.prior, sigmas)]
-        for one, times in expectations[:1] if point.follows_limb else expectations:
+        expectations = [(expected, OCCLUDED_SIGMAS)]
+        if not point.follows_limb:
+            expectations.append((point.prior, sigmas))
+        for one, times in expectations:
             there, _ = one.on_ray(position_m, PIXEL_SIGMA, self._info)
             limit_m = OCCLUDED_M + times * float(np.sqrt(there.covariance[2, 2]))
             if there.mean_m[2] - position_m[2] > limit_m:

@@ -115,8 +115,10 @@ class PointFilter:
         off2 = float(apart.distances2(self.prior.mean_m[None])[0])
         if off2 > CONTRADICTION2:
             return own if self.unsupported_s == 0.0 else self.prior
-        wider = (off2 / UNUSUAL2) ** 2 if self.follows_limb and off2 > UNUSUAL2 else 1.0
-        return own.fused(Normal(self.prior.mean_m, wider * self.prior.covariance))
+        if self.follows_limb:
+            wider = max(off2 / UNUSUAL2, 1.0) ** 2
+            return own.fused(Normal(self.prior.mean_m, wider * self.prior.covariance))
+        return own.fused(self.prior)
 
     def _now(self) -> tuple[F64, F64]:
         assert self.motion is not None

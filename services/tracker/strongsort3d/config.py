@@ -127,7 +127,7 @@ class StrongSort3dConfig(Config, frozen=True, kw_only=True):
     # round 2
     distance_max_m: Positive = 0.7  # [m] largest 3D distance; section 5 (default)
     # refuse pairs that both gates of round 1 refuse, motion and appearance, if another camera had
-    # the track last, and in round 1 matches that are jumps; section 5: false
+    # the track last; in round 1 refuse jumps of tracks that were just found; section 5: false
     distance_gated: bool = True
     # life cycle
     n_init: PositiveInt = 2  # matches that confirm, with the first; section 5 (default): 3

@@ -5,6 +5,7 @@ import pytest
 
 from services.gait.config import DepthLayerConfig
 from services.gait.points.acceptance import Acceptance, Candidate
+from services.gait.points.body import MeasuredBody
 from services.gait.points.keypoints import Anchor
 from services.gait.points.likelihood import PointEvidence
 from services.gait.points.normal import Normal
@@ -16,6 +17,13 @@ CONFIG = DepthLayerConfig()
 HAND = 20  # a vertex, 9 cm before the end of the arm
 
 
+def hand_on(body: MeasuredBody) -> PointFilter:
+    """A left hand that starts at its vertex."""
+    point = PointFilter("left_hand", CONFIG, INFO, np.random.default_rng(0))
+    point.start(HAND, body, None)
+    return point
+
+
 @pytest.mark.parametrize(
     ("confidence", "state"), [(0.9, "measured"), (0.05, "predicted"), (None, "predicted")]
 )
@@ -23,8 +31,7 @@ def test_hand_before_its_expected_position_is_hidden_unless_its_keypoint_is_ther
     confidence: float | None, state: str
 ) -> None:
     body = arm()
-    point = PointFilter("left_hand", CONFIG, INFO, np.random.default_rng(0))
-    point.start(HAND, body, None)
+    point = hand_on(body)
     position_m = body.mesh.points_m[HAND]
     # The body expects the hand 30 cm behind the surface.
     point.prior = Normal(position_m + np.array([0.0, 0.0, 0.3]), 0.05**2 * np.eye(3))
@@ -44,8 +51,7 @@ def test_with_keypoints_a_hand_is_measured_only_where_the_body_expects_hands(
 ) -> None:
     # No heading yet, or no detection in this frame: there is no expectation.
     body = arm()
-    point = PointFilter("left_hand", CONFIG, INFO, np.random.default_rng(0))
-    point.start(HAND, body, None)
+    point = hand_on(body)
     acceptance = Acceptance(CONFIG, INFO)
     acceptance.had_keypoints = had_keypoints
     candidate = Candidate(body.mesh.points_m[HAND], HAND)
@@ -58,9 +64,7 @@ def test_with_keypoints_a_hand_is_measured_only_where_the_body_expects_hands(
 def test_hand_that_could_be_anywhere_is_lost_until_it_is_less_uncertain(
     sigma_m: float, state: str
 ) -> None:
-    body = arm()
-    point = PointFilter("left_hand", CONFIG, INFO, np.random.default_rng(0))
-    point.start(HAND, body, None)
+    point = hand_on(arm())
     assert point.motion is not None
     point.prior = Normal(point.motion.position_m, 9.0 * np.eye(3))
     point.motion.covariance[:3, :3] = sigma_m**2 * np.eye(3)
@@ -78,8 +82,7 @@ def test_hand_that_is_followed_may_be_before_the_torso(
     without_keypoints: bool, unsupported_s: float, hidden: bool
 ) -> None:
     body = arm()
-    point = PointFilter("left_hand", CONFIG, INFO, np.random.default_rng(0))
-    point.start(HAND, body, None)
+    point = hand_on(body)
     position_m = body.mesh.points_m[HAND]
     point.prior = Normal(position_m + np.array([0.0, 0.0, 0.3]), 0.1**2 * np.eye(3))
     point.without_keypoints, point.unsupported_s = without_keypoints, unsupported_s
@@ -87,8 +90,7 @@ def test_hand_that_is_followed_may_be_before_the_torso(
 
 
 def test_expectation_of_a_hand_that_is_followed_is_where_it_moves() -> None:
-    point = PointFilter("left_hand", CONFIG, INFO, np.random.default_rng(0))
-    point.start(HAND, arm(), None)
+    point = hand_on(arm())
     assert point.motion is not None
     point.motion.covariance[:3, :3] = 0.1**2 * np.eye(3)
     off_m = np.array([0.4, 0.0, 0.0])  # 2.8 standard deviations
