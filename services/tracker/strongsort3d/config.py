@@ -123,11 +123,14 @@ class StrongSort3dConfig(Config, frozen=True, kw_only=True):
     # True: c has lambda ln |S| on top, as a likelihood, and a track or detection without a partner
     # costs C_cos; section 5: False, as many pairs as possible
     likelihood: bool = True
+    # [m] from the prediction to a detection, of tracks that the frame before found: farther ones
+    # are of other people, however uncertain in depth and alike; section 5: inf
+    displacement_max_m: PositiveOrInfinite = 1.3
     ema_alpha: Ratio = 0.9  # e <- alpha e + (1 - alpha) f; section 5 (default)
     # round 2
     distance_max_m: Positive = 0.7  # [m] largest 3D distance; section 5 (default)
-    # refuse pairs that both gates of round 1 refuse, motion and appearance, if another camera had
-    # the track last; in round 1 refuse jumps of tracks that were just found; section 5: false
+    # refuse pairs that motion and appearance contradict, of the track's own camera (d_c, d_o) or of
+    # another one (the gates of round 1); section 5: false
     distance_gated: bool = True
     # life cycle
     n_init: PositiveInt = 2  # matches that confirm, with the first; section 5 (default): 3

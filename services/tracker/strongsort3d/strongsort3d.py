@@ -40,9 +40,6 @@ OTHERS_NS = 200_000_000
 # d_M^2 above which the motion contradicts a match in round 2 with a detection that another person
 # partly covers, whose position and crop are partly of that person; of others CHI2_3DOF_999
 CONTRADICTED_OCCLUDED_MIN = 40.0
-# [m] largest distance in round 1 from a prediction to a detection, of tracks that the frame before
-# found: farther ones are of other people, however uncertain in depth and alike in appearance
-DISPLACEMENT_MAX_M = 1.3
 
 
 class StrongSort3d(TrackSetTracker):
@@ -171,9 +168,9 @@ class StrongSort3d(TrackSetTracker):
         cost = combined_cost(d_m2, d_cos, frame.cosine_distance_max, self._config)
         limits = self._policies.identity.cosine_limits(records, frame)
         cost[d_cos > limits[:, None]] = np.inf
-        if self._config.distance_gated:
+        if self._config.displacement_max_m < math.inf:
             recent = np.array([self._just_found(t) for t in records], np.bool_)
-            far = distances(x[:, :3], z) > DISPLACEMENT_MAX_M
+            far = distances(x[:, :3], z) > self._config.displacement_max_m
             cost[recent[:, None] & far & ~unknown] = np.inf
         return cost + self._config.motion_weight * log_det if self._config.likelihood else cost
 

@@ -223,13 +223,13 @@ def test_gated_round_two_refuses_who_is_unlike_and_too_far_for_the_motion(
 
 
 @pytest.mark.parametrize(
-    ("gated", "missed", "identity"), [(True, 0, 2), (True, 1, 1), (False, 0, 1)]
+    ("most_m", "missed", "identity"), [(1.3, 0, 2), (1.3, 1, 1), (math.inf, 0, 1)]
 )
 def test_who_was_just_found_does_not_jump_to_somebody_who_comes_before_them(
-    gated: bool, missed: int, identity: int
+    most_m: float, missed: int, identity: int
 ) -> None:
     # A detection 1.4 m nearer, whose depth says little, and who is dressed alike.
-    sort = tracker(distance_gated=gated)
+    sort = tracker(displacement_max_m=most_m)
     for number in range(8):
         sort.update(frame(number, person(3, 0, embedding=RED)))
     for number in range(8, 8 + missed):
