@@ -1,7 +1,7 @@
 """Velocities of people by scene flow: where the surface of the torso was in the frame before.
 
 Pixels of a torso are followed into the image before, and back, by pyramids of [Lucas 1981]; depth
-is read at both ends of each. The median movement over the time between both frames is the velocity
+is read at both ends of each. The middle movement over the time between both frames is the velocity
 (docs/method.md section 10).
 """
 
@@ -105,12 +105,12 @@ class SceneFlow:
     def _velocity(
         self, pixels: F64, earlier: F64, depth_m: F64, earlier_m: F64, dt_s: float, info: CameraInfo
     ) -> VelocityEstimate:
-        """Return the median velocity of points that were followed."""
+        """Return the middle velocity of points that were followed."""
         config, moved_px = self._config, earlier - pixels
         shift_px, z_m = np.median(moved_px, axis=0), float(np.median(depth_m))
         spread_px = 1.48 * np.median(np.abs(moved_px - shift_px), axis=0)
         middle_px = np.median(pixels, axis=0)
-        ends_m = [z_m, z_m - float(np.median(depth_m - earlier_m))]
+        ends_m = [z_m, z_m - interquartile_mean(depth_m - earlier_m)]
         now_m, before_m = deproject([middle_px, middle_px + shift_px], ends_m, info)
         right_px, down_px = config.sigma_px + config.spread_part * spread_px
         right_mps = right_px * z_m / info.fx / dt_s
@@ -124,6 +124,15 @@ class SceneFlow:
     def _is_far(self, before: FlowFrame, now: FlowFrame) -> bool:
         """Check for frames too far apart in time."""
         return abs(now.stamp_ns - before.stamp_ns) > self._config.interval_max_s * 1e9
+
+
+def interquartile_mean(values: F64) -> float:
+    """Return the mean of the middle half of N values.
+
+    Far away depth comes in steps of centimetres: a median is one of them, a mean lies between.
+    """
+    quarter = len(values) // 4
+    return float(np.sort(values)[quarter : len(values) - quarter].mean())
 
 
 def _points(pair: LayeredTorso | None, now: FlowFrame, info: CameraInfo) -> F64:

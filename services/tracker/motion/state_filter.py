@@ -89,11 +89,14 @@ class KalmanFilter:
     def update(
         self, records: Sequence[TrackRecord], z: F64, R: F64, velocities: Velocities = ()
     ) -> list[FilterState]:
-        """Return states updated with one measurement (Nxm, noise Nxmxm) each, and velocities."""
+        """Return states updated with one measurement (Nxm, noise Nxmxm) each, and velocities.
+
+        Velocities come first: a position that they explain has not jumped.
+        """
         x, P = stack(records)
-        x, P = kalman.update(x, kalman.with_jumps(x, P, z, R, self._jump_min), z, R)
         if any(velocities) and isinstance(self._motion, PositionMotion):
             x, P = kalman.update_velocity(x, P, *stacked(velocities))
+        x, P = kalman.update(x, kalman.with_jumps(x, P, z, R, self._jump_min), z, R)
         return [FilterState(*s) for s in zip(x, P, strict=True)]
 
 
@@ -141,11 +144,14 @@ class Imm:
     def update(
         self, records: Sequence[TrackRecord], z: F64, R: F64, velocities: Velocities = ()
     ) -> list[FilterState]:
-        """Return states updated with one measurement (Nx3, noise Nx3x3) each, and velocities."""
-        modes = self.update_modes(*self._modes(records), z, R)
+        """Return states updated with one measurement (Nx3, noise Nx3x3) each, and velocities.
+
+        Velocities come first, see `KalmanFilter.update`.
+        """
+        modes = self._modes(records)
         if any(velocities):
             modes = self.update_velocities(*modes, *stacked(velocities))
-        return self.means(*modes)
+        return self.means(*self.update_modes(*modes, z, R))
 
     def predict_modes(
         self,

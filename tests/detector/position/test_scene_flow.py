@@ -68,6 +68,21 @@ def test_velocity_of_a_board(columns: int, moved_m: float) -> None:
     np.testing.assert_allclose(sigmas, [0.01, 0.01, 0.128], rtol=0.3)
 
 
+def test_movements_between_steps_of_depth() -> None:
+    # A slanted board goes 30 mm away from a camera whose depth comes in steps of 50 mm: three of
+    # five pixels are a step farther than before, the others where they were.
+    rgb, depth_mm = board_images(320, 2.0)
+    slanted_mm = 2000 + np.arange(-100, 100)
+    images = []
+    for moved_mm in (0, 30):
+        stepped = depth_mm.copy()
+        stepped[120:480, 220:420] = np.rint((slanted_mm + moved_mm) / 50) * 50
+        images.append((rgb, stepped))
+    found = velocity(SceneFlow(VelocityConfig()), frame(0, images[0]), frame(1, images[1]))
+    assert found is not None
+    assert abs(found.velocity_mps[2] - 0.3) < 0.1
+
+
 def test_a_spread_of_movements_makes_the_velocity_uncertain() -> None:
     rgb, depth_mm = board_images(320, 2.0)
     sheared = rgb.copy()

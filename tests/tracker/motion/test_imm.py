@@ -196,3 +196,26 @@ def test_a_jump_moves_the_position_and_hardly_the_velocity(enabled: bool) -> Non
     assert position_m > 4.85
     assert abs(velocity_mps) < 0.5
     assert after_jump(np.inf)[1] > 2.0
+
+
+@pytest.mark.parametrize("enabled", [False, True])
+def test_a_position_that_the_measured_velocity_explains_has_not_jumped(enabled: bool) -> None:
+    # Two seconds at rest, then as far ahead as at 3 m/s, which is measured, too.
+    def speed_mps(velocity: VelocityMeasurement | None) -> float:
+        config = msgspec.structs.replace(
+            CONFIG,
+            imm=ImmConfig(enabled=enabled),
+            sigma_measurement_m=0.03,
+            jump_min=CHI2_3DOF_90,
+        )
+        tracker = build_strongsort3d(published_config(strongsort3d=config))
+        for number in range(21):
+            (track,) = tracker.update(frame(number, person(3.5, 0)))
+        moved = dataclasses.replace(person(3.8, 0), velocity=velocity)
+        (track,) = tracker.update(frame(21, moved))
+        return float(track.velocity_mps[0])
+
+    # Of the position alone it jumped, and its velocity stays; so does most of it if the position
+    # comes first (1.3 m/s).
+    assert speed_mps(None) < 0.5
+    assert speed_mps(VelocityMeasurement(np.array([3.0, 0.0, 0.0]), 0.3 * np.eye(3))) > 1.4
