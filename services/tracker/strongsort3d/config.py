@@ -129,8 +129,8 @@ class StrongSort3dConfig(Config, frozen=True, kw_only=True):
     ema_alpha: Ratio = 0.9  # e <- alpha e + (1 - alpha) f; section 5 (default)
     # round 2
     distance_max_m: Positive = 0.7  # [m] largest 3D distance; section 5 (default)
-    # refuse pairs that motion and appearance contradict, of the track's own camera (d_c, d_o) or of
-    # another one (the gates of round 1); section 5: false
+    # refuse pairs that both gates of round 1 refuse, motion and appearance, if another camera had
+    # the track last; section 5: false
     distance_gated: bool = True
     # life cycle
     n_init: PositiveInt = 2  # matches that confirm, with the first; section 5 (default): 3

@@ -25,7 +25,7 @@ from services.tracker.motion.track_set import TrackSet
 from services.tracker.observe import LENGTH_MIN
 from services.tracker.sort3d.association import associate, cosine_distances, distances
 from services.tracker.stateful import TrackerCheckpoint, TrackSetTracker
-from services.tracker.strongsort3d.config import CHI2_3DOF_999, StrongSort3dConfig
+from services.tracker.strongsort3d.config import StrongSort3dConfig
 from services.tracker.strongsort3d.policies import (
     AssociationResult,
     ContactPolicy,
@@ -37,9 +37,6 @@ from services.tracker.strongsort3d.policies import (
 # [ns] since a match before another camera after which the distance says little: that camera's
 # frames may be late, or it sends no more, so its track was not missed
 OTHERS_NS = 200_000_000
-# d_M^2 above which the motion contradicts a match in round 2 with a detection that another person
-# partly covers, whose position and crop are partly of that person; of others CHI2_3DOF_999
-CONTRADICTED_OCCLUDED_MIN = 40.0
 
 
 class StrongSort3d(TrackSetTracker):
@@ -177,24 +174,21 @@ class StrongSort3d(TrackSetTracker):
     def _contradicted(
         self, records: Sequence[TrackRecord], detections: Sequence[Measurement], frame: FrameContext
     ) -> BOOL:
-        """Flag pairs (NxM) of confirmed tracks that neither motion nor appearance admits.
+        """Flag pairs (NxM) that neither motion nor appearance admits.
 
-        Tracks that another camera had last need a position as good as in round 1.
+        Of confirmed tracks that another camera had last: they need a position as good as in round
+        1.
         """
-        confirmed = np.array([t.confirmed for t in records], np.bool_)
-        if not detections or not confirmed.any():
+        camera = frame.observation.camera
+        others = np.array([t.confirmed and t.camera != camera for t in records], np.bool_)
+        if not detections or not others.any():
             return np.zeros((len(records), len(detections)), np.bool_)
         (x, P), z = stack(records), self._motion.measure(detections)
         d_m2 = kalman.gate(x, P, z, self._motion.gate_noise(detections))[0]
-        occluded = np.array([m.index in frame.occluded for m in detections])
-        least = np.where(occluded, CONTRADICTED_OCCLUDED_MIN, CHI2_3DOF_999)
         uncertain = np.array([_is_uncertain(t, frame.observation) for t in records])
-        others = np.array([t.camera != frame.observation.camera for t in records])[:, None]
-        far = np.where(
-            others, uncertain[:, None] | (d_m2 > self._config.mahalanobis_max), d_m2 > least
-        )
+        far = uncertain[:, None] | (d_m2 > self._config.mahalanobis_max)
         unlike = cosine_distances(records, detections) > frame.cosine_distance_max  # not of NaN
-        return np.asarray(far & unlike & confirmed[:, None])
+        return np.asarray(far & unlike & others[:, None])
 
     def _distance_cost(
         self, records: Sequence[TrackRecord], detections: Sequence[Measurement]

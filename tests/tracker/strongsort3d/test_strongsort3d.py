@@ -200,29 +200,6 @@ def test_gated_round_two_refuses_of_another_camera_what_motion_and_appearance_re
 
 
 @pytest.mark.parametrize(
-    ("aside_m", "covered", "embedding", "matched"),
-    [
-        (0.20, False, BLUE, True),
-        (0.40, False, BLUE, False),
-        (0.40, False, RED, True),
-        (0.40, True, BLUE, True),
-        (0.65, True, BLUE, False),
-    ],
-)
-def test_gated_round_two_refuses_who_is_unlike_and_too_far_for_the_motion(
-    aside_m: float, covered: bool, embedding: tuple[float, ...], matched: bool
-) -> None:
-    # The variance of the difference is about 0.005 m^2: 0.2, 0.4 and 0.65 m have d_M^2 8, 32, 85.
-    sort = tracker(distance_gated=True, sigma_measurement_m=0.05, sigma_acceleration_mps2=1.0)
-    for number in range(20):
-        sort.update(frame(number, person(3, 0, embedding=RED)))
-    found = person(3, aside_m, embedding=embedding)
-    before = person(2.5, aside_m * 2.5 / 3, index=1, embedding=(0.0, 1.0, 0.0))
-    tracks = sort.update(frame(20, found, *([before] if covered else [])))
-    assert any(track.id == 1 and track.detection == 0 for track in tracks) == matched
-
-
-@pytest.mark.parametrize(
     ("most_m", "missed", "identity"), [(1.3, 0, 2), (1.3, 1, 1), (math.inf, 0, 1)]
 )
 def test_who_was_just_found_does_not_jump_to_somebody_who_comes_before_them(
