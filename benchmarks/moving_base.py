@@ -148,7 +148,9 @@ def _matchings(recordings: Sequence[EvaluationRecording], method: Method) -> lis
 
 
 def _row(case: Case, matchings: Sequence[Matching]) -> list[str]:
-    figures = [score_matching(matching).row() for matching in matchings]
+    scores = [score_matching(matching) for matching in matchings]
+    figures = [one.row() for one in scores]
+    measured = [one.pose_parts["measured"].row() for one in scores]
     pairs = [velocities(matching) for matching in matchings]
     speeds = [
         s
@@ -171,7 +173,7 @@ def _row(case: Case, matchings: Sequence[Matching]) -> list[str]:
         spread([_position_m(figure) for figure in figures], "{:.3f}"),
         of("position_rmse_across_m"),
         of("position_rmse_along_m"),
-        spread([_measured_m(matching) for matching in matchings], "{:.3f}"),
+        spread([_position_m(figure) for figure in measured], "{:.3f}"),
         of("id_switches_per_min", "{:.1f}"),
         of("coverage", "{:.1f}", 100),
     ]
@@ -180,20 +182,6 @@ def _row(case: Case, matchings: Sequence[Matching]) -> list[str]:
 def _position_m(figure: Mapping[str, float | None]) -> float:
     """Return the error of positions on the ground, both ways together."""
     return math.hypot(*(figure[f"position_rmse_{axis}_m"] or 0.0 for axis in ("across", "along")))
-
-
-def _measured_m(matching: Matching) -> float:
-    """Return the same of the tracks that have a measurement."""
-    squares = list[float]()
-    for frame, step in zip(matching.sequence.frames, matching.frame_matches, strict=True):
-        true, estimated = frame.truth.positions_m, frame.hypotheses.positions_m
-        if true is None or estimated is None:
-            continue
-        is_counted = frame.truth.required[step.rows]
-        is_counted &= ~frame.hypotheses.was_predicted[step.columns]
-        error = (estimated[step.columns] - true[step.rows])[is_counted, :2]
-        squares += np.sum(error**2, axis=1).tolist()
-    return math.sqrt(float(np.mean(squares)))
 
 
 def _rmse_mps(errors: F64) -> float:

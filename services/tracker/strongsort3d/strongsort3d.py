@@ -174,10 +174,9 @@ class StrongSort3d(TrackSetTracker):
     def _contradicted(
         self, records: Sequence[TrackRecord], detections: Sequence[Measurement], frame: FrameContext
     ) -> BOOL:
-        """Flag pairs (NxM) that neither motion nor appearance admits.
+        """Flag pairs (NxM) of tracks of another camera that neither motion nor appearance admits.
 
-        Of confirmed tracks that another camera had last: they need a position as good as in round
-        1.
+        These are confirmed tracks that it had last; they need a position as good as in round 1.
         """
         camera = frame.observation.camera
         others = np.array([t.confirmed and t.camera != camera for t in records], np.bool_)
@@ -211,12 +210,11 @@ class StrongSort3d(TrackSetTracker):
 
 
 def _is_uncertain(record: TrackRecord, observation: Observation) -> bool:
-    """Check for a track whose position is a guess.
+    """Check that the position of a track that another camera had last is a guess.
 
-    It was not found in the frame before, or another camera had it last, too long ago.
+    It was not found in the frame before, or had too long ago.
     """
-    elapsed_ns = observation.stamp_ns - record.matched_ns
-    return record.missed > 1 or (record.camera != observation.camera and elapsed_ns > OTHERS_NS)
+    return record.missed > 1 or observation.stamp_ns - record.matched_ns > OTHERS_NS
 
 
 def combined_cost(d_m2: F64, d_cos: F64, c_cos: float, config: StrongSort3dConfig) -> F64:
