@@ -58,10 +58,10 @@ $(VENV)/bin/pip:
 	@$(PYTHON) -m venv $(VENV) || \
 		{ rm -rf $(VENV); echo "No virtual environment; on Debian: apt install python3-venv"; exit 1; }
 
-$(VENV)/.run: $(VENV)/bin/pip requirements.lock pyproject.toml
+$(VENV)/.run: $(VENV)/bin/pip requirements.lock pyproject.toml people4d/pyproject.toml
 	@echo "Setting up $(VENV) (once, about a minute) ..."
 	$(BIN)/pip install --disable-pip-version-check --require-hashes -r requirements.lock
-	$(BIN)/pip install --disable-pip-version-check --no-deps --no-build-isolation -e '.[robot,dashboard]'
+	$(BIN)/pip install --disable-pip-version-check --no-deps --no-build-isolation -e ./people4d -e .
 	@touch $@
 
 $(VENV)/.dev: $(VENV)/.run requirements-dev.lock
@@ -81,14 +81,14 @@ $(VENV)/.audit: $(VENV)/.run requirements-audit.lock
 
 lock: $(VENV)/.run
 	$(BIN)/pip install uv
-	$(BIN)/uv pip compile pyproject.toml --extra robot --extra dashboard --extra build --generate-hashes --universal --upgrade --python-version 3.11 \
-		--no-header --no-annotate -o requirements.lock
-	$(BIN)/uv pip compile pyproject.toml --extra robot --extra dashboard --extra build --extra dev -c requirements.lock \
-		--generate-hashes --universal --upgrade --python-version 3.11 --no-header --no-annotate -o requirements-dev.lock
+	$(BIN)/uv pip compile pyproject.toml --extra dashboard --extra build --generate-hashes --universal --upgrade --python-version 3.11 \
+		--no-header --no-annotate --no-emit-package people4d -o requirements.lock
+	$(BIN)/uv pip compile pyproject.toml --extra dashboard --extra build --extra dev -c requirements.lock \
+		--generate-hashes --universal --upgrade --python-version 3.11 --no-header --no-annotate --no-emit-package people4d -o requirements-dev.lock
 	$(BIN)/uv pip compile pyproject.toml --extra docs -c requirements-dev.lock --generate-hashes --universal --upgrade \
-		--python-version 3.11 --no-header --no-annotate -o requirements-docs.lock
+		--python-version 3.11 --no-header --no-annotate --no-emit-package people4d -o requirements-docs.lock
 	$(BIN)/uv pip compile pyproject.toml --extra audit -c requirements-dev.lock --generate-hashes --universal --upgrade \
-		--python-version 3.11 --no-header --no-annotate -o requirements-audit.lock
+		--python-version 3.11 --no-header --no-annotate --no-emit-package people4d -o requirements-audit.lock
 
 clean:
 	rm -rf $(VENV) out .mypy_cache .ruff_cache .pytest_cache .hypothesis *.egg-info

@@ -5,24 +5,16 @@ folder of PYTHONPATH would otherwise be imported in place of a package of the sa
 """
 
 import importlib
-import importlib.util
 import os
 import sys
 from pathlib import Path
 
 PLUGINS = "PEOPLE4D_PLUGINS"  # folders of plug-ins, searched last by common.registry
-ROBOT = ("cv2", "numba", "onnxruntime", "scipy", "supervisor", "typer")
 
 
 def main() -> None:
-    """Run the command line, or say what to install."""
+    """Run the command line."""
     search_plugins_last()
-    missing = [name for name in ROBOT if importlib.util.find_spec(name) is None]
-    if missing:
-        sys.exit(
-            "people4d: the pipeline and its command line are not installed "
-            f"(no {', '.join(missing)}); run: pip install 'people4d[robot]'"
-        )
     importlib.import_module("deploy.cli").main()
 
 

@@ -1,4 +1,4 @@
-"""The wheel in clean environments: a planner with the contract alone, a robot with the pipeline.
+"""Both wheels in clean environments: a planner with the contract alone, a robot with the pipeline.
 
 The user's folder holds modules named like packages of the project; these once replaced them.
 """
@@ -10,7 +10,9 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 import venv
+import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -31,6 +33,7 @@ FILES = ("pyproject.toml", "README.md", "LICENSE", "NOTICE", "people4d_command.p
 CONTRACT = ("zenoh", "msgpack", "msgspec", "numpy")
 SHADOWS = ("common", "services", "deploy", "lab")
 TIMEOUT_S = 100.0
+CONTRACT_MAX_BYTES = 200_000
 
 
 def run(
@@ -42,24 +45,25 @@ def run(
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    source, built = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("wheel")
+def wheels(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """The wheels of the contract and of the pipeline."""
+    source, built = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("wheels")
     for name in PACKAGES:
-        ignore = shutil.ignore_patterns("__pycache__")
+        ignore = shutil.ignore_patterns("__pycache__", "*.egg-info", "build")
         shutil.copytree(ROOT / name, source / name, ignore=ignore)
     for name in FILES:
         shutil.copy(ROOT / name, source / name)
     flags = ("--no-deps", "--no-build-isolation", "--no-index", "-q", "-w", built)
-    done = run(sys.executable, "-m", "pip", "wheel", *flags, source)
+    done = run(sys.executable, "-m", "pip", "wheel", *flags, source / "people4d", source)
     assert done.returncode == 0, done.stderr
-    (file,) = built.glob("people4d-*.whl")
-    return file
+    (contract,), (pipeline,) = built.glob("people4d-*.whl"), built.glob("people4d_robot-*.whl")
+    return contract, pipeline
 
 
-def environment(folder: Path, wheel: Path) -> tuple[Path, Path]:
-    """Create an environment with the wheel alone; return its programs and its packages."""
+def environment(folder: Path, *wheels: Path) -> tuple[Path, Path]:
+    """Create an environment with wheels alone; return its programs and its packages."""
     venv.create(folder, with_pip=False, symlinks=True)
-    flags = ("install", "--no-deps", "--no-index", "-q", wheel)
+    flags: tuple[str | Path, ...] = ("install", "--no-deps", "--no-index", "-q", *wheels)
     done = run(sys.executable, "-m", "pip", "--python", folder / "bin" / "python", *flags)
     assert done.returncode == 0, done.stderr
     (packages,) = folder.glob("lib/python*/site-packages")
@@ -67,9 +71,9 @@ def environment(folder: Path, wheel: Path) -> tuple[Path, Path]:
 
 
 @pytest.fixture(scope="module")
-def planner(tmp_path_factory: pytest.TempPathFactory, wheel: Path) -> Path:
+def planner(tmp_path_factory: pytest.TempPathFactory, wheels: tuple[Path, Path]) -> Path:
     """Programs of an environment with the four dependencies of the contract."""
-    programs, packages = environment(tmp_path_factory.mktemp("planner"), wheel)
+    programs, packages = environment(tmp_path_factory.mktemp("planner"), wheels[0])
     for name in CONTRACT:
         found = Path(importlib.import_module(name).__path__[0])
         for folder in found.parent.glob(f"{name}*"):  # numpy.libs, too
@@ -78,9 +82,9 @@ def planner(tmp_path_factory: pytest.TempPathFactory, wheel: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def robot(tmp_path_factory: pytest.TempPathFactory, wheel: Path) -> Path:
+def robot(tmp_path_factory: pytest.TempPathFactory, wheels: tuple[Path, Path]) -> Path:
     """Programs of an environment with all dependencies."""
-    programs, packages = environment(tmp_path_factory.mktemp("robot"), wheel)
+    programs, packages = environment(tmp_path_factory.mktemp("robot"), *wheels)
     found = importlib.import_module("numpy").__path__[0]
     (packages / "dependencies.pth").write_text(f"{Path(found).parent}\n")
     return programs
@@ -117,11 +121,32 @@ def test_planner_runs_beside_modules_named_like_ours(planner: Path, folder: Path
         network.close()
 
 
-def test_command_without_the_pipeline_names_the_extra(planner: Path, folder: Path) -> None:
-    done = run(planner / "people4d", "--help", cwd=folder, env=clean())
-    assert done.returncode == 1
-    assert "pip install 'people4d[robot]'" in done.stderr
-    assert len(done.stderr.splitlines()) == 1
+def test_wheel_of_the_contract_is_small_pure_and_holds_people4d_alone(
+    wheels: tuple[Path, Path],
+) -> None:
+    contract, _ = wheels
+    assert contract.name.endswith("-py3-none-any.whl")
+    assert contract.stat().st_size < CONTRACT_MAX_BYTES
+    with zipfile.ZipFile(contract) as archive:
+        folders = {name.split("/")[0] for name in archive.namelist()}
+    assert {name for name in folders if not name.endswith(".dist-info")} == {"people4d"}
+
+
+def test_wheel_of_the_pipeline_holds_no_contract(wheels: tuple[Path, Path]) -> None:
+    with zipfile.ZipFile(wheels[1]) as archive:
+        assert not [name for name in archive.namelist() if name.startswith("people4d/")]
+
+
+def test_both_distributions_have_one_version_and_name_each_other() -> None:
+    contract, pipeline = (
+        tomllib.loads((ROOT / folder / "pyproject.toml").read_text())["project"]
+        for folder in ("people4d", ".")
+    )
+    version = contract["version"]
+    assert pipeline["version"] == version
+    assert f"people4d=={version}" in pipeline["dependencies"]
+    assert contract["optional-dependencies"]["robot"] == [f"people4d-robot=={version}"]
+    assert len(contract["dependencies"]) == len(CONTRACT)
 
 
 def test_image_is_built_from_the_files_of_the_wheel() -> None:
