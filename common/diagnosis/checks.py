@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 
-from common.diagnosis.clock_checks import clocks
+from common.diagnosis.clock_checks import clocks, outward_stamps
 from common.diagnosis.event_table import EVENTS
 from common.diagnosis.evidence import Diagnostic, Evidence, Vitals, ok, problem, warning
 from common.text import listed
@@ -265,7 +265,7 @@ CHECKS: tuple[Callable[[Evidence], Iterator[Diagnostic]], ...] = (
         calibration,
         depth,
     ),
-    *(load, hanging, people, output),
+    *(load, hanging, people, output, outward_stamps),
 )
 
 

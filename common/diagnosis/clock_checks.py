@@ -10,6 +10,7 @@ CAMERA_DELAY = re.compile(r"camera_delay_(.+)_ms")
 DELAYED_MS = 150.0  # by which messages of a camera may come later than those of another
 APART_NS = 50_000_000  # [ns] by which clocks may differ before people are published too late
 LATE_NS = 1_000_000_000  # [ns] heartbeats are never so long in transit
+STAMPS_MAX_S = 1.0  # by which stamps sent to ROS 2 may differ from the wall clock
 
 
 def clocks(evidence: Evidence) -> Iterator[Diagnostic]:
@@ -32,6 +33,20 @@ def clocks(evidence: Evidence) -> Iterator[Diagnostic]:
         yield warning("clocks", what, hint)
     elif processes and not (behind_ms or stepped or cameras):
         yield ok("clocks", "all clocks agree")
+
+
+def outward_stamps(evidence: Evidence) -> Iterator[Diagnostic]:
+    """Check that nodes of ROS 2 can use the stamps of a recording."""
+    for vitals in evidence.of("ros2_bridge"):
+        behind_s = vitals.last.gauges.get("stamps_behind_s", 0.0)
+        if abs(behind_s) > STAMPS_MAX_S:
+            where = "behind" if behind_s > 0 else "ahead of"
+            what = f"stamps sent to ROS 2 are {abs(behind_s):.0f} s {where} this machine's clock"
+            hint = (
+                "Nodes drop such messages: --set ros2_bridge.stamps=sent for a recording, or "
+                "publish clock and set use_sim_time."
+            )
+            yield warning("ros2", what, hint)
 
 
 def _camera_clocks(evidence: Evidence) -> Iterator[Diagnostic]:

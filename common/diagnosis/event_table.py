@@ -50,6 +50,11 @@ EVENTS: tuple[tuple[str, Level, str, str, str, str], ...] = (
         "Set ros2_bridge.frame_id to a frame that transforms or odometry of people4d lead to.",
     ),
     (
+        *("ros2", "problem", "ros2_bridge", "not_extrapolated"),
+        "people are not sent to ROS 2: {fault}",
+        "Where is the time lost (people4d top)? Are the clocks of camera and robot the same?",
+    ),
+    (
         *("ros2", "warning", "ros2_bridge", "reader_restamped"),
         "transforms of ROS 2 come later than people, which are moved back to their stamps",
         "Publish transforms sooner, or set a longer ros2_bridge.reader_wait_s.",

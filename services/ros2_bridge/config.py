@@ -18,6 +18,7 @@ Output = Literal[
     "boxes",
     "odometry",
     "tf",
+    "clock",
     "diagnostics",
 ]
 
@@ -42,6 +43,7 @@ class OutputConfigs(Config, frozen=True, kw_only=True):
     boxes: OutputConfig = OutputConfig(topic="people4d/boxes")
     odometry: OutputConfig = OutputConfig(topic="people4d/odometry")
     tf: OutputConfig = OutputConfig(topic="/tf")  # static ones: the same name with _static
+    clock: OutputConfig = OutputConfig(topic="/clock")
     diagnostics: OutputConfig = OutputConfig(topic="/diagnostics", rate_max_hz=1.0)
 
 
@@ -51,7 +53,7 @@ class Ros2BridgeConfig(Config, frozen=True, kw_only=True):
     ros2: Ros2Config = Ros2Config()  # connection and name of the node
     # outputs: people (people_msgs), markers and prediction_markers (RViz), pedestrians
     # (social_nav_msgs), agents (CoHAN), tracked_persons (SPENCER), humans (ROS4HRI), boxes
-    # (vision_msgs), odometry, tf, diagnostics
+    # (vision_msgs), odometry, tf, clock (of the recording, for use_sim_time), diagnostics
     publish: tuple[Output, ...] = ("people", "markers")
     outputs: OutputConfigs = OutputConfigs()
     # convention of people_msgs: nav2 (nav2_social_costmap_plugin, people in RViz) or sfm
@@ -63,8 +65,9 @@ class Ros2BridgeConfig(Config, frozen=True, kw_only=True):
     frame_id: NameOrEmpty = ""
     # names that ROS has for frames of ours, for example {map = "robot1/map"}
     frame_names: dict[str, str] = {}  # noqa: RUF012 (msgspec copies it)
-    # stamps: acquired (of the image), or sent (now, with people moved on by their velocities: for
-    # recordings, and for readers that refuse what is older than 0.1 s, as CoHAN does)
+    # stamps: acquired (of the image), or sent (now, with people moved on by their velocities, at
+    # most 0.5 s: for recordings, whose stamps are mapped to the time of their playing, and for
+    # readers that refuse what is older than 0.1 s, as CoHAN does)
     stamps: Literal["acquired", "sent"] = "acquired"
     # frame that a reader transforms people to, for example odom: its transforms on /tf are awaited,
     # so that its lookup at the stamp succeeds; empty: people are sent at once

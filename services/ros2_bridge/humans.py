@@ -43,11 +43,11 @@ class Humans:
         while len(self._images) > IMAGES_MAX:
             del self._images[next(iter(self._images))]
 
-    def send(self, message: RosPeople, image: Image) -> None:
+    def send(self, message: RosPeople, key: Image) -> None:
         """Publish people that were tracked in an image."""
         if not self._bodies.is_due(message.stamp_ns):
             return
-        detections = self._images.get(image)
+        detections = self._images.get(key)
         self._counters["too_many_humans"] += max(len(message.people) - PEOPLE_MAX, 0)
         people = message.people[:PEOPLE_MAX]
         for number in self._people.keys() - {person.id for person in people}:
@@ -57,7 +57,8 @@ class Humans:
             if person.id not in self._people:
                 self._people[person.id] = self._announce(person)
             if detections:
-                self._send_parts(person, detections)
+                image = msgspec.structs.replace(detections, stamp_ns=message.stamp_ns)
+                self._send_parts(person, image)
         self._bodies.send(hri.ids(message, [hri.body_id(person) for person in people]))
         self._persons.send(hri.ids(message, [hri.person_id(person) for person in people]))
 

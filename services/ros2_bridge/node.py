@@ -3,13 +3,18 @@
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
+import msgspec
+
+from common.ros2.messages.basic import CLOCK
+from common.ros2.messages.basic import time as ros_time
 from common.ros2.messages.health import DIAGNOSTICS, diagnostics
 from common.ros2.messages.person import RosPeople, RosPeopleView
 from common.ros2.transport import Ros2Transport
 from common.runtime.node import NO_LOOP, LoopCallbacks, Node, Status
+from common.transport.stream_clock import EXTRAPOLATION_MAX_NS, StreamClock
 from people4d.messages import (
     Detections,
     Health,
@@ -27,7 +32,7 @@ from services.ros2_bridge.output import Ros2Output
 from services.ros2_bridge.people import PeopleOutputs
 from services.ros2_bridge.reader_frames import ReaderFrames
 
-COUNTERS = ("reader_unlinked", "reader_restamped", "reader_waits")
+COUNTERS = ("reader_unlinked", "reader_restamped", "reader_waits", "not_extrapolated")
 STAMP_MAX_NS = 2**31 * 10**9  # builtin_interfaces/Time has 31 bits of seconds
 GROUPS_NS = 1_000_000_000  # age from which on predicted groups say nothing
 PENDING_MAX = 16  # messages that wait for transforms
@@ -50,7 +55,7 @@ class Ros2BridgeNode(Node):
     Args:
         config: What is published.
         transport: Node of ROS 2, which this closes.
-        wall_ns: Clock of the stamps "sent".
+        wall_ns: The wall clock.
     """
 
     inputs: tuple[type[Message], ...] = (
@@ -66,6 +71,8 @@ class Ros2BridgeNode(Node):
         wall_ns: Callable[[], int] = time.time_ns,
     ) -> None:
         self._config, self._transport, self._wall_ns = config, transport, wall_ns
+        self._stream, self._is_sent = StreamClock(wall_ns), config.stamps == "sent"
+        self._offset_ns = 0  # of the last people's wall time from their stamp
         self._counters = Counter(dict.fromkeys(COUNTERS, 0))
         self._loop = NO_LOOP
         self._view = RosPeopleView()
@@ -83,9 +90,13 @@ class Ros2BridgeNode(Node):
         if "diagnostics" in config.publish:
             kind, counters = DIAGNOSTICS, self._counters
             self._diagnostics = Ros2Output(transport, config.outputs.diagnostics, kind, counters)
+        self._clock: Ros2Output | None = None
+        if "clock" in config.publish:
+            self._clock = Ros2Output(transport, config.outputs.clock, CLOCK, self._counters)
         self._healths: dict[str, tuple[Health, int]] = {}
         self._report_ns: int | None = None
         self._unlinked = False
+        self._too_far_s = 0.0  # [s] to the time that the last people could not be moved to
 
     def attach(self, loop: LoopCallbacks) -> None:
         """Take the callbacks of the loop."""
@@ -100,7 +111,7 @@ class Ros2BridgeNode(Node):
         elif isinstance(message, Predictions):
             groups = {one.id: one.group for one in message.people if one.group is not None}
             self._groups = message.stamp_ns, groups
-            self._people.send_predictions(message)
+            self._people.send_predictions(message, self._stamp_ns(message))
         elif isinstance(message, Detections):
             if self._humans:
                 self._humans.add_detections(message)
@@ -109,7 +120,7 @@ class Ros2BridgeNode(Node):
                 self._healths[message.instance] = message, now_ns
         elif isinstance(message, StaticTransform | MovingTransform | Odometry):
             self._people.add_transform(message)
-            self._motion.send(message)
+            self._motion.send(msgspec.structs.replace(message, stamp_ns=self._stamp_ns(message)))
         return ()
 
     def tick(self, now_ns: int) -> Sequence[Message]:
@@ -144,7 +155,16 @@ class Ros2BridgeNode(Node):
             return Status(state="degraded", reason=reason, counters=counters)
         if self._people.problem:
             return Status(state="degraded", reason=self._people.problem, counters=counters)
-        return Status(counters=counters)
+        if self._too_far_s:
+            reason = (
+                f"people are {abs(self._too_far_s):.1f} s "
+                f"{'behind' if self._too_far_s > 0 else 'ahead of'} the time of their message, and "
+                f"moved by at most {EXTRAPOLATION_MAX_NS / 1e9:g} s"
+            )
+            return Status(state="degraded", reason=reason, counters=counters)
+        is_mapped = self._is_sent or self._clock
+        gauges = {} if is_mapped else {"stamps_behind_s": self._offset_ns / 1e9}
+        return Status(counters=counters, gauges=gauges)
 
     def close(self) -> None:
         """Leave the ROS 2 graph."""
@@ -153,15 +173,28 @@ class Ros2BridgeNode(Node):
     def _wake(self) -> None:
         self._loop.wake()  # the loop is attached later
 
+    def _stamp_ns(self, message: Message) -> int:
+        """Return the stamp of a message for readers: its own, or its wall time."""
+        if self._is_sent and not isinstance(message, StaticTransform):
+            return self._stream.wall_ns(message)
+        return message.stamp_ns
+
     def _take_tracks(self, message: Tracks, now_ns: int) -> None:
+        stamp_ns, sent_ns = self._stream.wall_ns(message), self._wall_ns()
+        self._offset_ns = stamp_ns - message.stamp_ns
+        if self._clock:
+            time_ns = sent_ns if self._is_sent else sent_ns - self._offset_ns
+            self._clock.send({"clock": ros_time(time_ns)})
         groups_ns, groups = self._groups
         recent = abs(message.stamp_ns - groups_ns) < GROUPS_NS
         people = self._view.tracks(message, groups if recent else {}, self._config.states)
         found = self._people.in_frame(people)
         if found is None:
             return
-        if self._config.stamps == "sent":
-            found = found.at(self._wall_ns())
+        if self._is_sent:
+            found = self._moved(replace(found, stamp_ns=stamp_ns), sent_ns)
+            if found is None:
+                return
         image = message.camera, message.stamp_ns
         until_ns = now_ns + round(self._config.reader_wait_s * 1e9)
         self._send_when_linked(_Pending(found, image, until_ns), now_ns)
@@ -187,8 +220,17 @@ class Ros2BridgeNode(Node):
             self._counters["reader_unlinked"] += 1
         else:
             self._unlinked = False
-            self._counters["reader_restamped"] += 1
-            self._send(people.at(newest_ns), pending.image)
+            moved = self._moved(people, newest_ns)
+            if moved:
+                self._counters["reader_restamped"] += 1
+                self._send(moved, pending.image)
+
+    def _moved(self, people: RosPeople, stamp_ns: int) -> RosPeople | None:
+        """Return people at another time; None, and counted, if it is too far."""
+        moved = people.at(stamp_ns)
+        self._too_far_s = 0.0 if moved else (stamp_ns - people.stamp_ns) / 1e9
+        self._counters["not_extrapolated"] += 0 if moved else len(people.people)
+        return moved
 
     def _send(self, people: RosPeople, image: Image) -> None:
         self._people.send(people)

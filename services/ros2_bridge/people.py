@@ -79,13 +79,13 @@ class PeopleOutputs:
             if output.is_due(message.stamp_ns):
                 output.send(convert(message))
 
-    def send_predictions(self, message: Predictions) -> None:
-        """Publish predictions."""
+    def send_predictions(self, message: Predictions, stamp_ns: int) -> None:
+        """Publish predictions with a stamp."""
         if not self._predictions or not self._predictions.is_due(message.stamp_ns):
             return
         matrix, frame_id = self._target(message.frame_id, message.stamp_ns)
         if matrix is not None:
-            head = header(message.stamp_ns, frame_id)
+            head = header(stamp_ns, frame_id)
             self._predictions.send(markers.prediction_markers(_moved(message, matrix), head))
 
     def _target(self, source: str, stamp_ns: int) -> tuple[F64 | None, str]:

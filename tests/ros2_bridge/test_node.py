@@ -11,7 +11,7 @@ from common.geometry.transforms import rotation_from_rpy, transform_from
 from common.ros2 import types
 from common.ros2.messages.basic import TF, transforms
 from common.ros2.transport import LATCHED
-from people4d.messages import Predictions, Track
+from people4d.messages import Predictions, Span, Track
 from people4d.messages.prediction import MotionProbabilities, PersonPrediction
 from services.ros2_bridge.config import Output, OutputConfigs, Ros2BridgeConfig
 from services.ros2_bridge.node import Ros2BridgeNode
@@ -288,6 +288,64 @@ def test_people_are_moved_on_to_the_time_of_sending() -> None:
     message = ros.last("/people")
     assert stamp_of(message) == START_NS + 200 * MS
     assert message.people[0].position.y == pytest.approx(-1.0 + 0.3)
+
+
+@pytest.mark.parametrize("months", [-4, 4])
+def test_people_of_a_recording_are_published_where_they_are(months: int) -> None:
+    """The stamps are months off; 200 ms pass between the source and the bridge."""
+    apart_ms = months * 30 * 24 * 3600 * 1000
+    config = Ros2BridgeConfig(publish=("people", "tf", "prediction_markers"), stamps="sent")
+    node, ros = bridge(config, START_NS + 200 * MS)
+    sent = Span(stage="camera.release", process="c@h", start_ns=START_NS, end_ns=START_NS + 1)
+    tracks = msgspec.structs.replace(people(person(), at_ms=apart_ms), trace=(sent,))
+    node.handle(tracks, 0)
+    message = ros.last("/people")
+    assert stamp_of(message) == START_NS + 200 * MS
+    assert message.people[0].position.y == pytest.approx(-1.0 + 0.3)
+    moving = builders.moving_transform(np.eye(4), stamp_ns=tracks.stamp_ns + 10 * MS)
+    node.handle(moving, 0)
+    assert stamp_of(ros.last("/tf").transforms[0]) == START_NS + 10 * MS
+    node.handle(msgspec.structs.replace(prediction(p7=0), stamp_ns=tracks.stamp_ns), 0)
+    assert stamp_of(ros.last("/people4d/prediction_markers").markers[-1]) == START_NS
+
+
+@pytest.mark.parametrize(("late_ms", "where"), [(501, "behind"), (9000, "behind"), (-501, "ahead")])
+def test_people_are_not_moved_over_more_than_half_a_second(late_ms: int, where: str) -> None:
+    node, ros = bridge(Ros2BridgeConfig(stamps="sent"), START_NS + late_ms * MS)
+    node.handle(people(person(7), person(8)), 0)
+    assert not ros.messages("/people")
+    status = node.status()
+    assert (status.state, status.counters["not_extrapolated"]) == ("degraded", 2)
+    assert where in status.reason
+    node.handle(people(person(), at_ms=late_ms - 10), 0)
+    assert len(ros.messages("/people")) == 1
+    assert node.status().state == "ready"
+
+
+def test_people_are_not_moved_back_to_old_transforms_of_their_reader() -> None:
+    node, ros = bridge(Ros2BridgeConfig(reader_frame="odom", reader_wait_s=0.05))
+    ros.send("/tf", tf("map", "odom", -600))
+    node.handle(people(person()), 0)
+    node.tick(50 * MS)
+    assert not ros.messages("/people")
+    assert node.status().counters["not_extrapolated"] == 1
+
+
+def test_clock_is_the_time_of_the_recording() -> None:
+    node, ros = bridge(Ros2BridgeConfig(publish=("people", "clock")), START_NS + 200 * MS)
+    sent = Span(stage="camera.release", process="c@h", start_ns=START_NS, end_ns=START_NS + 1)
+    tracks = people(person(), at_ms=-3_600_000)
+    node.handle(msgspec.structs.replace(tracks, trace=(sent,)), 0)
+    clock = ros.last("/clock").clock
+    assert clock.sec * 10**9 + clock.nanosec == tracks.stamp_ns + 200 * MS
+    assert stamp_of(ros.last("/people")) == tracks.stamp_ns
+    assert not node.status().gauges
+
+
+def test_distance_of_stamps_from_the_wall_clock_is_reported() -> None:
+    node, _ = bridge(Ros2BridgeConfig(), START_NS)
+    node.handle(people(person(), at_ms=-3_600_000), 0)
+    assert node.status().gauges == {"stamps_behind_s": 3600.0}
 
 
 def test_people_wait_for_the_transform_of_their_reader() -> None:

@@ -13,6 +13,7 @@ from people4d.messages import F64, Odometry
 HEADER = "std_msgs/msg/Header"
 ODOMETRY = "nav_msgs/msg/Odometry"
 TF = "tf2_msgs/msg/TFMessage"
+CLOCK = "rosgraph_msgs/msg/Clock"
 
 PLANAR = np.ix_((0, 1, 5), (0, 1, 5))  # x, y and yaw in the 6x6 covariance of ROS
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from common.geometry.transforms import wrap
+from common.transport.stream_clock import EXTRAPOLATION_MAX_NS
 from people4d.messages import F64, Track, Tracks, Truth, TruthPerson
 
 MOVING_MPS = 0.1  # a slower person stands, as for nav2_social_costmap_plugin
@@ -50,8 +51,10 @@ class RosPeople:
     frame_id: str
     people: tuple[RosPerson, ...]
 
-    def at(self, stamp_ns: int) -> "RosPeople":
-        """Return them at another time, with their velocities."""
+    def at(self, stamp_ns: int) -> "RosPeople | None":
+        """Return them at another time, with their velocities; None beyond EXTRAPOLATION_MAX_NS."""
+        if abs(stamp_ns - self.stamp_ns) > EXTRAPOLATION_MAX_NS:
+            return None
         dt_s = (stamp_ns - self.stamp_ns) / 1e9
         moved = (
             replace(

@@ -230,6 +230,23 @@ def test_camera_of_another_clock_is_reported(heard: Heard) -> None:
     assert (found.level, found.what) == ("problem", reason)
 
 
+@pytest.mark.parametrize(("behind_s", "where"), [(9e6, "behind"), (-60.0, "ahead of")])
+def test_stamps_that_nodes_of_ros_drop_are_reported(
+    heard: Heard, behind_s: float, where: str
+) -> None:
+    heard.counters["ros2_bridge-1"] = ({}, {})
+    heard.fields["ros2_bridge-1"] = {"gauges": {"stamps_behind_s": behind_s}}
+    found = heard.found("ros2")
+    assert found.level == "warning"
+    assert f"s {where} this machine's clock" in found.what
+
+
+def test_stamps_near_the_clock_are_good_for_nodes_of_ros(heard: Heard) -> None:
+    heard.counters["ros2_bridge-1"] = ({}, {})
+    heard.fields["ros2_bridge-1"] = {"gauges": {"stamps_behind_s": 0.2}}
+    assert {one.level for one in heard.diagnostics()} == {"ok"}
+
+
 def test_camera_whose_messages_come_late_is_reported(heard: Heard) -> None:
     gauges = {"camera_offset_front_ms": 0.0, "camera_offset_back_ms": 0.0}
     gauges |= {"camera_delay_front_ms": 0.0, "camera_delay_back_ms": -300.0}

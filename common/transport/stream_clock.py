@@ -1,0 +1,64 @@
+"""Wall times of a stream's stamps: a recording or simulation is mapped to the time of its playing.
+
+Stamps near the wall clock are by it: if their messages are late, so are the people in them. All
+others get an offset, from the source's own time of sending where a message's trace has it, else
+from the message's arrival. The offset is held until a recording jumps or is played too slowly.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+
+from people4d.messages import Message, Span
+from people4d.messages.base import MAX_CAMERAS
+
+EXTRAPOLATION_MAX_NS = 500_000_000  # nothing is moved by its velocity over a longer time
+AHEAD_MAX_NS = 1_000_000_000  # stamps from this far ahead of the wall clock ...
+LATE_MAX_NS = 10_000_000_000  # ... to this far behind it are by it
+JITTER_NS = 100_000_000  # of the times at which a source sends
+UNTRACED_NS = 1_000_000_000  # of the times at which messages without a source's trace come
+SENDING = (".capture", ".release")  # stages of a source
+
+
+class StreamClock:
+    """Wall times of the stamps of a stream of one or several cameras.
+
+    Args:
+        wall_ns: The wall clock.
+    """
+
+    def __init__(self, wall_ns: Callable[[], int] = time.time_ns) -> None:
+        self._wall_ns = wall_ns
+        # Wall time minus stamp [ns] by camera, in the order of their first messages; messages of no
+        # camera have an empty name.
+        self._offsets_ns: dict[str, int] = {}
+
+    def wall_ns(self, message: Message) -> int:
+        """Return the wall time of the stamp of a message that came just now."""
+        camera: str = getattr(message, "camera", "")
+        now_ns = self._wall_ns()
+        sent_ns = _sent_ns(message.trace, now_ns)
+        tolerance_ns = UNTRACED_NS if sent_ns is None else JITTER_NS
+        offset_ns = (now_ns if sent_ns is None else sent_ns) - message.stamp_ns
+        if -AHEAD_MAX_NS <= offset_ns <= LATE_MAX_NS:
+            offset_ns = 0
+        if camera in self._offsets_ns:
+            if abs(offset_ns - self._offsets_ns[camera]) > tolerance_ns:
+                self._offsets_ns[camera] = offset_ns
+        elif len(self._offsets_ns) < MAX_CAMERAS:
+            self._offsets_ns[camera] = offset_ns
+        return message.stamp_ns + self._shared_ns(camera)
+
+    def _shared_ns(self, camera: str) -> int:
+        """Return the offset of the first camera that nearly agrees with this one."""
+        offsets_ns = list(self._offsets_ns.values())
+        own_ns = self._offsets_ns.get(camera, offsets_ns[0])
+        return next(ns for ns in offsets_ns if abs(ns - own_ns) <= UNTRACED_NS)
+
+
+def _sent_ns(trace: Sequence[Span], now_ns: int) -> int | None:
+    """Return the wall time at which a source sent; None without it, or if the trace is replayed."""
+    sending = (span.start_ns for span in trace if span.stage.endswith(SENDING))
+    sent_ns = next(sending, None)
+    if sent_ns is None or not -AHEAD_MAX_NS <= now_ns - sent_ns <= LATE_MAX_NS:
+        return None
+    return sent_ns
