@@ -47,3 +47,8 @@ def __getattr__(name: str) -> Any:
     client, errors = name in ("Client", "subscribe"), name.endswith("Error")
     home = "client" if client else "errors" if errors else "messages"
     return getattr(import_module(f"people4d.{home}"), name)
+
+
+def __dir__() -> list[str]:
+    """Return the public names, imported or not."""
+    return sorted({*globals(), *__all__})

@@ -26,15 +26,23 @@ class Client:
             $PEOPLE4D_CONNECT, else the router on this host.
         robot: Name of the robot.
         timeout_s: Longest wait for the router in seconds.
+        warn_after_s: Log the robots and services found if no message came for so long.
 
     Raises:
         People4dError: No router answers, or it refuses the credentials.
     """
 
-    def __init__(self, connect: str = "", robot: str = "robot", timeout_s: float = 3.0) -> None:
+    def __init__(
+        self,
+        connect: str = "",
+        robot: str = "robot",
+        timeout_s: float = 3.0,
+        warn_after_s: float | None = None,
+    ) -> None:
         environment = dict(os.environ) | ({"PEOPLE4D_CONNECT": connect} if connect else {})
         self.session = ZenohSession(read_config(None, "client", environment), robot, timeout_s)
         self.queue = MessageQueue()
+        self._warn_after_s = warn_after_s
 
     @property
     def counters(self) -> dict[str, int]:
@@ -56,18 +64,12 @@ class Client:
         arrivals = self.arrivals(*kinds, timeout_s=timeout_s)
         return (arrival.message for arrival in arrivals if isinstance(arrival.message, kinds))
 
-    def arrivals(
-        self,
-        *kinds: type[Message],
-        timeout_s: float | None = None,
-        warn_after_s: float | None = None,
-    ) -> Iterator[Arrival]:
+    def arrivals(self, *kinds: type[Message], timeout_s: float | None = None) -> Iterator[Arrival]:
         """Subscribe, and yield messages with the times at which they came.
 
         Args:
             kinds: Types of message.
             timeout_s: End when no message came for so long; None: wait for ever.
-            warn_after_s: Log the robots and services found if no message came for so long.
         """
         topics = [BY_MESSAGE[kind] for kind in kinds]
         subscriptions = [self.session.subscribe(topic) for topic in topics]
@@ -76,7 +78,7 @@ class Client:
 
         def receive() -> Iterator[Arrival]:
             try:
-                yield from self._receive(kinds, timeout_s, warn_after_s)
+                yield from self._receive(kinds, timeout_s)
             finally:
                 for subscription in subscriptions:
                     subscription.close()
@@ -84,30 +86,28 @@ class Client:
         return receive()
 
     def _receive(
-        self,
-        kinds: tuple[type[Message], ...],
-        timeout_s: float | None,
-        warn_after_s: float | None,
+        self, kinds: tuple[type[Message], ...], timeout_s: float | None
     ) -> Iterator[Arrival]:
-        last_s = time.monotonic()
+        last_s, warn_after_s = time.monotonic(), self._warn_after_s
         while timeout_s is None or time.monotonic() - last_s < timeout_s:
             arrival = self.queue.get(POLL_S if timeout_s is None else min(timeout_s, POLL_S))
             if arrival and isinstance(arrival.message, kinds):
                 yield arrival
                 last_s, warn_after_s = time.monotonic(), None
             elif warn_after_s is not None and time.monotonic() - last_s > warn_after_s:
-                LOG.warning("no message for %g s: %s", warn_after_s, self._found())
+                LOG.warning("no message for %g s: %s", warn_after_s, self.found())
                 warn_after_s = None
 
-    def _found(self) -> str:
+    def found(self) -> str:
         """Describe the robots and services whose liveliness tokens are there."""
-        present = self.session.present()
-        robots = sorted({robot for robot, _, _ in present})
-        services = sorted({service for robot, service, _ in present if robot == self.session.robot})
+        present, robot = self.session.present(), self.session.robot
+        robots = sorted({name for name, _, _ in present})
+        services = sorted({service for name, service, _ in present if name == robot})
         if services:
-            return f"of robot {self.session.robot!r} these services run: {', '.join(services)}"
+            return f"of robot {robot!r} these services run: {', '.join(services)}"
         if robots:
-            return f"no robot {self.session.robot!r}, but {', '.join(map(repr, robots))}"
+            listing = ", ".join(map(repr, robots))
+            return f"no robot {robot!r} is there, but {listing}; add --robot {robots[0]!r}"
         return "the router answers, but no service runs (people4d up)"
 
     def close(self) -> None:
@@ -135,7 +135,7 @@ def subscribe(connect: str = "", robot: str = "robot") -> Iterator[Tracks]:
     Raises:
         People4dError: No router answers, or it refuses the credentials.
     """
-    with Client(connect, robot) as client:
-        for arrival in client.arrivals(Tracks, warn_after_s=SILENCE_S):
+    with Client(connect, robot, warn_after_s=SILENCE_S) as client:
+        for arrival in client.arrivals(Tracks):
             if isinstance(arrival.message, Tracks):
                 yield arrival.message

@@ -23,6 +23,7 @@ CONFIGS = Path(__file__).parent / "zenoh"
 ANSWER_S = 2.0
 ENCRYPTED = ("tls", "quic")
 IGNORED = {("connect", "router"), ("listen", "client")}
+HOST_AND_PORT = re.compile(r"(\[[^\]]+\]|[^/\[\]:]+):\d+")  # an endpoint without its protocol
 
 
 def read_config(
@@ -53,7 +54,7 @@ def read_config(
             # Where the variables are set for all processes of a host, a router must not connect to
             # itself and a client must not take the router's port.
             if endpoints and (name, default) not in IGNORED:
-                config.insert_json5(f"{name}/endpoints", json.dumps(endpoints.split(",")))
+                config.insert_json5(f"{name}/endpoints", json.dumps(endpoints_of(endpoints)))
         keys = environment.get("PEOPLE4D_KEYS")
         if keys:
             role = role or environment.get("PEOPLE4D_ROLE", "")
@@ -62,6 +63,21 @@ def read_config(
         reason = problem_of(error)
         raise ConfigError(f"Zenoh configuration {path} is not usable: {reason}") from error
     return config
+
+
+def endpoints_of(text: str) -> list[str]:
+    """Return the endpoints of a comma-separated text; HOST:PORT becomes tcp/HOST:PORT.
+
+    Raises:
+        ConfigError: One is not an endpoint.
+    """
+    endpoints = [part.strip() for part in text.split(",") if part.strip()]
+    full = [f"tcp/{one}" if HOST_AND_PORT.fullmatch(one) else one for one in endpoints]
+    for endpoint in full:
+        protocol, _, address = endpoint.partition("/")
+        if not (protocol and address):
+            raise ConfigError(f"{endpoint!r} is no endpoint", "Write it as tcp/192.168.1.7:7447.")
+    return full
 
 
 def _insert_credentials(config: zenoh.Config, folder: Path, mode: str, role: str) -> None:

@@ -6,23 +6,51 @@ from typing import Annotated, Literal
 import typer
 
 from common.transport.zenoh_bus import ZenohBus, read_config
-from deploy.launcher.state import State
+from deploy.launcher.state import State, running_robots
 from people4d.client import Client
 from people4d.errors import ConfigError
 from people4d.messages import Message
+from people4d.session import endpoints_of
 from people4d.topics import BY_NAME
 from services.presets import PRESETS
 
 CONNECT_S = 3.0
 
-Robot = Annotated[
+SILENCE_S = 2.0  # without any message, after which the robots and services found are printed
+
+
+def _running_robot(context: typer.Context, value: str) -> str:
+    """Return the robot that is named, else the one that runs on this machine if it is alone."""
+    source = context.get_parameter_source("robot")
+    if context.params.get("connect") or (source and source.name != "DEFAULT"):
+        return value
+    running = running_robots()
+    return running[0] if len(running) == 1 else value
+
+
+def _endpoints(value: str) -> str:
+    return ",".join(endpoints_of(value))
+
+
+NewRobot = Annotated[
     str, typer.Option(envvar="PEOPLE4D_ROBOT", help="Name of the robot, part of every key.")
+]
+Robot = Annotated[
+    str,
+    typer.Option(
+        envvar="PEOPLE4D_ROBOT",
+        callback=_running_robot,
+        help="Name of the robot; default: the one that runs on this machine, if it is alone.",
+        show_default=False,
+    ),
 ]
 Connect = Annotated[
     str,
     typer.Option(
         envvar="PEOPLE4D_CONNECT",
         metavar="ENDPOINT",
+        callback=_endpoints,
+        is_eager=True,  # before the robot, whose default is of this machine
         help="Router, for example tcp/192.168.1.7:7447; default: the one on this machine.",
     ),
 ]
@@ -62,8 +90,11 @@ Jobs = Annotated[
 
 
 def open_client(connect: str, robot: str) -> Client:
-    """Connect to the named router, else to the one that people4d up started here."""
-    return Client(_endpoint(connect, robot), robot)
+    """Connect to the named router, else to the one that people4d up started here.
+
+    Silence is explained on the terminal: another robot is there, or no service runs.
+    """
+    return Client(_endpoint(connect, robot), robot, CONNECT_S, SILENCE_S)
 
 
 def open_bus(connect: str, robot: str) -> ZenohBus:

@@ -9,7 +9,7 @@ from common.diagnosis.evidence import Diagnostic, ok, problem, warning
 from deploy import compose
 from deploy.launcher.launcher import tail
 from deploy.launcher.plan import COMPOSE_FILE, CONFIG_FILE, load_model, read_settings
-from deploy.launcher.state import State
+from deploy.launcher.state import State, running_robots
 from deploy.launcher.supervisor import Supervisor, SupervisorGoneError
 from people4d.errors import ConfigError, People4dError
 
@@ -47,12 +47,7 @@ def _listens(host: str, port: int) -> bool:
 def running(state: State) -> Iterator[Diagnostic]:
     """Look at the processes that people4d up started on this machine."""
     if not state.read():
-        others = sorted(
-            found.name
-            for found in state.folder.parent.glob("*")
-            if found != state.folder and State(found).read()
-        )
-        if others:
+        if others := running_robots():
             hint = f"Add --robot {others[0]}, or start it: people4d up --robot {state.folder.name}."
             what = f"nothing runs here for {state.folder.name}; {', '.join(others)} does"
             yield warning("processes", what, hint)

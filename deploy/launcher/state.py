@@ -151,6 +151,12 @@ class State:
         return len(leftovers)
 
 
+def running_robots(environment: Mapping[str, str] = os.environ) -> list[str]:
+    """Return the robots whose systems run on this machine."""
+    folders = State.of_robot("robot", environment).folder.parent.glob("*")
+    return sorted(folder.name for folder in folders if State(folder).read())
+
+
 def names_of(log: Path) -> list[str]:
     """Return the instances whose log a file is."""
     return log.stem.split(JOINED)

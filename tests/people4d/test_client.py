@@ -10,10 +10,12 @@ from pathlib import Path
 
 import pytest
 
+import people4d
 from common.transport.ports import free_port
 from people4d.client import Client, subscribe
 from people4d.errors import ConfigError, People4dError
 from people4d.messages import Health, Message, Tracks, Truth
+from people4d.session import endpoints_of
 from tests.contract.examples import BY_NAME
 from tests.network import Network
 
@@ -84,8 +86,8 @@ def test_silence_is_logged_once_with_the_services_found(
     try:
         for service in services:
             network.open("mine").announce(service, f"{service}-1")
-        with Client(network.endpoint, "mine") as client:
-            assert list(client.arrivals(Tracks, timeout_s=0.8, warn_after_s=0.1)) == []
+        with Client(network.endpoint, "mine", warn_after_s=0.1) as client:
+            assert list(client.arrivals(Tracks, timeout_s=0.8)) == []
         assert [record.name for record in caplog.records] == ["people4d"]
         assert found in caplog.text
     finally:
@@ -96,9 +98,31 @@ def test_another_robot_is_named_in_the_log(
     network: Network, caplog: pytest.LogCaptureFixture
 ) -> None:
     network.open("mine").announce("tracker", "tracker-1")
-    with Client(network.endpoint, "yours") as client:
-        list(client.arrivals(Tracks, timeout_s=0.5, warn_after_s=0.1))
-    assert re.search("no robot 'yours', but .*'mine'", caplog.text)
+    with Client(network.endpoint, "yours", warn_after_s=0.1) as client:
+        list(client.arrivals(Tracks, timeout_s=0.5))
+    assert re.search("no robot 'yours' is there, but .*'mine'.*; add --robot", caplog.text)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("127.0.0.1:7650", ["tcp/127.0.0.1:7650"]),
+        ("[::1]:7447, tls/nuc:7447", ["tcp/[::1]:7447", "tls/nuc:7447"]),
+        ("nuc.local:7447", ["tcp/nuc.local:7447"]),
+    ],
+)
+def test_endpoint_without_a_protocol_is_tcp(text: str, expected: list[str]) -> None:
+    assert endpoints_of(text) == expected
+
+
+@pytest.mark.parametrize("text", ["nuc", "tcp/", "/nuc:7447"])
+def test_endpoint_that_is_none_is_rejected(text: str) -> None:
+    with pytest.raises(ConfigError, match="is no endpoint"):
+        endpoints_of(text)
+
+
+def test_public_names_are_listed() -> None:
+    assert {"Client", "Tracks", "subscribe"} <= set(dir(people4d))
 
 
 def test_importing_the_contract_loads_neither_zenoh_nor_the_pipeline() -> None:

@@ -64,7 +64,9 @@ def top(
             with Live("listening ...", console=console, auto_refresh=False, screen=True) as live:
                 while True:
                     time.sleep(every_s)
-                    live.update(drawn(snapshot()), refresh=True)
+                    now = snapshot()
+                    view = drawn(now) if now.processes else Text(client.found(), "yellow")
+                    live.update(view, refresh=True)
         while True:
             if not once:
                 time.sleep(every_s)

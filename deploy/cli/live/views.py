@@ -37,8 +37,7 @@ def listen(
         messages = client.messages(Tracks, timeout_s=timeout_s)
         if not _show(messages, lambda tracks: table_of(tracks, time.time_ns()), once, json):
             raise People4dError(
-                f"no people message came within {timeout_s:g} s",
-                "See what runs with people4d ps.",
+                f"no people message came within {timeout_s:g} s", f"{client.found()}."
             )
 
 

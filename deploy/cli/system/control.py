@@ -84,9 +84,10 @@ def health(
                     return
             if time.monotonic() > deadline_s:
                 break
+        found = client.found()
     if last:
         raise People4dError(f"{last.instance} is {last.state}: {last.reason}")
-    raise People4dError(f"no heartbeat of {service} came within {timeout_s:g} s")
+    raise People4dError(f"no heartbeat of {service} came within {timeout_s:g} s", f"{found}.")
 
 
 def run(

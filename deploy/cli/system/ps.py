@@ -8,7 +8,7 @@ import msgspec
 from rich.console import Console
 from rich.table import Table
 
-from deploy.cli.options import Connect, Json, Robot
+from deploy.cli.options import Connect, Json, Robot, open_client
 from deploy.cli.terminal import coloured_state, plain_table, print_json, shown
 from deploy.launcher.health import Heartbeats, of_instance
 from deploy.launcher.state import State
@@ -59,6 +59,9 @@ def ps(
     own_health = {name: of_instance(healths, name) for name in processes}
     rows = [_row(name, process, own_health[name]) for name, process in processes.items()]
     rows += [_row(h.instance, None, h) for h in healths if h not in own_health.values()]
+    if not rows:
+        with open_client(connect, robot) as client:
+            raise People4dError("no heartbeat comes", f"{client.found()}.")
     if json:
         print_json(rows)
     else:

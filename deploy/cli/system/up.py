@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from common.config import setting
-from deploy.cli.options import Preset, ReadyTimeout, Robot, Settings, VisualOdometry
+from deploy.cli.options import NewRobot, Preset, ReadyTimeout, Settings, VisualOdometry
 from deploy.cli.system.launch import LOCKSTEP_WAITS, SIMULATED, START_TIMEOUT_S, launch
 from deploy.launcher.plan import CAMERA, COMPOSE_FILE, HOST, PORT, REPORT, LaunchRequest
 from lab import catalogue as scenarios
@@ -90,7 +90,7 @@ def up(
     profile: Annotated[
         list[str], typer.Option(help="Profile of the compose file; its services run, too.")
     ] = [],  # noqa: B006
-    robot: Robot = "robot",
+    robot: NewRobot = "robot",
     host: Annotated[
         str, typer.Option(help="Address of the router; 0.0.0.0 lets other machines connect.")
     ] = HOST,

@@ -61,8 +61,8 @@ def test_keys_of_another_authority_are_reported(tmp_path: Path) -> None:
 
 
 def test_invalid_endpoint_is_reported(tmp_path: Path) -> None:
-    _, diagnostics = doctor(tmp_path, "--connect", "192.168.1.7")
-    assert found(diagnostics, "router").what == "'192.168.1.7' is no endpoint"
+    _, diagnostics = doctor(tmp_path, "--connect", "tcp/192.168.1.7")
+    assert found(diagnostics, "router").what == "'tcp/192.168.1.7' is no endpoint"
 
 
 def test_listener_that_is_no_router_is_reported(tmp_path: Path) -> None:
