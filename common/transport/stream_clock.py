@@ -8,7 +8,7 @@ from the message's arrival. The offset is held until a recording jumps or is pla
 import time
 from collections.abc import Callable, Sequence
 
-from people4d.messages import Message, Span
+from people4d.messages import Detections, Message, Predictions, Span, Tracks
 from people4d.messages.base import MAX_CAMERAS
 
 EXTRAPOLATION_MAX_NS = 500_000_000  # nothing is moved by its velocity over a longer time
@@ -16,6 +16,7 @@ AHEAD_MAX_NS = 1_000_000_000  # stamps from this far ahead of the wall clock ...
 LATE_MAX_NS = 10_000_000_000  # ... to this far behind it are by it
 JITTER_NS = 100_000_000  # of the times at which a source sends
 UNTRACED_NS = 1_000_000_000  # of the times at which messages without a source's trace come
+OF_CAMERAS = (Tracks, Predictions, Detections)
 SENDING = (".capture", ".release")  # stages of a source
 
 
@@ -34,7 +35,7 @@ class StreamClock:
 
     def wall_ns(self, message: Message) -> int:
         """Return the wall time of the stamp of a message that came just now."""
-        camera: str = getattr(message, "camera", "")
+        camera = message.camera if isinstance(message, OF_CAMERAS) else ""
         now_ns = self._wall_ns()
         sent_ns = _sent_ns(message.trace, now_ns)
         tolerance_ns = UNTRACED_NS if sent_ns is None else JITTER_NS
