@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator
 from typing import TypeVar
 
+from people4d.errors import People4dError
 from people4d.messages import Message, Tracks
 from people4d.queue import Arrival, MessageQueue
 from people4d.session import ZenohSession, read_config
@@ -91,6 +92,8 @@ class Client:
         last_s, warn_after_s = time.monotonic(), self._warn_after_s
         while timeout_s is None or time.monotonic() - last_s < timeout_s:
             arrival = self.queue.get(POLL_S if timeout_s is None else min(timeout_s, POLL_S))
+            if arrival is None and self.queue.failure:
+                raise People4dError(f"messages are received no more: {self.queue.failure!r}")
             if arrival and isinstance(arrival.message, kinds):
                 yield arrival
                 last_s, warn_after_s = time.monotonic(), None

@@ -76,6 +76,7 @@ class MessageQueue:
         self._last: dict[str, int] = {}
         self._changed = threading.Condition()
         self._woken = False
+        self.failure: Exception | None = None  # that ended a thread of `follow`
         self._taken = 0
 
     def put(self, topic: Topic, key: str, payload: bytes) -> None:
@@ -141,9 +142,14 @@ class MessageQueue:
         """Add what a subscription yields until that ends; return the thread that does it."""
 
         def receive() -> None:
-            for key, payload in subscription:
-                self.put(topic, key, payload)
-                del payload  # it would take memory until the next one comes
+            try:
+                for key, payload in subscription:
+                    self.put(topic, key, payload)
+                    del payload  # it would take memory until the next one comes
+            except Exception as error:
+                self.failure = error
+                self.wake()
+                raise
 
         thread = threading.Thread(target=receive, name=topic.name, daemon=True)
         thread.start()

@@ -26,6 +26,7 @@ from common.runtime.process import (
     process_ids,
     release_memory,
 )
+from common.runtime.threads import THREADS
 from common.transport.exchange import Exchange
 from common.transport.trace import JOINED, ProcessId
 from common.transport.zenoh_bus import ZenohBus, read_config
@@ -138,4 +139,4 @@ def _run(loops: dict[str, Loop]) -> int:
         loop.stop()
         threads[instance].join()
     log.info("stopped")
-    return 1 if failed else 0
+    return 1 if failed else THREADS.exit_code

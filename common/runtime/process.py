@@ -23,6 +23,7 @@ from common.inference.cores import DETECTOR
 from common.runtime.checkpoint import FOLDER, state_folder
 from common.runtime.loop import Loop, LoopSettings
 from common.runtime.node import Node
+from common.runtime.threads import THREADS
 from common.transport.clock import serve_time
 from common.transport.trace import JOINED, ProcessId
 from common.transport.zenoh_bus import ZenohBus, read_config
@@ -73,16 +74,16 @@ def main(
             log.info("started")
             loop.run()
             log.info("stopped")
+            return THREADS.exit_code
         finally:
             bus.close()
     except People4dError as error:
         log.error("%s", error, exc_info=flags.debug)
         return 1
-    return 0
 
 
 def prepare(name: str, debug: bool) -> None:
-    """Prepare this process to run loops: its log, libraries and signals.
+    """Prepare this process to run loops: its log, libraries, signals and failing threads.
 
     Args:
         name: Its name in the log.
@@ -96,7 +97,8 @@ def prepare(name: str, debug: bool) -> None:
     cv2.setNumThreads(1)
     sys.setswitchinterval(SWITCH_S)
     faulthandler.register(signal.SIGUSR2, all_threads=True)  # dumps all stacks
-    on_stop_signals(lambda: sys.exit(0))  # until there is a loop to stop
+    on_stop_signals(lambda: sys.exit(THREADS.exit_code))  # until there is a loop to stop
+    THREADS.watch()
 
 
 def process_ids(services: Sequence[str], instance: str | None) -> list[ProcessId]:

@@ -8,6 +8,7 @@ import typer
 import typer.core
 from rich.console import Console
 
+from common.runtime.threads import THREADS
 from deploy.cli.terminal import shown
 from people4d.errors import People4dError
 
@@ -125,4 +126,5 @@ def people4d(
 
 def main() -> None:
     """Run the command line."""
+    THREADS.watch()
     app(prog_name="people4d")

@@ -1,7 +1,6 @@
 """The web server in a thread of its own."""
 
 import asyncio
-import contextlib
 import logging
 import socket
 import ssl
@@ -104,8 +103,7 @@ class WebServer:
     async def _serve(self) -> None:
         self._hub.attach(asyncio.get_running_loop())
         try:
-            with contextlib.suppress(SystemExit):  # uvicorn logged why it cannot start
-                await self._server.serve([self._socket])
+            await self._server.serve([self._socket])
         finally:
             self._hub.attach(None)
 

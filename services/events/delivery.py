@@ -1,8 +1,8 @@
 """Delivery of events to a receiver outside; what it does not take is tried again, in order."""
 
 import json
-import sqlite3
 import threading
+import time
 from pathlib import Path
 from typing import Protocol
 
@@ -12,7 +12,7 @@ from people4d.messages import Event
 from services.events.journal import Journal
 
 TIMEOUT_S = 5.0
-WAITS_S = (1.0, 2.0, 5.0, 10.0, 30.0)
+WAITS_S = (0.0, 1.0, 2.0, 5.0, 10.0, 30.0)  # before an attempt, by the failures before it
 BATCH = 100
 
 
@@ -22,7 +22,7 @@ class Receiver(Protocol):
     name: str
 
     def send(self, event: Event, body: bytes) -> None:
-        """Return once it has taken the event; OSError or ValueError if it does not."""
+        """Return once it has taken the event, within TIMEOUT_S; raise if it does not."""
 
     def close(self) -> None:
         """Close its connection."""
@@ -39,13 +39,24 @@ class Delivery:
 
     def __init__(self, receiver: Receiver, file: Path, robot: str) -> None:
         self._receiver, self._file, self._robot = receiver, file, robot
-        self.problem = ""
+        self._journal: Journal | None = None
+        self._problem = ""
+        self._sending_s: float | None = None  # monotonic, when the present attempt began
         self._sent, self._failed = f"{receiver.name}_sent", f"{receiver.name}_failed"
         self.counters = {self._sent: 0, self._failed: 0}
         self._due = threading.Event()
-        self._closed = False
+        self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name=receiver.name, daemon=True)
         self._thread.start()
+
+    @property
+    def problem(self) -> str:
+        """Reason for which events wait, one sentence; empty if they do not."""
+        sending_s = self._sending_s
+        held_s = 0.0 if sending_s is None else time.monotonic() - sending_s
+        if held_s > TIMEOUT_S + 1:  # the name of a host takes long to be found, for example
+            return self._waiting(f"no answer for {held_s:.0f} s")
+        return self._problem
 
     def wake(self) -> None:
         """Send what is new."""
@@ -53,38 +64,59 @@ class Delivery:
 
     def close(self) -> None:
         """End it; what was not taken is sent after the next start."""
-        self._closed = True
+        self._closed.set()
         self._due.set()
         self._thread.join(TIMEOUT_S + 1)
 
     def _run(self) -> None:
-        journal = Journal(self._file, 1)
         failures = 0
         self._due.set()
-        while not self._closed:
-            self._due.wait(None if not failures else WAITS_S[min(failures, len(WAITS_S)) - 1])
+        while not self._closed.wait(WAITS_S[failures]):
+            self._due.wait()
             self._due.clear()
-            failures = 0 if self._send_all(journal) else failures + 1
+            if self._closed.is_set():
+                break
+            if self._try_all():
+                failures = 0
+            else:
+                failures = min(failures + 1, len(WAITS_S) - 1)
+                self._due.set()
         self._receiver.close()
-        journal.close()
+        self._close_journal()
 
-    def _send_all(self, journal: Journal) -> bool:
-        """Send what waits; return False if that failed."""
-        name = self._receiver.name
+    def _try_all(self) -> bool:
+        """Send what waits; return False if that failed, for whatever reason."""
         try:
-            while events := journal.after(journal.mark(name), BATCH):
-                for event in events:
-                    if self._closed:
-                        return True
-                    self._receiver.send(event, self._body(event))
-                    journal.set_mark(name, event.sequence)
-                    self.counters[self._sent] += 1
-        except (OSError, ValueError, sqlite3.Error) as error:
+            self._journal = self._journal or Journal(self._file, 1)
+            self._send_all(self._journal)
+        except Exception as error:  # a receiver's answer may break any library
             self.counters[self._failed] += 1
-            self.problem = f"{name} does not take events ({error}); they wait in the journal"
+            self._problem = self._waiting(" ".join(str(error).split()) or type(error).__name__)
+            self._close_journal()
             return False
-        self.problem = ""
+        finally:
+            self._sending_s = None
+        self._problem = ""
         return True
+
+    def _send_all(self, journal: Journal) -> None:
+        name = self._receiver.name
+        while events := journal.after(journal.mark(name), BATCH):
+            for event in events:
+                if self._closed.is_set():
+                    return
+                self._sending_s = time.monotonic()
+                self._receiver.send(event, self._body(event))
+                journal.set_mark(name, event.sequence)
+                self.counters[self._sent] += 1
+
+    def _close_journal(self) -> None:
+        if self._journal:
+            self._journal.close()
+        self._journal = None
+
+    def _waiting(self, reason: str) -> str:
+        return f"{self._receiver.name} does not take events ({reason}); they wait in the journal"
 
     def _body(self, event: Event) -> bytes:
         fields = msgspec.to_builtins(event, enc_hook=lambda array: array.tolist())

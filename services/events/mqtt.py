@@ -1,7 +1,8 @@
 """Broker of MQTT that events are published to."""
 
 import os
-import threading
+import time
+from collections.abc import Callable
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
@@ -12,7 +13,7 @@ from services.events.delivery import TIMEOUT_S
 PASSWORD = "PEOPLE4D_MQTT_PASSWORD"  # name of a variable
 PORTS = {"mqtt": 1883, "mqtts": 8883}
 EXAMPLE = "mqtt://192.168.1.9/robots/events"
-KEEP_ALIVE_S = 30
+NO_KEEP_ALIVE = 0  # nothing is received between two events
 
 
 class MqttBroker:
@@ -54,32 +55,28 @@ class MqttBroker:
 
     def send(self, event: Event, body: bytes) -> None:  # noqa: ARG002
         """Publish an event; OSError unless the broker acknowledges it in time."""
+        if self._client and self._client.loop(0):  # the broker left meanwhile
+            self.close()
         self._client = self._client or self._connected()
-        sent = self._client.publish(self._topic, body, qos=1)
         try:
-            sent.wait_for_publish(TIMEOUT_S)
-            if sent.is_published():
-                return
-            reason = f"no acknowledgement within {TIMEOUT_S:g} s"
-        except (RuntimeError, ValueError) as error:  # the connection is gone, the queue is full
-            reason = str(error)
-        self.close()  # a new connection; this one would send the event again by itself
-        raise OSError(reason)
+            sent = self._client.publish(self._topic, body, qos=1)
+            self._await(self._client, sent.is_published, "acknowledgement")
+        except Exception:  # a new connection; this one would send the event again by itself
+            self.close()
+            raise
 
     def close(self) -> None:
         """Close the connection."""
         if self._client:
             self._client.disconnect()
-            self._client.loop_stop()
             self._client = None
 
     def _connected(self) -> Any:
         client = self._paho.Client(self._paho.CallbackAPIVersion.VERSION2, self._id)
-        answered, answers = threading.Event(), []
+        answers: list[Any] = []
 
         def answer(_client: Any, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
             answers.append(reason)
-            answered.set()
 
         client.on_connect = answer
         client.connect_timeout = TIMEOUT_S
@@ -87,10 +84,19 @@ class MqttBroker:
             client.username_pw_set(self._user, os.environ.get(PASSWORD))
         if self._tls:
             client.tls_set()
-        client.connect(self._host, self._port, KEEP_ALIVE_S)
-        client.loop_start()
-        if answered.wait(TIMEOUT_S) and not answers[0].is_failure:
-            return client
-        client.disconnect()
-        client.loop_stop()
-        raise OSError(f"refused: {answers[0]}" if answers else f"no answer in {TIMEOUT_S:g} s")
+        client.connect(self._host, self._port, keepalive=NO_KEEP_ALIVE)
+        self._await(client, lambda: answers, "answer")
+        if answers[0].is_failure:
+            raise OSError(f"refused: {answers[0]}")
+        return client
+
+    def _await(self, client: Any, came: Callable[[], object], what: str) -> None:
+        """Receive in this thread, so that what a broker sends can break no other, until `came`."""
+        end_s = time.monotonic() + TIMEOUT_S
+        while not came():
+            left_s = end_s - time.monotonic()
+            if left_s <= 0:
+                raise OSError(f"no {what} within {TIMEOUT_S:g} s")
+            failure = client.loop(left_s)
+            if failure and not came():
+                raise OSError(self._paho.error_string(failure))

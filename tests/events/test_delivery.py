@@ -1,13 +1,14 @@
 """Events for receivers outside: a web address and a broker of MQTT that are away for a time."""
 
 import json
+import re
 import socketserver
 import struct
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from io import BufferedIOBase
 from pathlib import Path
@@ -18,8 +19,11 @@ import pytest
 from common.runtime.node import LoopCallbacks
 from common.transport.ports import free_port
 from people4d.errors import ConfigError
+from people4d.messages import Event
 from services.events.build import build
 from services.events.config import EventsConfig
+from services.events.delivery import Delivery
+from services.events.journal import JOURNAL
 from services.events.mqtt import PASSWORD, MqttBroker
 from tests.builders import tracks
 from tests.events.test_node import see, start
@@ -68,14 +72,150 @@ def test_webhook_gets_each_event_once_though_it_was_away(tmp_path: Path) -> None
     assert node.status().counters["webhook_failed"] == 1
 
 
+class RawReceiver(socketserver.ThreadingTCPServer):
+    """Takes POST requests, and answers the first with bytes of any kind, all others with 200."""
+
+    allow_reuse_address = daemon_threads = True
+
+    def __init__(self, first: Iterable[bytes]) -> None:
+        super().__init__(("127.0.0.1", 0), RawConnection)
+        self.first: Iterable[bytes] | None = first
+        self.requests: list[str] = []
+
+
+class RawConnection(socketserver.StreamRequestHandler):
+    def handle(self) -> None:
+        receiver = self.server
+        assert isinstance(receiver, RawReceiver)
+        receiver.requests.append(self.rfile.readline().decode().strip())
+        while (line := self.rfile.readline().strip().lower()) != b"":
+            if line.startswith(b"content-length:"):
+                length = int(line.partition(b":")[2])
+        self.rfile.read(length)
+        answer, receiver.first = receiver.first, None
+        with suppress(OSError):  # the other may leave before the end
+            for part in answer or [b"HTTP/1.1 200 OK\r\nContent-Length: 0\r\n\r\n"]:
+                self.wfile.write(part)
+
+
+@contextmanager
+def raw_receiver(first: Iterable[bytes]) -> Iterator[RawReceiver]:
+    server = RawReceiver(first)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    try:
+        yield server
+    finally:
+        server.shutdown()
+        server.server_close()
+
+
+def byte_after_byte() -> Iterator[bytes]:
+    """Answer with one byte after the other, each in time, and never to the end."""
+    while True:
+        yield b"H"
+        threading.Event().wait(0.1)
+
+
+@pytest.mark.parametrize(
+    ("first", "reason"),
+    [
+        ([b"I speak no HTTP.\r\n\r\n"], "I speak no HTTP"),
+        ([b"HTTP/1.1 200 OK\r\nX: " + b"x" * 70_000 + b"\r\n\r\n"], "header line"),
+        ([b"HTTP/1.1 200 OK\r\n" + b"X: x\r\n" * 200 + b"\r\n"], "100 headers"),
+        ([b""], "without response"),
+        ([b"HTTP/1.1 500 Oh\r\n\r\n"], "answers 500"),
+        (byte_after_byte(), "no answer within|timed out"),
+    ],
+)
+def test_failed_post_is_reported_and_retried(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, first: Iterable[bytes], reason: str
+) -> None:
+    monkeypatch.setattr("services.events.webhook.TIMEOUT_S", 1.0)
+    with raw_receiver(first) as server:
+        node = person_comes_and_leaves(
+            tmp_path, webhook=f"http://127.0.0.1:{server.server_address[1]}/events?a=1"
+        )
+        until(lambda: node.status().counters["webhook_failed"])
+        assert node.status().state == "degraded"
+        assert re.search(reason, node.status().reason), node.status().reason
+        until(lambda: node.status().counters["webhook_sent"] == 2)
+        until(lambda: node.status().state == "ready")
+        node.close()
+    assert server.requests == ["POST /events?a=1 HTTP/1.1"] * 3
+
+
+@pytest.mark.parametrize("status", [301, 302, 303, 307, 308])
+def test_redirect_is_not_followed_and_counts_as_a_failure(tmp_path: Path, status: int) -> None:
+    with raw_receiver([]) as other:
+        address = f"http://127.0.0.1:{other.server_address[1]}/"
+        answer = f"HTTP/1.1 {status} Elsewhere\r\nLocation: {address}\r\n\r\n".encode()
+        with raw_receiver([answer]) as server:
+            node = person_comes_and_leaves(
+                tmp_path, webhook=f"http://127.0.0.1:{server.server_address[1]}/"
+            )
+            until(lambda: node.status().counters["webhook_failed"])
+            assert f"answers {status}" in node.status().reason
+            until(lambda: node.status().counters["webhook_sent"] == 2)
+            node.close()
+    assert len(server.requests) == 3
+    assert other.requests == []
+
+
+class Holding:
+    """Receiver that does not return, as long as its test lasts."""
+
+    name = "holding"
+
+    def __init__(self) -> None:
+        self.released = threading.Event()
+
+    def send(self, event: Event, body: bytes) -> None:
+        self.released.wait()
+
+    def close(self) -> None:
+        pass
+
+
+def test_receiver_that_does_not_return_is_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("services.events.delivery.TIMEOUT_S", -0.9)
+    person_comes_and_leaves(tmp_path).close()
+    receiver = Holding()
+    delivery = Delivery(receiver, tmp_path / JOURNAL, "robby")
+    until(lambda: delivery.problem)
+    assert "no answer for" in delivery.problem
+    receiver.released.set()
+    until(lambda: not delivery.problem)
+    delivery.close()
+
+
+def test_journal_that_cannot_be_read_is_reported_and_tried_again(tmp_path: Path) -> None:
+    person_comes_and_leaves(tmp_path).close()
+    journal, moved = tmp_path / JOURNAL, tmp_path / "moved"
+    journal.rename(moved)
+    journal.mkdir()
+    receiver = Holding()
+    receiver.released.set()
+    delivery = Delivery(receiver, journal, "robby")
+    until(lambda: "cannot be used" in delivery.problem)
+    journal.rmdir()
+    moved.rename(journal)
+    until(lambda: delivery.counters["holding_sent"] == 2)
+    delivery.close()
+    assert not delivery.problem
+
+
 class Broker(socketserver.ThreadingTCPServer):
     """Broker of MQTT 3.1.1 that only receives: answers CONNECT, PUBLISH and PINGREQ."""
 
     allow_reuse_address = daemon_threads = True
 
-    def __init__(self, port: int, acknowledges: bool = True, accepts: bool = True) -> None:
+    def __init__(
+        self, port: int, acknowledges: bool = True, accepts: bool = True, greeting: bytes = b""
+    ) -> None:
         super().__init__(("127.0.0.1", port), BrokerConnection)
-        self.acknowledges, self.accepts = acknowledges, accepts
+        self.acknowledges, self.accepts, self.greeting = acknowledges, accepts, greeting
         self.published: list[tuple[str, dict[str, Any]]] = []
         self.connects: list[bytes] = []
 
@@ -84,6 +224,7 @@ class BrokerConnection(socketserver.StreamRequestHandler):
     def handle(self) -> None:
         broker = self.server
         assert isinstance(broker, Broker)
+        self.wfile.write(broker.greeting)
         while header := self.rfile.read(1):
             body = self.rfile.read(remaining_length(self.rfile))
             kind = header[0] >> 4
@@ -172,6 +313,24 @@ def test_broker_that_acknowledges_nothing_is_a_failure(
         until(lambda: node.status().counters["mqtt_failed"])
         assert "acknowledgement" in node.status().reason
         server.acknowledges = True
+        until(lambda: node.status().counters["mqtt_sent"] == 2)
+        node.close()
+
+
+@pytest.mark.parametrize(
+    "address", ["file:///etc/hostname", "ftp://host/x", "host/x", "http://", "http://host:port"]
+)
+def test_webhook_that_is_no_address_is_an_error(tmp_path: Path, address: str) -> None:
+    with pytest.raises(ConfigError, match="no address"):
+        start(tmp_path, webhook=address)
+
+
+def test_broker_that_sends_garbage_is_reported_and_tried_again(tmp_path: Path) -> None:
+    with broker(greeting=b"\x30\x01\x00") as server:  # a message too short for its topic
+        port = server.server_address[1]
+        node = person_comes_and_leaves(tmp_path, mqtt=f"mqtt://127.0.0.1:{port}")
+        until(lambda: node.status().counters["mqtt_failed"])
+        server.greeting = b""
         until(lambda: node.status().counters["mqtt_sent"] == 2)
         node.close()
 

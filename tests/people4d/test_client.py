@@ -152,3 +152,18 @@ def test_an_endpoint_does_not_hide_the_file_with_the_credentials(
     monkeypatch.setenv("PEOPLE4D_ZENOH", str(tmp_path / "absent.json5"))
     with pytest.raises(ConfigError, match=r"absent\.json5"):
         Client(network.endpoint)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_thread_that_fails_to_receive_ends_the_iteration_with_an_error(
+    network: Network, monkeypatch: pytest.MonkeyPatch, publishing: str
+) -> None:
+    def fail(*_: object) -> None:
+        raise MemoryError("no room for a message")
+
+    monkeypatch.setattr("people4d.queue.MessageQueue.put", fail)
+    with (
+        Client(network.endpoint, publishing) as client,
+        pytest.raises(People4dError, match="no room for a message"),
+    ):
+        next(client.messages(Tracks))
