@@ -6,7 +6,6 @@ the repository, `--shared` names the folder that holds it. Renderings and detect
 in the cache of `people4d evaluate`: the same command goes on.
 """
 
-import argparse
 from collections.abc import Container, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -15,13 +14,13 @@ import cv2
 import msgspec
 
 from benchmarks.lab_people import COLUMNS, GROUPS, report_progress, text, try_out
-from benchmarks.lib.marks.methods import DEFAULT, HALVES, MARKS, ROOT, variants
+from benchmarks.lib import options
+from benchmarks.lib.marks.methods import DEFAULT, HALVES, MARKS, variants
 from benchmarks.lib.marks.recording import MarkedRecording, marked
 from benchmarks.lib.marks.variations import IMAGES, VariedDetections, detect, vary
 from benchmarks.lib.table import markdown, write
 from benchmarks.real_variations import VariationScores, percent, score_detected, total
 from common.metrics.scores import combine
-from evaluation.cache import default_folder
 from evaluation.methods import Method, read_method
 from evaluation.pool import Pool
 from evaluation.recordings.detection_cache import DetectionCache
@@ -173,15 +172,11 @@ def lab_rows(results: Sequence[RunScores], dark: Container[str]) -> list[list[st
 
 def main() -> None:
     """Judge all methods on all scenes and write the table."""
-    parser = argparse.ArgumentParser(description="What each part of the preset best is worth.")
+    parser = options.parser(__doc__, "shared", "jobs", "cache", "dry")
     parser.add_argument("--scenes", default=SCENES, help="as of people4d evaluate --recordings")
     parser.add_argument("--fidelity", choices=("geometry", "depth", "colour"), default="colour")
     parser.add_argument("--seeds", default=SEEDS, help="of scenarios that name none")
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--cache", type=Path, default=default_folder())
-    parser.add_argument("--shared", type=Path, default=ROOT.parent / "shared")
     parser.add_argument("--tracker", action="store_true", help="parts of the tracker alone")
-    parser.add_argument("--dry", action="store_true", help="print the table, do not write it")
     asked = parser.parse_args()
     seeds = [int(seed) for seed in asked.seeds.split(",") if seed]
     cache = asked.cache.absolute()
@@ -234,7 +229,3 @@ def main() -> None:
         *(note, "## The virtual lab", lab_note, lab),
         *("## Real people", real_note, people_there),
     )
-
-
-if __name__ == "__main__":
-    main()

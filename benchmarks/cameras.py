@@ -1,13 +1,12 @@
 """People tracked by four cameras at once, against the ground truth of the lab.
 
-    python -m benchmarks.cameras [--seeds 9]
+    python -m benchmarks cameras [--seeds 9]
 
 Detections are synthetic (lab, geometry), embeddings too: a histogram for each person with noise and
 with gains of the camera. All cameras go into one tracker, beside one camera alone, and beside a
 merger that joins tracks of single cameras to the nearest. Then what fails: clocks, and cameras.
 """
 
-import argparse
 import re
 import time
 from collections.abc import Sequence
@@ -15,6 +14,7 @@ from functools import partial
 
 from msgspec.structs import replace
 
+from benchmarks.lib import options
 from benchmarks.lib.calibration_scenes import SceneKind, render_scene
 from benchmarks.lib.each import each
 from benchmarks.lib.fusion.areas import AreaHandOvers, area_hand_overs, track_areas
@@ -84,7 +84,7 @@ KINDS = tuple(SceneKind(kind, partial(_scene, kind)) for kind in PEOPLE)
 
 def main() -> None:
     """Track all scenes and write the tables."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = options.parser(__doc__)
     parser.add_argument("--seeds", type=int, default=9)
     arguments = parser.parse_args()
     parts: list[str] = []
@@ -251,7 +251,3 @@ def _costs() -> str:
             ]
         )
     return markdown(["cameras", "people", "tracks", "% of a core", "ms a frame"], rows)
-
-
-if __name__ == "__main__":
-    main()

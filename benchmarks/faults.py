@@ -8,7 +8,6 @@ frames without an answer in that pause, and beside it. Kept: in how many cases e
 identity afterwards.
 """
 
-import argparse
 import os
 import signal
 import subprocess
@@ -23,6 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.lib import options
 from benchmarks.lib.system.standing import PEOPLE, RATE_HZ
 from benchmarks.lib.table import markdown, spread, write
 from common.transport.ports import free_port
@@ -120,11 +120,10 @@ class Ledger:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = options.parser(__doc__, "quick")
     parser.add_argument("--times", type=int, default=4, help="faults of each kind and service")
-    parser.add_argument("--quick", action="store_true", help="one fault of each, no file written")
-    options = parser.parse_args()
-    times = 1 if options.quick else options.times
+    asked = parser.parse_args()
+    times = 1 if asked.quick else asked.times
     with tempfile.TemporaryDirectory(prefix="p4d") as folder:
         faults, ledger = measure(Path(folder), times)
     table = rows(faults)
@@ -134,7 +133,7 @@ def main() -> None:
         "more than one person."
     )
     text = (__doc__ or "").partition("\n\n")[2]
-    if options.quick:
+    if asked.quick:
         print(markdown(header, table), ids, sep="\n\n")
     else:
         note = f"Medians with minimum and maximum of {times} faults each."
@@ -235,7 +234,3 @@ def rows(faults: dict[tuple[str, str], list[Fault]]) -> list[list[str]]:
             ]
         )
     return table
-
-
-if __name__ == "__main__":
-    main()

@@ -5,7 +5,6 @@ about twelve minutes on two cores. `--part` repeats one part and leaves the othe
 they are; times need a quiet machine.
 """
 
-import argparse
 import re
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -17,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.lib import options
 from benchmarks.lib.gait import colour as gait_colour
 from benchmarks.lib.gait import points as gait_points
 from benchmarks.lib.gait import speed as gait_speed
@@ -430,7 +430,7 @@ def _read_sections(report: Path) -> Sections:
 def _write(sections: Sections, report: Path) -> None:
     text = [
         "# Gait",
-        f"Made by `python -m benchmarks.gait` on {machine()}.",
+        f"Made by `python -m benchmarks gait` on {machine()}.",
         INTRO.replace("\n", " "),
         *(f"## {title}\n\n{sections[title]}" for title in ORDER if title in sections),
     ]
@@ -439,8 +439,7 @@ def _write(sections: Sections, report: Path) -> None:
 
 def main() -> None:
     """Measure, and write the report."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="less of everything")
+    parser = options.parser(__doc__, "quick")
     parser.add_argument("--part", choices=PARTS, action="append", help="only this; may be repeated")
     parser.add_argument("--report", type=Path, default=REPORT, help="file to write")
     arguments = parser.parse_args()
@@ -455,7 +454,3 @@ def main() -> None:
             print(f"## {title}\n\n{text}\n", flush=True)
         print(f"part {name}: {time.monotonic() - begin_s:.0f} s", flush=True)
         _write(sections, arguments.report)
-
-
-if __name__ == "__main__":
-    main()

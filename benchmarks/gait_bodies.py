@@ -4,7 +4,6 @@ The recordings are folders with the joints of all people (`gt.npz`, see docs/cam
 run from images to steps as `people4d gait` does.
 """
 
-import argparse
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
@@ -13,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.gait_scenes import SCENES, TO_AND_FRO
+from benchmarks.lib import options
 from benchmarks.lib.gait.bodies import JointTruth, tally
 from benchmarks.lib.gait.other_walkers import Style
 from benchmarks.lib.gait.tally import Tally, cells, results_of, total
@@ -161,10 +161,9 @@ def by_scene(people: Mapping[str, Sequence[Tally]]) -> dict[str, Mapping[str, st
 
 def main() -> None:
     """Compare the folders, and write the report."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = options.parser(__doc__, "jobs")
     parser.add_argument("folders", nargs="+", type=Path, help="recordings with gt.npz")
     parser.add_argument("--set", dest="settings", action="append", default=[], help="as people4d")
-    parser.add_argument("--jobs", type=int, default=2, help="processes at once")
     parser.add_argument("--report", type=Path, default=REPORT, help="file to write")
     arguments = parser.parse_args()
     with ProcessPoolExecutor(arguments.jobs, get_context("spawn")) as pool:
@@ -179,7 +178,7 @@ def main() -> None:
     text = "\n\n".join(
         [
             "# Gait of people of another simulator",
-            f"Made by `python -m benchmarks.gait_bodies {command}` on {machine()}.",
+            f"Made by `python -m benchmarks gait_bodies {command}` on {machine()}.",
             " ".join(INTRO.split()),
             markdown(["figure", *table], rows),
             f"The same without keypoints (`{NO_KEYPOINTS}`): hands and feet by "
@@ -191,7 +190,3 @@ def main() -> None:
     )
     arguments.report.write_text(text + "\n", encoding="utf-8")
     print(text)
-
-
-if __name__ == "__main__":
-    main()

@@ -4,7 +4,6 @@ The recordings show identifiable people and are not part of the repository: `--s
 folder that holds them. The landings counted by eye are in `real_people_marks/filinha_steps.json`.
 """
 
-import argparse
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,6 +14,7 @@ import msgspec
 import numpy as np
 
 from benchmarks.gait_bodies import NO_KEYPOINTS
+from benchmarks.lib import options
 from benchmarks.lib.table import machine, markdown
 from common.geometry.transforms import apply, invert, project
 from evaluation.gait.report import read_run
@@ -26,7 +26,6 @@ from people4d.messages import F64, CameraInfo
 from services.gait.config import StepConfig
 from services.gait.estimator import GaitFrame, GaitResult
 
-ROOT = Path(__file__).resolve().parents[1]
 REPORT = Path(__file__).with_suffix(".md")
 MARKS = Path(__file__).with_name("real_people_marks")
 # Rates as steps and speeds tell, and as elsewhere in this folder, with settings
@@ -217,10 +216,7 @@ def walking(run: Run) -> str:
 
 def main() -> None:
     """Compare, and write the report."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "--shared", type=Path, default=ROOT.parent / "shared", help="reference data"
-    )
+    parser = options.parser(__doc__, "shared")
     parser.add_argument("--set", dest="settings", action="append", default=[], help="as people4d")
     parser.add_argument("--report", type=Path, default=REPORT, help="file to write")
     arguments = parser.parse_args()
@@ -253,7 +249,7 @@ def main() -> None:
     text = "\n\n".join(
         [
             "# Gait of real people",
-            f"Made by `python -m benchmarks.gait_real` on {machine()}.",
+            f"Made by `python -m benchmarks gait_real` on {machine()}.",
             " ".join(INTRO.split()),
             markdown(header, steps),
             "Measures that were published live, medians of each track. " + " ".join(live),
@@ -276,7 +272,3 @@ def _depth_row(name: str, runs: Sequence[Run]) -> list[str]:
         both = np.array([on_depth(run, names) for run in runs]).sum(axis=0).tolist()
         cells.append(f"{both[0]} of {both[1]}")
     return cells
-
-
-if __name__ == "__main__":
-    main()

@@ -5,14 +5,13 @@ CHOOSING; those of TESTING serve this table alone. Renderings and detections are
 of `people4d evaluate`: the same command goes on.
 """
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
+from benchmarks.lib import options
 from benchmarks.lib.table import markdown, write
 from benchmarks.lib.true_identities import with_true_identities
 from common.metrics.scores import Row, combine
-from evaluation.cache import default_folder
 from evaluation.methods import read_method
 from evaluation.pool import Pool
 from evaluation.recordings.recordings import plan_recordings
@@ -83,12 +82,10 @@ def report_progress(what: str, share: float) -> None:
 
 def main() -> None:
     """Render, track and write the table."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = options.parser(__doc__, "jobs", "cache")
     parser.add_argument("--scenes", type=int, default=10, help="of each group")
     parser.add_argument("--choose", action="store_true", help="seeds for choosing; nothing written")
     parser.add_argument("--paths", type=Path, help="folder of recorded paths, for one more group")
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--cache", type=Path, default=default_folder())
     asked = parser.parse_args()
     seeds = list((CHOOSING if asked.choose else TESTING)[: asked.scenes])
     groups = dict(GROUPS)
@@ -121,7 +118,3 @@ def main() -> None:
     scenes = "; ".join(f"{group}: `lab:{name}`" for group, name in GROUPS.items())
     note = NOTE.format(first=seeds[0], last=seeds[-1], choosing=CHOOSING.stop, scenes=scenes)
     write(__file__, "People in scenes as hard as real ones", note, table)
-
-
-if __name__ == "__main__":
-    main()

@@ -6,12 +6,12 @@ know. Cost of tracing: of the marks themselves, measured alone, and of the whole
 lock-step with tracing on and off, by turns.
 """
 
-import argparse
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from benchmarks.lib import options
 from benchmarks.lib.system.playback import INFERENCE, Playback, live, lockstep, play
 from benchmarks.lib.system.tracing_cost import cost_of_marks, tracing
 from benchmarks.lib.table import markdown, spread, write
@@ -115,10 +115,9 @@ def _row(
 
 def main() -> None:
     """Measure all three."""
-    parser = argparse.ArgumentParser(description="Measure where the time of a frame goes.")
+    parser = options.parser(__doc__, "quick")
     parser.add_argument("--rounds", type=int, default=6, help="pairs with tracing on and off")
     parser.add_argument("--frames", type=int, default=200, help="of one run")
-    parser.add_argument("--quick", action="store_true", help="one short round of everything")
     flags = parser.parse_args()
     rounds, frames = (1, 40) if flags.quick else (flags.rounds, flags.frames)
     pairs = []
@@ -160,7 +159,3 @@ def main() -> None:
         "frame takes without tracing. The same in the whole pipeline, where noise is larger:",
         cost_table(pairs),
     )
-
-
-if __name__ == "__main__":
-    main()

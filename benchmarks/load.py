@@ -4,8 +4,7 @@ Camera, detector, re-ID and tracker as processes with one network thread. People
 that the network finds. Cameras: live, 15 frames a second each, on one detector.
 """
 
-import argparse
-
+from benchmarks.lib import options
 from benchmarks.lib.system.crowd import Crowd
 from benchmarks.lib.system.playback import bare_hz, live, lockstep, play
 from benchmarks.lib.table import markdown, write
@@ -51,7 +50,7 @@ def camera_rows(frames: int) -> list[list[str]]:
 
 def main() -> None:
     """Measure both and write the tables."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = options.parser(__doc__)
     parser.add_argument("--frames", type=int, default=150)
     flags = parser.parse_args()
     bare = bare_hz(MODEL)
@@ -72,7 +71,3 @@ def main() -> None:
         "frame of each camera in turn.",
         markdown([*cameras, latency, "age p50, p99 [ms]"], camera_rows(flags.frames)),
     )
-
-
-if __name__ == "__main__":
-    main()

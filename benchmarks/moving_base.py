@@ -6,7 +6,6 @@ the same people before a robot that does not drive. "no odometry": the robot dri
 believes that it stands.
 """
 
-import argparse
 import math
 import re
 import tempfile
@@ -17,6 +16,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from benchmarks.lib import options
 from benchmarks.lib.table import markdown, spread, write
 from common.io.recording import RecordingWriter, open_recording
 from common.metrics.matching import Matching
@@ -55,7 +55,7 @@ class Case:
 
 def main() -> None:
     """Track, judge and write the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = options.parser(__doc__)
     parser.add_argument("--seeds", type=int, nargs="+", default=[73, 74, 75])
     parser.add_argument(
         "--rendered-seeds",
@@ -204,7 +204,3 @@ def velocities(matching: Matching) -> tuple[F64, F64]:
                 pairs.append((true[row, :2], estimated[column, :2]))
     both = np.array(pairs, np.float64).reshape(-1, 2, 2)
     return both[:, 0], both[:, 1]
-
-
-if __name__ == "__main__":
-    main()

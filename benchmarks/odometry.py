@@ -6,12 +6,12 @@ in the images of N seeds at most, of those that are rendered; `--draw` renders t
 takes an hour for each.
 """
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
 
+from benchmarks.lib import options
 from benchmarks.lib.odometry.rides import (
     draw,
     kitti_ride,
@@ -40,7 +40,6 @@ from services.detector.config import DetectorConfig
 from services.tracker.config import ImageSortConfig
 from services.tracker.image_sort.image_sort import ImageSort
 
-ROOT = Path(__file__).resolve().parents[1]
 CACHE = Path.home() / ".cache" / "people4d" / "evaluation"
 SCENARIOS = ("pmrr", "psrm", "pmrm1", "pmrm2", "port1", "port2")  # as [Park 2021]'s sequences
 SEEDS = (101, 102, 103)
@@ -131,14 +130,12 @@ def rendered_rows(shared: Path, count: int, drawn: bool, settings: Settings) -> 
 
 def main() -> None:
     """Measure and write the tables."""
-    parser = argparse.ArgumentParser(description="Judge odometry correction and survival.")
-    parser.add_argument("--shared", type=Path, default=ROOT.parent / "shared")
+    parser = options.parser(__doc__, "shared", "quick")
     parser.add_argument(
         "--rendered", type=int, default=0, help="seeds whose images are used, at most"
     )
     parser.add_argument("--draw", action="store_true", help="render what is missing")
     parser.add_argument("--seeds", type=int, default=len(SEEDS), help="how many of them")
-    parser.add_argument("--quick", action="store_true", help="two sequences, one seed")
     arguments = parser.parse_args()
     seeds = SEEDS[: 1 if arguments.quick else arguments.seeds]
     scenarios = SCENARIOS[:2] if arguments.quick else SCENARIOS
@@ -185,7 +182,3 @@ def main() -> None:
     if arguments.rendered:
         parts += rendered_rows(arguments.shared, arguments.rendered, arguments.draw, settings)
     write(__file__, "Odometry correction and dynamic survival", *parts)
-
-
-if __name__ == "__main__":
-    main()

@@ -5,13 +5,13 @@ networks run in the same thread, which leaves caches as cold as in the pipeline.
 outputs are those of the first time. Their time is left out.
 """
 
-import argparse
 import time
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import count, islice
 from typing import TypeVar
 
+from benchmarks.lib import options
 from benchmarks.lib.system.live_camera import StoredDemo
 from benchmarks.lib.system.playback import INFERENCE
 from benchmarks.lib.table import markdown, quantiles, write
@@ -132,7 +132,7 @@ def only(kind: type[M], messages: Iterable[Message]) -> M:
 
 def main() -> None:
     """Measure both and write the table."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser = options.parser(__doc__)
     parser.add_argument("--rounds", type=int, default=5, help="of the recording")
     flags = parser.parse_args()
     columns: dict[str, dict[str, list[float]]] = {}
@@ -156,7 +156,3 @@ def main() -> None:
         markdown(header, rows),
         f"Wanted: {LIMIT_MS:g} ms in all.",
     )
-
-
-if __name__ == "__main__":
-    main()

@@ -5,7 +5,6 @@ file; ours with the default network, too. `--peers` names the interpreter of the
 `lib/peers/video.py`; `--integers` the file that `people4d models quantize` made of the network.
 """
 
-import argparse
 import json
 import subprocess
 import tempfile
@@ -15,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import onnx
 
+from benchmarks.lib import options
 from benchmarks.lib.system.live_camera import StoredDemo
 from benchmarks.lib.system.playback import (
     APART,
@@ -26,7 +26,6 @@ from benchmarks.lib.system.playback import (
     play,
 )
 from benchmarks.lib.table import markdown, spread, write
-from benchmarks.real_inputs import ROOT
 from benchmarks.together import RATE_SHARE
 from common.runtime.latency import percentiles
 
@@ -82,10 +81,9 @@ def ours(model: Path, integers: Path) -> dict[str, tuple[Arrangement, list[str]]
 
 def main() -> None:
     """Measure by turns and write the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = options.parser(__doc__, "shared")
     parser.add_argument("--peers", required=True, help="Python interpreter of their environment")
     parser.add_argument("--integers", type=Path, required=True, help="the network in 8 bits")
-    parser.add_argument("--shared", type=Path, default=ROOT.parent / "shared")
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--frames", type=int, default=100)
     flags = parser.parse_args()
@@ -124,7 +122,3 @@ def main() -> None:
         f"lock-step, latency from a live camera at {RATE_SHARE:.0%} of it.",
         markdown(["", "frames a second", f"of {REFERENCE}", "latency p50, p99 [ms]"], rows),
     )
-
-
-if __name__ == "__main__":
-    main()

@@ -3,7 +3,6 @@
 Constants were chosen on seq_hotel and zara01; seq_eth judges.
 """
 
-import argparse
 import time
 from collections.abc import Mapping
 from concurrent.futures import ProcessPoolExecutor
@@ -15,6 +14,7 @@ import msgspec
 import numpy as np
 from matplotlib.figure import Figure
 
+from benchmarks.lib import options
 from benchmarks.lib.table import markdown, write
 from common.io.recording import open_recording
 from evaluation.cache import default_folder
@@ -55,7 +55,7 @@ class SceneScores:
 
 def main() -> None:
     """Predict, compare and write the tables and the image."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = options.parser(__doc__)
     parser.add_argument("--lab", nargs="*", default=list(LAB), help="scenarios with seeds")
     arguments = parser.parse_args()
     with ProcessPoolExecutor() as pool:
@@ -227,7 +227,3 @@ def crowd(count: int, time_s: float) -> Tracks:
     return Tracks(
         stamp_ns=stamp_ns, sequence=0, frame_id="map", camera="c", tracker="t", tracks=tuple(people)
     )
-
-
-if __name__ == "__main__":
-    main()

@@ -6,13 +6,13 @@ out/real_people/ and stay there. `--peers` names Python interpreters of environm
 packages to compare with; `lib/peers/mot.py` says how to make one.
 """
 
-import argparse
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import cv2
 import numpy as np
 
+from benchmarks.lib import options
 from benchmarks.lib.marks.methods import HALF_FRAME, HALVES, MARKS, ROOT, variants
 from benchmarks.lib.marks.recording import FrameOutput, MarkedRecording, marked, run
 from benchmarks.lib.marks.results import (
@@ -205,8 +205,7 @@ def report(
 
 def main() -> None:
     """Measure, write the tables, draw the sheets."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--shared", type=Path, default=ROOT.parent / "shared")
+    parser = options.parser(__doc__, "shared")
     parser.add_argument("--peers", nargs="*", default=[], help="interpreters with other packages")
     arguments = parser.parse_args()
     cv2.setNumThreads(1)
@@ -228,7 +227,3 @@ def main() -> None:
             for python in arguments.peers:
                 results += peer_results(python, variant.detector, recording, outputs)
     report(results, compared, list(bag_rows(arguments.shared)), recording)
-
-
-if __name__ == "__main__":
-    main()

@@ -5,14 +5,14 @@ Each variation gives other detections, appearances or gaps at the same moments. 
 folder that holds the recording; see real_people.py. `--set` changes settings, and writes nothing.
 """
 
-import argparse
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
 
-from benchmarks.lib.marks.methods import HALVES, MARKS, ROOT, Variant, variants
+from benchmarks.lib import options
+from benchmarks.lib.marks.methods import HALVES, MARKS, Variant, variants
 from benchmarks.lib.marks.recording import MarkedRecording, marked
 from benchmarks.lib.marks.variations import (
     IMAGES,
@@ -127,8 +127,7 @@ def row(name: str, results: Sequence[VariationScores]) -> list[str]:
 
 def main() -> None:
     """Measure and write the tables."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--shared", type=Path, default=ROOT.parent / "shared")
+    parser = options.parser(__doc__, "shared")
     parser.add_argument("--set", nargs="*", default=[], help="settings, as of people4d evaluate")
     parser.add_argument("--only", default="", help="part of the names of methods")
     asked = parser.parse_args()
@@ -169,7 +168,3 @@ def chosen(shared: Path, only: str, settings: Sequence[str]) -> list[Variant]:
     """Return the methods with changed settings."""
     first = [one for one in variants(shared)[:EMBEDDERS] if only in one.name]
     return [replace(one, settings=(*one.settings, *settings)) for one in first]
-
-
-if __name__ == "__main__":
-    main()

@@ -5,13 +5,12 @@ takes half an hour on two cores, and kept; people are found in them once for eac
 half an hour more.
 """
 
-import argparse
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from benchmarks.lib import options
 from benchmarks.lib.table import markdown, write
-from benchmarks.real_inputs import ROOT
 from deploy.cli.terminal import progress
 from evaluation.cache import default_folder
 from evaluation.evaluate import Evaluation, evaluate
@@ -39,11 +38,9 @@ OTHERS = (
 
 def main() -> None:
     """Judge all methods and write their tables."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--shared", type=Path, default=ROOT.parent / "shared")
+    parser = options.parser(__doc__, "shared", "jobs")
     parser.add_argument("--scenes", nargs="+", default=[f"lab:{s}@{SEED}" for s in SCENARIOS])
     parser.add_argument("--shipped-only", action="store_true", help="Without YOLOv8n.")
-    parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("out/thesis"), help="Of the HTML report.")
     arguments = parser.parse_args()
     methods = [read_method(name) for name in SHIPPED]
@@ -53,7 +50,7 @@ def main() -> None:
     plan = EvaluationPlan(tuple(methods), tuple(recordings), default_folder(), arguments.jobs)
     with progress() as report:
         evaluation = evaluate(plan, report)
-    write_report(plan, evaluation, arguments.out, "python -m benchmarks.thesis")
+    write_report(plan, evaluation, arguments.out, "python -m benchmarks thesis")
     write(__file__, "[PIC4SeR]'s methods on its scenarios", *_parts(evaluation, arguments.scenes))
 
 
@@ -94,7 +91,3 @@ def _parts(evaluation: Evaluation, scenes: Sequence[str]) -> list[str]:
 def _text(table: ReportTable) -> str:
     header = ["method", "people", *(column.title for column in table.columns)]
     return markdown(header, [[row.method, row.people, *row.cells] for row in table.rows])
-
-
-if __name__ == "__main__":
-    main()

@@ -7,7 +7,6 @@ camera at 60 % of the rate of each, and at 30 Hz. Memory: proportional set size 
 the router included.
 """
 
-import argparse
 import os
 import subprocess
 import sys
@@ -16,6 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from benchmarks.lib import options
 from benchmarks.lib.system.playback import Arrangement, bare_hz, live, lockstep, play
 from benchmarks.lib.table import markdown, spread, write
 from common.runtime.latency import percentiles
@@ -104,7 +104,7 @@ def rows(shared: Sequence[float], figures: dict[Arrangement, Figures]) -> list[l
 
 def main() -> None:
     """Measure with the models named on the command line."""
-    parser = argparse.ArgumentParser(description="Measure services together and apart.")
+    parser = options.parser(__doc__)
     parser.add_argument(
         "detectors",
         nargs="*",
@@ -135,7 +135,3 @@ def main() -> None:
         *([BUSY] if flags.busy else []),
         *sections,
     )
-
-
-if __name__ == "__main__":
-    main()

@@ -4,7 +4,6 @@ Messages are those of a detector and an embedder that see people walk back and f
 in the same run is the method of [PIC4SeR] on the same bytes, and decoding and encoding alone.
 """
 
-import argparse
 import gc
 import time
 from collections.abc import Callable, Sequence
@@ -12,6 +11,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from msgspec.structs import replace
 
+from benchmarks.lib import options
 from benchmarks.lib.table import markdown, spread, write
 from benchmarks.trackers import SIZE_PX, WARM_UP, observations
 from common.geometry.transforms import LINK_FROM_OPTICAL, invert, transform_from
@@ -113,10 +113,9 @@ def copied(payload: bytes) -> bytes:
 
 def main() -> None:
     """Measure and write the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = options.parser(__doc__, "dry")
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--frames", type=int, default=300)
-    parser.add_argument("--dry", action="store_true", help="print the table, do not write it")
     asked = parser.parse_args()
     rows = []
     for people in PEOPLE:
@@ -142,7 +141,3 @@ def main() -> None:
         "process: what other programs take does not count."
     )
     write(__file__, "The tracker's time in a frame", note, table)
-
-
-if __name__ == "__main__":
-    main()

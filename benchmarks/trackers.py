@@ -5,17 +5,16 @@ the packages to compare with; `lib/peers/mot.py` tells how to make one. Without 
 out.
 """
 
-import argparse
 import itertools
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TypeVar
 
 import msgspec
 import numpy as np
 
+from benchmarks.lib import options
 from benchmarks.lib.peers.mot import PEERS
 from benchmarks.lib.peers.mot15 import (
     HELD_OUT,
@@ -36,7 +35,6 @@ from services.tracker.config import ImageSortConfig
 from services.tracker.image_sort.image_sort import BoxFrame, BoxTracks, ImageSort
 from services.tracker.interface import Measurement, Observation
 
-ROOT = Path(__file__).resolve().parents[1]
 PEOPLE = (2, 4, 10, 50, 200)
 FRAMES = {2: 300, 4: 300, 10: 300, 50: 120, 200: 50}
 WARM_UP = 15
@@ -265,11 +263,9 @@ def compare(
 
 def main() -> None:
     """Measure and write the tables."""
-    parser = argparse.ArgumentParser(description="Compare trackers.")
-    parser.add_argument("--shared", type=Path, default=ROOT.parent / "shared")
+    parser = options.parser(__doc__, "shared", "quick")
     parser.add_argument("--peers", help="Python interpreter with the packages to compare with")
     parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--quick", action="store_true", help="few frames, nothing is chosen")
     arguments = parser.parse_args()
     sequences = load_all(arguments.shared)
     chosen, rows = compare(arguments.peers, sequences, arguments.rounds, arguments.quick)
@@ -302,7 +298,3 @@ def main() -> None:
             rows,
         ),
     )
-
-
-if __name__ == "__main__":
-    main()

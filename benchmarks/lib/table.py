@@ -43,7 +43,7 @@ def write(script: str, title: str, *parts: str) -> None:
         title: First line.
         parts: Paragraphs and tables.
     """
-    command = f"`python -m benchmarks.{Path(script).stem}`"
+    command = f"`python -m benchmarks {Path(script).stem}`"
     text = "\n\n".join([f"# {title}", f"Made by {command} on {machine()}.", *parts]) + "\n"
     print(text)
     Path(script).with_suffix(".md").write_text(text, encoding="utf-8")

@@ -26,9 +26,8 @@ from tests.integration.system import running
 pytestmark = [pytest.mark.processes, pytest.mark.network]
 
 MEMORY_MB = 50.0
-# On a quiet machine people pause for a second, and reports come within three: benchmarks/attacks.md
-# has the times. Here other tests run beside; what the machine itself adds is measured before each
-# attack.
+# On a quiet machine tracks pause for a second, and reports come within three. Other tests run
+# beside this one; what the machine itself adds is measured before each attack.
 PAUSE_S, REPORTED_S, PAUSES = 10.0, 20.0, 15.0
 INVENTS_PEOPLE = ("extreme_values_in_every_field",)  # which every listener hears, too
 

@@ -1,7 +1,4 @@
-"""Recordings of real people through all nodes; the bounds leave room for other machines.
-
-Scores of each model on the entire recordings are in benchmarks/real_inputs.md.
-"""
+"""Recordings of real people through all nodes; the bounds leave room for other machines."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -29,7 +29,7 @@ SPREAD = 0.3  # variance of the keypoint search, a fraction of the grid's shorte
 # boxes on no mark, 4 of them on heads of marked people; 208 at 0.03 (8), 195 at 0.10 (1). At
 # 320x416 false boxes set in earlier: take 0.15 there (194, none).
 SCORE_MIN = 0.05
-CALIBRATION = ScoreCalibration(midpoint=0.059, slope=4.7)  # benchmarks/score_calibration.md
+CALIBRATION = ScoreCalibration(midpoint=0.059, slope=4.7)
 IOU_MAX = 0.6
 SIMILARITY_MAX = 0.5  # two people side by side stay below 0.4, two centres on one body are above
 # Spread of people's labels per COCO keypoint, as a fraction of the person's size.

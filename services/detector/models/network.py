@@ -113,7 +113,7 @@ class NetworkModel:
     default_limits: ClassVar[tuple[float, float]]  # least score, largest overlap
     grey: ClassVar[int]  # value of the bars beside an image, as in the network's training
     highest: ClassVar[float]  # value of the byte 255 where the network takes floats
-    calibration: ClassVar[ScoreCalibration]  # of scores; benchmarks/score_calibration.md
+    calibration: ClassVar[ScoreCalibration]  # of scores
 
     def __init__(self, session: Session, settings: ModelSettings, name: str = "") -> None:
         self.name = name or self.kind

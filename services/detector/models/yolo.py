@@ -20,7 +20,7 @@ GREY = 114  # of the bars that the networks were trained with
 DEFAULT_SIZE = (480, 640)
 SCORE_MIN = 0.25
 IOU_MAX = 0.6  # in crowded frames, pairs of boxes above it shared their keypoints: one person
-POSE_CALIBRATION = ScoreCalibration(midpoint=0.212, slope=2.7)  # benchmarks/score_calibration.md
+POSE_CALIBRATION = ScoreCalibration(midpoint=0.212, slope=2.7)
 BOXES_PER_PERSON = 30  # columns that one person may fill before the best are taken
 
 POSE_ROWS = 4 + 1 + 17 * 3

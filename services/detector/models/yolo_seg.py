@@ -26,7 +26,7 @@ from services.detector.models.yolo import (
     decode,
 )
 
-SEG_CALIBRATION = ScoreCalibration(midpoint=0.119, slope=3.1)  # benchmarks/score_calibration.md
+SEG_CALIBRATION = ScoreCalibration(midpoint=0.119, slope=3.1)
 MASK_ROWS = 32
 # Of two people, one hides the other: their masks share no more than their blurred edges, 0.55 of
 # the smaller one at most on 640x480 frames of up to five people; two boxes on one body, whose

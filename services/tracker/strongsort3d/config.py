@@ -23,7 +23,7 @@ Seconds = Annotated[float, Meta(ge=0, le=60)]
 Metres = Annotated[float, Meta(ge=0, le=10)]
 CHI2_3DOF_90, CHI2_3DOF_95, CHI2_3DOF_999 = 6.2514, 7.8147, 16.27
 
-# Measured: benchmarks/reid_threshold.md, with 2 % false matches in the second line; of the
+# Measured on crops of the lab, with 2 % false matches in the second line; of the
 # appearance network on the lab and real people.
 COSINE_DISTANCE_MAX = {"appearance": 0.46, "histogram": 0.25, "osnet": 0.45}
 REIDENTIFICATION_MAX = {"appearance": 0.28, "histogram": 0.15, "osnet": 0.38}

@@ -1,1 +1,0 @@
-"""Disturbances of a running system, and when they come."""
