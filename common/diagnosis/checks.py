@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 
+from common.diagnosis.camera_checks import CAMERA_CHECKS, rejects_frames
 from common.diagnosis.clock_checks import clocks, outward_stamps
 from common.diagnosis.event_table import EVENTS
 from common.diagnosis.evidence import Diagnostic, Evidence, Vitals, ok, problem, warning
@@ -85,6 +86,8 @@ def frames(evidence: Evidence) -> Iterator[Diagnostic]:
     sent = [v.since("sent_frames", "sent_compressed") for v in cameras]
     about = [v.last.instance for v in detectors]
     if not cameras:
+        return
+    if rejects_frames(evidence):
         return
     if not all(sent):
         quiet = cameras[sent.index(0)]
@@ -261,6 +264,7 @@ CHECKS: tuple[Callable[[Evidence], Iterator[Diagnostic]], ...] = (
         exceptions,
         frames,
         pairs,
+        *CAMERA_CHECKS,
         events,
         calibration,
         depth,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from common.diagnosis.evidence import Diagnostic, ok, problem, warning
 from deploy import compose
-from deploy.launcher.launcher import tail
+from deploy.launcher.launcher import FAILURE, tail
 from deploy.launcher.plan import COMPOSE_FILE, CONFIG_FILE, load_model, read_settings
 from deploy.launcher.state import State, running_robots
 from deploy.launcher.supervisor import Supervisor, SupervisorGoneError
@@ -45,8 +45,11 @@ def _listens(host: str, port: int) -> bool:
 
 
 def running(state: State) -> Iterator[Diagnostic]:
-    """Look at the processes that people4d up started on this machine."""
+    """Look at the processes that people4d up started on this machine, or why it ended."""
     if not state.read():
+        if failure := tail(state.folder / FAILURE, TAIL_LINES):
+            hint = "Correct it and start people4d up again; people4d logs has the rest."
+            yield problem("processes", f"the last people4d up failed: {failure}", hint)
         if others := running_robots():
             hint = f"Add --robot {others[0]}, or start it: people4d up --robot {state.folder.name}."
             what = f"nothing runs here for {state.folder.name}; {', '.join(others)} does"

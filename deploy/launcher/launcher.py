@@ -11,6 +11,7 @@ import msgspec
 
 from deploy.compose import Dependency, Service
 from deploy.launcher.health import Heartbeats, of_instance, works
+from deploy.launcher.reasons import Reasons
 from deploy.launcher.state import Run, State
 from deploy.launcher.supervisor import Process, Supervisor, SupervisorGoneError
 from people4d.errors import People4dError
@@ -24,6 +25,7 @@ QUIET_S = 2.0
 FROM_FRAMES = ("received_frames", "received_detections", "received_crops", "received_embeddings")
 TAIL_LINES = 12
 WATCHDOG = "watchdog"
+FAILURE = "failure.log"  # in the state folder: why the last run failed
 
 Progress = Callable[[str, str], None]  # takes the name of a service or process, and what happened
 
@@ -52,6 +54,7 @@ class Launcher:
         self.heartbeats = heartbeats
         self.supervisor = Supervisor(state)
         self._progress = progress
+        self._reasons = Reasons(progress)
         self._never_again = {
             name for service in services if service.restart == "no" for name in service.instances
         }
@@ -135,11 +138,15 @@ class Launcher:
         for process in processes:
             health = of_instance(self.heartbeats.all(), process.name, process.pid)
             if health and not works(health):
-                late, reason = process, f"it is {health.state}: {health.reason}"
+                late, reason = process, f"it is {health.state}"
+                reason += f": {health.reason}" if health.reason else ""
         return self._failure(late.name, f"is not ready after {timeout_s:.0f} s; {reason}")
 
     def _failure(self, instance: str, problem: str) -> LaunchError:
-        return LaunchError(self.state, instance, f"{instance} {problem}")
+        error = LaunchError(self.state, instance, f"{instance} {problem}")
+        with contextlib.suppress(OSError):
+            (self.state.folder / FAILURE).write_text(str(error), encoding="utf-8")
+        return error
 
     def processes(self) -> dict[str, Process]:
         """Return all processes by name, and report those that ended or came back.
@@ -148,6 +155,7 @@ class Launcher:
             LaunchError: A process failed and is not started again.
         """
         processes = self.supervisor.processes()
+        self._reasons.add(self.heartbeats.all())
         for name, process in processes.items():
             if process.gave_up or (process.ended_badly and name in self._never_again):
                 problem = process.problem or f"exit status {process.exit_status}"

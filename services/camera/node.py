@@ -3,17 +3,15 @@
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import msgspec
-import numpy as np
 
 from common.calibration.transforms_file import MAP, read_pose
 from common.io.images import compress
 from common.ros2.frame_names import OPTICAL_FRAME
 from common.runtime.node import LoopCallbacks, Node, Status
 from common.transport.trace import record, span
-from people4d.errors import ConfigError
 from people4d.messages import (
     CameraInfo,
     Detections,
@@ -25,10 +23,11 @@ from people4d.messages import (
 from people4d.topics import ForeignTopic
 from services.camera.calibration import static_transform
 from services.camera.config import CameraConfig
-from services.camera.pacing import LockstepPacing, Pacing, RecordedPacing, is_jump
+from services.camera.frame_check import FrameCheck
+from services.camera.pacing import RecordedPacing, SourceRate, is_jump, pacing_of
 from services.camera.playback import Selection, play
 from services.camera.prefetch import Prefetch, PrefetchedItem
-from services.camera.source import Source, SourceFrame, SourceSetup
+from services.camera.source import Source, SourceFrame, SourceItem, SourceSetup
 
 if TYPE_CHECKING:
     from services.camera.ros.live_motion import LiveMotion
@@ -55,7 +54,7 @@ class CameraNode(Node):
         self._source = source
         self._lockstep = config.playback == "lockstep"
         self.inputs = (ANSWERS[config.answer],) if self._lockstep else ()
-        self._pacing = _pacing(config, source.live)
+        self._pacing = pacing_of(config, source.live)
         self._info: CameraInfo | None = None
         self._transforms: Sequence[StaticTransform] = ()
         self._motion = _motion(config)
@@ -63,7 +62,10 @@ class CameraNode(Node):
         selection = Selection(
             config.start_s, config.duration_s, config.max_frames, config.stride, config.loop
         )
-        self._prefetch = Prefetch(lambda: play(source, selection), FRAMES_AHEAD, source.live)
+        self._check = FrameCheck(None if source.calibrates_late else source.info)
+        self._prefetch = Prefetch(
+            lambda: play(source, selection, self._accept), FRAMES_AHEAD, source.live
+        )
         self._wake: Callable[[], None] | None = None
         self._begin_ns: int | None = None  # time from which frames are sent
         self._tick_ns = 0
@@ -72,6 +74,8 @@ class CameraNode(Node):
         self._to_compress: RgbdFrame | None = None  # sent compressed in the next tick
         self._next_compressed_ns = 0
         self._unanswered = False  # frames timed out without an answer since
+        self._rate = SourceRate(config.speed) if isinstance(self._pacing, RecordedPacing) else None
+        self._behind_s = 0.0  # [s] stamps of a live camera behind the clock of its host
         self._counters: Counter[str] = Counter()
 
     def attach(self, loop: LoopCallbacks) -> None:
@@ -142,9 +146,10 @@ class CameraNode(Node):
     def status(self) -> Status:
         """Return whether frames come, and the drops by cause."""
         counters = Counter(self._source.counters) + self._counters
+        counters += Counter(self._check.counters)
         counters += Counter(self._motion.counters if self._motion else {})
         counters += Counter(source_errors=self._prefetch.errors, skipped=self._prefetch.skipped)
-        reason = self._prefetch.reason or self._source.problem
+        reason = self._prefetch.reason or self._source.problem or self._check.fault
         if self._unanswered and not reason:
             reason = f"frames get no answer on {self._config.answer}"
         if self._motion and self._motion.silent and self._sequence and not reason:
@@ -157,15 +162,24 @@ class CameraNode(Node):
                 reason = reason or "the source had no frame that could be played"
                 reason += f" ({dropped})" if dropped else ""
             return Status(state="finished", reason=reason, counters=counters)
-        if reason:
-            return Status(state="degraded", reason=reason, counters=counters)
-        return Status(state="ready" if self._sequence else "starting", counters=counters)
+        gauges = {"stamps_behind_s": self._behind_s} if self._source.live else {}
+        if self._rate and self._rate.is_slow and not reason:
+            gauges |= {"source_hz": self._rate.hz, "source_wanted_hz": self._rate.wanted_hz}
+            reason = f"its source gives {self._rate.hz:.1f} of {self._rate.wanted_hz:.1f} Hz"
+        if reason and (self._sequence or not self._check.fault):
+            return Status(state="degraded", reason=reason, counters=counters, gauges=gauges)
+        state: Literal["ready", "starting"] = "ready" if self._sequence else "starting"
+        return Status(state=state, reason=reason, counters=counters, gauges=gauges)
 
     def close(self) -> None:
         """Stop reading and close the source."""
         self._source.interrupt()
         self._prefetch.stop(STOP_S)
         self._source.close()
+
+    def _accept(self, item: SourceItem) -> bool:
+        """Check an item in the reading thread, which must not go on for ever after its stop."""
+        return self._prefetch.stopped or self._check.accept(item)
 
     def _is_due(self, now_ns: int) -> bool:
         item = self._prefetch.peek()
@@ -187,11 +201,14 @@ class CameraNode(Node):
         self._stamp_ns = item.stamp_ns
         if self._source.live:  # reading ahead from a file is no part of the latency
             record("capture", _acquired_ns(reading, item), reading.end_ns)
+            self._behind_s = (reading.end_ns - item.stamp_ns) / 1e9
         with span("release"):
             frame = self._frame(item)
         if frame is None:
             return []
         self._pacing.sent(item.stamp_ns, now_ns)
+        if self._rate:
+            self._rate.add(item.stamp_ns, now_ns)
         self._sequence += 1
         if self._config.compressed_hz and now_ns >= self._next_compressed_ns:
             self._to_compress = frame
@@ -216,15 +233,8 @@ class CameraNode(Node):
         return [self._info, *self._transforms]
 
     def _frame(self, item: SourceFrame) -> RgbdFrame | None:
-        """Make the message; None, and counted, if the images do not fit."""
+        """Make the message; None before the calibration is known."""
         if self._info is None:
-            return None
-        size = (self._info.height, self._info.width)
-        if item.rgb.shape != (*size, 3) or item.depth_mm.shape != size:
-            self._counters["wrong_size"] += 1
-            return None
-        if item.rgb.dtype != np.uint8 or item.depth_mm.dtype != np.uint16:
-            self._counters["wrong_type"] += 1
             return None
         return RgbdFrame(
             stamp_ns=item.stamp_ns,
@@ -248,18 +258,6 @@ def _motion(config: CameraConfig) -> "LiveMotion | None":
     from services.camera.ros.live_motion import LiveMotion  # noqa: PLC0415  # has the types of ROS
 
     return LiveMotion(config.motion)
-
-
-def _pacing(config: CameraConfig, live: bool) -> Pacing:
-    if config.playback not in ("auto", *(("live",) if live else ("recorded", "lockstep"))):
-        kind = "live camera" if live else "recording"
-        raise ConfigError(
-            f"playback: expected another for a {kind}, got {config.playback}",
-            "Leave it on auto.",
-        )
-    if config.playback == "lockstep":
-        return LockstepPacing(config.window, int(config.answer_timeout_s * 1e9))
-    return Pacing() if live else RecordedPacing(config.speed)
 
 
 def _info(config: CameraConfig, info: CameraInfo) -> CameraInfo:

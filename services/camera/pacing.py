@@ -1,6 +1,14 @@
 """Pacing of frames: live, as recorded, or in lockstep with the answers."""
 
+from collections import deque
+
+from people4d.errors import ConfigError
+from services.camera.config import CameraConfig
+
 MAX_GAP_NS = 10_000_000_000  # a longer pause in the stamps is a jump of the clock
+RATE_NS = 5_000_000_000  # over which the rate of a source is measured
+FEWEST_FRAMES = 3  # for a rate
+SLOW = 0.8  # share of the wanted rate below which a source is too slow
 MAX_LATE_NS = 1_000_000_000  # beyond this delay, lost time is not caught up
 
 
@@ -91,6 +99,59 @@ class LockstepPacing(Pacing):
         return min(self._waiting.values(), default=None)
 
 
+class SourceRate:
+    """Rate at which a source gives frames, and the rate of their stamps, over some seconds."""
+
+    def __init__(self, speed: float = 1.0) -> None:
+        self._speed = speed
+        self._sent: deque[tuple[int, int]] = deque()  # stamp and time of sending
+
+    def add(self, stamp_ns: int, now_ns: int) -> None:
+        """Take a frame that was sent."""
+        if self._sent and is_jump(stamp_ns - self._sent[-1][0]):
+            self._sent.clear()
+        self._sent.append((stamp_ns, now_ns))
+        while len(self._sent) > FEWEST_FRAMES and now_ns - self._sent[1][1] > RATE_NS:
+            self._sent.popleft()
+
+    @property
+    def hz(self) -> float:
+        """Frames a second that were sent."""
+        return self._rate_hz(1)
+
+    @property
+    def wanted_hz(self) -> float:
+        """Frames a second by their stamps, at the speed of playback."""
+        return self._rate_hz(0) * self._speed
+
+    @property
+    def is_slow(self) -> bool:
+        """True if the source gave clearly fewer frames than wanted."""
+        long = len(self._sent) > 1 and self._sent[-1][1] - self._sent[0][1] >= RATE_NS
+        return long and self.hz < SLOW * self.wanted_hz
+
+    def _rate_hz(self, column: int) -> float:
+        length_ns = self._sent[-1][column] - self._sent[0][column] if self._sent else 0
+        return 1e9 * (len(self._sent) - 1) / length_ns if length_ns > 0 else 0.0
+
+
 def is_jump(gap_ns: int) -> bool:
     """Check for an interval that two consecutive frames cannot have."""
     return not 0 < gap_ns <= MAX_GAP_NS
+
+
+def pacing_of(config: CameraConfig, live: bool) -> Pacing:
+    """Return the pacing of a playback.
+
+    Raises:
+        ConfigError: The playback does not suit the source.
+    """
+    if config.playback not in ("auto", *(("live",) if live else ("recorded", "lockstep"))):
+        kind = "live camera" if live else "recording"
+        raise ConfigError(
+            f"playback: expected another for a {kind}, got {config.playback}",
+            "Leave it on auto.",
+        )
+    if config.playback == "lockstep":
+        return LockstepPacing(config.window, int(config.answer_timeout_s * 1e9))
+    return Pacing() if live else RecordedPacing(config.speed)

@@ -1,6 +1,6 @@
 """Playback of a part of a source, once or in a loop."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -26,12 +26,17 @@ class Selection:
     loop: bool = False  # repeat from the start
 
 
-def play(source: Source, selection: Selection) -> Iterator[SourceItem]:
-    """Yield the selected part of a source; each repetition shifts the stamps, so that they rise."""
+def play(
+    source: Source, selection: Selection, accept: Callable[[SourceItem], bool] = lambda _: True
+) -> Iterator[SourceItem]:
+    """Yield the selected part of a source; each repetition shifts the stamps, so that they rise.
+
+    Items that are not accepted are left out.
+    """
     sent, shift_ns = 0, 0
     while True:
         first_ns = last_ns = count = 0
-        for item in _one_round(source, selection):
+        for item in _one_round(source, selection, accept):
             yield _shifted(item, shift_ns)
             if isinstance(item, Odometry | MovingTransform | SourceSetup):
                 continue
@@ -69,9 +74,13 @@ def loop_period_s(source: str) -> float:
     return loop_period_ns(min(stamps_ns), max(stamps_ns), len(stamps_ns)) / 1e9
 
 
-def _one_round(source: Source, selection: Selection) -> Iterator[SourceItem]:
+def _one_round(
+    source: Source, selection: Selection, accept: Callable[[SourceItem], bool]
+) -> Iterator[SourceItem]:
     index = 0
-    items = source.part(selection.start_s, selection.duration_s)
+    is_part = selection.start_s or selection.duration_s
+    items = source.part(selection.start_s, selection.duration_s) if is_part else iter(source)
+    items = filter(accept, items)
     for item in items if source.live else odometry_first(items):
         if isinstance(item, Odometry | MovingTransform | SourceSetup):
             yield item

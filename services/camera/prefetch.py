@@ -43,6 +43,11 @@ class Prefetch:
         self.reason = ""  # of the last failure, empty while a live device delivers
         self.skipped = 0  # frames replaced by newer ones
 
+    @property
+    def stopped(self) -> bool:
+        """True once reading must end."""
+        return self._stopped.is_set()
+
     def start(self, wake: Callable[[], None]) -> None:
         """Begin to read; `wake` is called from the thread after each change."""
         self._wake = wake

@@ -11,6 +11,7 @@ from common import registry
 from common.config import Config
 from common.io.mcap_index import read_profile
 from people4d.errors import ConfigError, SourceError
+from people4d.messages import CameraInfo
 from services.camera.config import CameraConfig
 from services.camera.source import Source
 
@@ -127,5 +128,11 @@ def _plugin(name: str, options: Mapping[str, Any]) -> Source:
     if not isinstance(source, Source):
         raise SourceError(
             f"camera {name} is not a services.camera.source.Source", "Derive from it."
+        )
+    info = getattr(source, "info", None)
+    if not (source.calibrates_late or isinstance(info, CameraInfo)):
+        raise SourceError(
+            f"camera {name} has no calibration: info is {type(info).__name__}, expected CameraInfo",
+            "Set self.info in its constructor.",
         )
     return source

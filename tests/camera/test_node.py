@@ -32,7 +32,7 @@ from services.camera.config import CameraConfig
 from services.camera.node import CameraNode
 from services.camera.source import Source, SourceFrame
 from tests import builders
-from tests.camera.memory import MemorySource, capture, odometry
+from tests.camera.memory import SIZE, MemorySource, capture, odometry
 
 MS = 1_000_000
 SECOND = 1_000_000_000
@@ -429,4 +429,26 @@ def test_frames_of_wrong_size_are_reported_at_the_end() -> None:
     with player(START, source) as p:
         p.play()
         reason = p.node.status().reason
-    assert reason == "the source had no frame that could be played (wrong_size 1)"
+    assert reason == "rgb is uint8 (6, 8, 3), expected uint8 (6, 9, 3) red first (wrong_size 1)"
+
+
+class Wrong(MemorySource):
+    """A live camera whose frames never fit."""
+
+    def __iter__(self) -> Iterator[SourceFrame | Odometry]:
+        while True:
+            yield replace(capture(0), depth_mm=np.ones(SIZE, np.float32))
+
+
+def test_live_camera_whose_frames_never_fit_does_not_start_and_says_why() -> None:
+    # It once was "starting: ." for ever.
+    node = CameraNode(START, Wrong([], live=True))
+    node.tick(0)
+    while not node.status().counters:
+        time.sleep(0)
+    status = node.status()
+    begin_s = time.monotonic()
+    node.close()
+    assert time.monotonic() - begin_s < 1.0  # the thread ends, though no frame passes
+    fault = "depth_mm is float32 (6, 8), expected uint16 (6, 8) millimetres"
+    assert (status.state, status.reason) == ("starting", fault)

@@ -30,6 +30,12 @@ class Plugin(MemorySource):
         super().__init__([capture(k) for k in range(count)], live=True)
 
 
+class Uncalibrated(Plugin):
+    def __init__(self) -> None:
+        super().__init__()
+        del self.info
+
+
 def recorded(path: Path, cameras: tuple[str, ...] = ("front",)) -> Path:
     """Three frames, odometry before each, and calibration, by camera."""
     with RecordingWriter(path) as writer:
@@ -160,6 +166,8 @@ def test_plugin_gets_its_options() -> None:
         open_source("no_such_module:Camera")
     with pytest.raises(SourceError, match="cannot be loaded"):
         open_source(f"{__name__}:NoSuchClass")
+    with pytest.raises(SourceError, match=r"info is NoneType, expected CameraInfo"):
+        open_source(f"{__name__}:Uncalibrated")
     with pytest.raises(SourceError, match=r"is not a services.camera.source.Source"):
         open_source("builtins:dict")
     with pytest.raises(ConfigError, match="expected one of auto, recording"):

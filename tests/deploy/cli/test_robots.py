@@ -36,7 +36,7 @@ def network() -> Iterator[Network]:
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command[0])
-def test_wrong_robot_is_told_with_the_one_that_is_there(
+def test_wrong_robot_is_reported_with_the_one_that_is_there(
     command: list[str], network: Network, tmp_path: Path
 ) -> None:
     network.open("newcomer").announce("tracker", "tracker-1")

@@ -13,6 +13,7 @@ import psutil
 import pytest
 
 from deploy.compose import read, select
+from deploy.doctor import here
 from deploy.launcher.health import Heartbeats
 from deploy.launcher.launcher import Launcher, LaunchError, stop, tail
 from deploy.launcher.state import State
@@ -126,6 +127,8 @@ def test_a_service_that_is_never_healthy_is_named(state: State) -> None:
     with pytest.raises(LaunchError, match="slow-1 is not ready after 1 s"):
         launcher(state, text).start("robot", "", 1.0)
     assert state.leftovers() == []
+    (found,) = here.running(state)  # doctor knows it afterwards
+    assert "the last people4d up failed: slow-1 is not ready after 1 s" in found.what
 
 
 def test_service_with_exit_code_0_is_finished_and_others_start(state: State) -> None:

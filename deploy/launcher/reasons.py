@@ -1,0 +1,44 @@
+"""Reasons of processes that do not work, or work with limits, reported once each."""
+
+import re
+import time
+from collections.abc import Callable, Sequence
+
+from people4d.messages import Health
+
+DELAY_S = 4.0  # that a reason must last: many pass while a system starts
+LIMIT_PERCENT = 90.0  # of a core, from which a process is at its limit
+NUMBER = re.compile(r"[\d.]+")
+WAITS = re.compile(r"no [\w ,]+ for \d+ s")  # for another process, whose reason says more
+
+
+class Reasons:
+    """Reports reasons that last, without repeating one whose numbers alone change."""
+
+    def __init__(self, progress: Callable[[str, str], None]) -> None:
+        self._progress = progress
+        self._since_s: dict[tuple[str, str], float] = {}
+        self._reported: set[tuple[str, str]] = set()
+
+    def add(self, healths: Sequence[Health]) -> None:
+        """Take the last heartbeats of all processes."""
+        now_s = time.monotonic()
+        present = {
+            (health.instance, NUMBER.sub("", health.reason)): health.reason
+            for health in healths
+            if health.reason
+            and health.state in ("starting", "degraded")
+            and not WAITS.fullmatch(health.reason)
+        }
+        self._since_s = {key: self._since_s.get(key, now_s) for key in present}
+        for key, reason in present.items():
+            if now_s - self._since_s[key] >= DELAY_S and key not in self._reported:
+                self._reported.add(key)
+                self._progress(key[0], reason + _busy(healths))
+
+
+def _busy(healths: Sequence[Health]) -> str:
+    """Name the processes that use a whole core; empty if there are none."""
+    loads = {h.instance: h.gauges.get("cpu_percent", 0.0) for h in healths}
+    names = [f"{name} {load:.0f} %" for name, load in loads.items() if load >= LIMIT_PERCENT]
+    return f" (at its limit: {', '.join(names)} of a core)" if names else ""
