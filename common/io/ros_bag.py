@@ -16,6 +16,7 @@ from rosbags.rosbag2 import Reader as Reader2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
+from common.io.ros_bag_files import bag_path
 from common.io.ros_bag_guard import guarded, unzstd
 from common.ros2 import types
 from people4d.codec import MAX_BYTES
@@ -24,6 +25,8 @@ from people4d.errors import SourceError
 PEOPLE = "people_msgs/msg/People"
 # Of the definitions that are shipped, those that bags hold, of ROS 1, too.
 SHIPPED = ("people_msgs/msg/Person", PEOPLE, "realsense2_camera_msgs/msg/RGBD")
+
+ANY_DIGEST = "*"  # of ROS 1 publishers that relay any type: the name of the type counts
 
 
 def make_typestore(version: int, definitions: Mapping[str, str]) -> Typestore:
@@ -99,7 +102,7 @@ class Bag:
 
     def _check_type(self, connection: Connection) -> None:
         kind, digest = connection.msgtype, connection.digest
-        if not digest or kind not in self._store.fielddefs:
+        if digest in ("", ANY_DIGEST) or kind not in self._store.fielddefs:
             return
         ours = self._store.generate_msgdef(kind)[1] if self._ros1 else self._store.hash_rihs01(kind)
         if digest != ours:
@@ -118,6 +121,7 @@ def open_bag(path: Path, definitions: Mapping[str, str]) -> Iterator[Bag]:
     """
     with ExitStack() as stack:
         with _source_errors(path, "cannot be opened"):
+            path = bag_path(path)
             reader = stack.enter_context(guarded(path))
         with _source_errors(path, "is damaged"):
             store = make_typestore(1 if isinstance(reader, Reader1) else 2, definitions)

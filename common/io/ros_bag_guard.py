@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from io import BytesIO
 from pathlib import Path, PurePath
 from typing import Any
+from urllib.parse import quote
 
 import lz4.frame
 import zstandard
@@ -21,6 +22,7 @@ from rosbags.rosbag2 import reader as rosbag2_reader
 from rosbags.rosbag2 import storage_mcap, storage_sqlite3
 
 from common.io.files import MAX_CHARACTERS, inside, parse_yaml, read_text
+from common.io.ros_bag_files import check_written
 
 MAX_CHUNK_BYTES = 256 * 2**20  # of one chunk, unpacked; bags are written in chunks of one megabyte
 MAX_OPEN_BYTES = 512 * 2**20  # of all chunks whose times overlap: they are in memory together
@@ -40,6 +42,10 @@ def harden() -> None:
     storage_mcap.DECOMPRESSORS.update(lz4=_lz4, zstd=unzstd)
     for module in (rosbag2_reader, storage_mcap, storage_sqlite3):
         vars(module)["parse_qos"] = _no_qos
+    plugins: Any = rosbag2_reader.DirectoryReader.STORAGE_PLUGINS
+    plugins.update(sqlite3=QuotedSqlite3Reader)
+    plugins = Reader2.STORAGE_PLUGINS
+    plugins.update({".db3": QuotedSqlite3Reader})
 
 
 def unzstd(data: bytes, limit: int = MAX_CHUNK_BYTES) -> bytes:
@@ -47,6 +53,13 @@ def unzstd(data: bytes, limit: int = MAX_CHUNK_BYTES) -> bytes:
     limit = min(limit, MAX_CHUNK_BYTES)
     with zstandard.ZstdDecompressor().stream_reader(BytesIO(data), read_across_frames=True) as part:
         return _bounded(part.read(limit + 1), limit)
+
+
+class QuotedSqlite3Reader(storage_sqlite3.Sqlite3Reader):
+    """Opens databases whose path has characters of a URI (# ? %), which rosbags does not quote."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(Path(quote(str(path))))
 
 
 class GuardedReader1(Reader1):
@@ -80,6 +93,7 @@ def guarded(path: Path) -> Iterator[Reader1 | Reader2]:
         return
     for file in _files(path):
         if file.suffix == ".db3":
+            check_written(file)
             _check_database(file)
     with Reader2(path) as reader2:
         storage: Any = reader2.storage

@@ -39,15 +39,21 @@ class StampedTransform:
 def edges_of(message: Any) -> Iterator[StampedTransform]:
     """Yield the transforms of a tf2_msgs/TFMessage that are valid."""
     for item in message.transforms:
-        t, q = item.transform.translation, item.transform.rotation
-        try:
-            rotation = Rotation.from_quat((q.x, q.y, q.z, q.w)).as_matrix()
-        except ValueError:  # zero
-            continue
-        matrix = transform_from((t.x, t.y, t.z), rotation)
-        if np.all(np.isfinite(matrix)):
+        matrix = matrix_of(item.transform)
+        if matrix is not None:
             parent, child = item.header.frame_id.strip("/"), item.child_frame_id.strip("/")
             yield StampedTransform(parent, child, stamp_of(item), matrix)
+
+
+def matrix_of(transform: Any) -> F64 | None:
+    """Return a geometry_msgs/Transform as 4x4, None if it is not valid."""
+    t, q = transform.translation, transform.rotation
+    try:
+        rotation = Rotation.from_quat((q.x, q.y, q.z, q.w)).as_matrix()
+    except ValueError:  # zero
+        return None
+    matrix = transform_from((t.x, t.y, t.z), rotation)
+    return matrix if np.all(np.isfinite(matrix)) else None
 
 
 def stamp_of(message: Any) -> int:

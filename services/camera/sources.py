@@ -9,7 +9,7 @@ import msgspec
 
 from common import registry
 from common.config import Config
-from common.io.mcap_index import read_profile
+from common.io.ros_bag_files import is_bag
 from people4d.errors import ConfigError, SourceError
 from people4d.messages import CameraInfo
 from services.camera.config import CameraConfig
@@ -90,13 +90,12 @@ def kind_of(source: str) -> str:
             "Give a recording, a ROS bag, a folder of images, lab:SCENARIO, ros2:/camera or "
             "module:Class.",
         )
-    if path.is_dir():
-        bag = (path / "metadata.yaml").exists() or any(path.glob("*.db3"))
-        return "rosbag" if bag else "folder"
-    if path.suffix in (".bag", ".db3"):
+    if is_bag(path):
         return "rosbag"
+    if path.is_dir():
+        return "folder"
     if path.suffix == ".mcap":
-        return "rosbag" if read_profile(path).startswith("ros") else "recording"
+        return "recording"
     raise SourceError(
         f"source {source} is not a known kind of recording",
         "Known are .bag, .db3, .mcap, folders of a ROS 2 bag and folders of images.",

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 from common import registry
-from common.io.mcap_index import read_profile
+from common.io.ros_bag_files import is_bag
 from people4d.errors import SourceError
 from people4d.messages import Truth
 from people4d.topics import ForeignTopic
@@ -96,10 +96,10 @@ def _kind_of(truth: str) -> str:
         return "npz"
     if path.suffix in KINDS and path.is_file():
         return KINDS[path.suffix]
-    if path.suffix == ".mcap" and path.is_file():
-        return "rosbag" if read_profile(path).startswith("ros") else "recording"
-    if path.suffix in (".bag", ".db3") or (path / "metadata.yaml").exists():
+    if is_bag(path):
         return "rosbag"
+    if path.suffix == ".mcap" and path.is_file():
+        return "recording"
     raise SourceError(
         f"truth {path} is of no known kind",
         "Give a recording, a ROS bag, CSV, MOT text (.txt), gt.npz or its folder, or set source.",

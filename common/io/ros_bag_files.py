@@ -1,0 +1,73 @@
+"""Files of a ROS bag, and what a recorder that was killed leaves of them."""
+
+from pathlib import Path
+
+from common.io.mcap_index import read_profile
+from people4d.errors import SourceError
+
+ROS1_PROFILE = "ros1"
+WAL_HEADER_BYTES = 32  # of a write-ahead log without messages
+JOURNAL_MAGIC = b"\xd9\xd5\x05\xf9\x20\xa1\x63\xd7"  # of a journal whose changes are not undone
+REPAIR = "import sqlite3; sqlite3.connect('{}').execute('PRAGMA wal_checkpoint(TRUNCATE)')"
+
+
+def is_bag(path: Path) -> bool:
+    """Check whether a path is a ROS bag: a .bag, .db3 or .mcap file, or a folder of these.
+
+    Raises:
+        SourceError: An MCAP file cannot be read.
+    """
+    if path.is_dir():
+        known = (path / "metadata.yaml").exists() or any(path.glob("*.db3"))
+        return known or any(is_bag(file) for file in sorted(path.glob("*.mcap")))
+    if path.suffix == ".mcap":
+        return read_profile(path).startswith("ros")
+    return path.suffix in (".bag", ".db3")
+
+
+def bag_path(path: Path) -> Path:
+    """Return what is to be opened: the only file of a folder that has no metadata.yaml.
+
+    Raises:
+        SourceError: There are several files, or the file is an MCAP of ROS 1.
+    """
+    if path.is_dir() and not (path / "metadata.yaml").exists():
+        files = sorted([*path.glob("*.db3"), *path.glob("*.mcap")])
+        if len(files) != 1:
+            names = ", ".join(file.name for file in files[:8]) or "no .db3 and no .mcap"
+            raise SourceError(
+                f"bag {path} has no metadata.yaml (a recorder that is killed writes none)",
+                f"Run `ros2 bag reindex {path}`, or give one of its files: {names}.",
+            )
+        path = files[0]
+    if path.suffix == ".mcap" and path.is_file() and read_profile(path) == ROS1_PROFILE:
+        raise SourceError(
+            f"bag {path} is an MCAP file of ROS 1, which is not read",
+            "Give the .bag that it was made from.",
+        )
+    return path
+
+
+def check_written(database: Path) -> None:
+    """Check that all messages of a SQLite file are in it, and not in a log beside it.
+
+    Raises:
+        SourceError: A log beside it holds messages, as a recorder that is killed leaves it.
+    """
+    wal, journal = (database.with_name(f"{database.name}{end}") for end in ("-wal", "-journal"))
+    if wal.is_file() and wal.stat().st_size > WAL_HEADER_BYTES:
+        left = wal.name
+    elif journal.is_file() and _starts_with(journal, JOURNAL_MAGIC):
+        left = journal.name
+    else:
+        return
+    raise SourceError(
+        f"bag {database}: {left} holds messages that are not in it: its recorder was killed, or "
+        "is still recording",
+        f'If nothing records, run: python3 -c "{REPAIR.format(database)}"',
+    )
+
+
+def _starts_with(path: Path, magic: bytes) -> bool:
+    with path.open("rb") as file:
+        return file.read(len(magic)) == magic
