@@ -9,6 +9,7 @@ import msgspec
 from common.io.odometry_order import odometry_first
 from common.io.recording import open_recording
 from people4d.messages import CompressedRgbdFrame, MovingTransform, Odometry, RgbdFrame
+from services.camera.pacing import MAX_GAP_NS
 from services.camera.source import Source, SourceFrame, SourceItem, SourceSetup
 from services.camera.sources import kind_of, open_source
 
@@ -26,6 +27,36 @@ class Selection:
     loop: bool = False  # repeat from the start
 
 
+class RoundLength:
+    """Duration of one round of a loop, from the stamps of its frames in their order.
+
+    Jumps of the clock do not count: with them each round would be years later than the one before.
+    """
+
+    def __init__(self) -> None:
+        self.count = 0  # frames
+        self._before_ns = 0  # length of the parts before the last jump
+        self._part = (0, 0)  # lowest and highest stamp since the last jump
+        self._last_ns = 0
+
+    def add(self, stamp_ns: int) -> None:
+        """Add a frame."""
+        low_ns, high_ns = self._part
+        if not self.count or abs(stamp_ns - self._last_ns) > MAX_GAP_NS:
+            self._before_ns += high_ns - low_ns
+            low_ns = high_ns = stamp_ns
+        self._part = min(low_ns, stamp_ns), max(high_ns, stamp_ns)
+        self._last_ns = stamp_ns
+        self.count += 1
+
+    @property
+    def length_ns(self) -> int:
+        """First to last frame, and one frame more."""
+        low_ns, high_ns = self._part
+        length_ns = self._before_ns + high_ns - low_ns
+        return length_ns + (length_ns // (self.count - 1) if self.count > 1 else ONE_FRAME_NS)
+
+
 def play(
     source: Source, selection: Selection, accept: Callable[[SourceItem], bool] = lambda _: True
 ) -> Iterator[SourceItem]:
@@ -35,26 +66,18 @@ def play(
     """
     sent, shift_ns = 0, 0
     while True:
-        first_ns = last_ns = count = 0
+        length = RoundLength()
         for item in _one_round(source, selection, accept):
             yield _shifted(item, shift_ns)
             if isinstance(item, Odometry | MovingTransform | SourceSetup):
                 continue
-            first_ns = min(first_ns, item.stamp_ns) if count else item.stamp_ns
-            last_ns = max(last_ns, item.stamp_ns) if count else item.stamp_ns
-            count += 1
+            length.add(item.stamp_ns)
             sent += 1
             if sent == selection.max_frames:
                 return
-        if not selection.loop or not count:
+        if not selection.loop or not length.count:
             return
-        shift_ns += loop_period_ns(first_ns, last_ns, count)
-
-
-def loop_period_ns(first_ns: int, last_ns: int, count: int) -> int:
-    """Return what each round adds to the stamps: first to last frame, and one frame more."""
-    length_ns = last_ns - first_ns
-    return length_ns + (length_ns // (count - 1) if count > 1 else ONE_FRAME_NS)
+        shift_ns += length.length_ns
 
 
 def loop_period_s(source: str) -> float:
@@ -62,16 +85,17 @@ def loop_period_s(source: str) -> float:
     kind = kind_of(source)
     if kind in ("plugin", "ros2"):
         return 0.0  # it does not end
+    length = RoundLength()
     if kind == "recording":
-        messages = open_recording(Path(source)).messages(CompressedRgbdFrame, RgbdFrame)
-        stamps_ns = [message.stamp_ns for _, message in messages]
+        for _, message in open_recording(Path(source)).messages(CompressedRgbdFrame, RgbdFrame):
+            length.add(message.stamp_ns)
     else:
         opened = open_source(source)
-        stamps_ns = [item.stamp_ns for item in opened if isinstance(item, SourceFrame)]
+        for item in opened:
+            if isinstance(item, SourceFrame):
+                length.add(item.stamp_ns)
         opened.close()
-    if not stamps_ns:
-        return 0.0
-    return loop_period_ns(min(stamps_ns), max(stamps_ns), len(stamps_ns)) / 1e9
+    return length.length_ns / 1e9 if length.count else 0.0
 
 
 def _one_round(

@@ -55,6 +55,17 @@ def test_loop_over_a_clock_that_jumps_back_still_rises_between_rounds() -> None:
     assert stamps_ms(source, Selection(loop=True), limit=5) == [1000, 1100, 0, 100, 2466]
 
 
+def test_loop_over_a_clock_that_is_set_takes_as_long_as_the_frames() -> None:
+    # Two frames of 1970, then the clock is set to 2026: two parts of 100 ms and one mean gap
+    # (200 / 3 = 66 ms) make a round of 266 ms, not of 56 years, without end.
+    late = 56 * 365 * 86_400_000
+    source = MemorySource([capture(t) for t in (0, 100, late, late + 100)])
+    stamps = stamps_ms(source, Selection(loop=True), limit=4000)
+    assert stamps[:4] == [0, 100, late, late + 100]
+    assert stamps[4:8] == [266, 366, late + 266, late + 366]
+    assert len(stamps) == 4000
+
+
 def test_recorded_rate_and_speed() -> None:
     pacing = RecordedPacing(speed=2.0)
     assert pacing.due_ns(7 * SECOND, 100) == 100
