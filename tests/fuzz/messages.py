@@ -16,7 +16,7 @@ from people4d.codec import MESSAGES, decode, encode
 from people4d.errors import DecodeError
 from people4d.messages import CompressedRgbdFrame, Detections, Message
 from services.camera.config import MotionConfig
-from services.camera.ros.camera import intrinsics_of
+from services.camera.ros.camera_info import intrinsics_of
 from services.camera.ros.images import colour_image, depth_image
 from services.camera.ros.live_motion import LiveMotion
 from services.camera.ros.motion import FrameTree, odometry_of
@@ -52,7 +52,7 @@ def _tree(message: Any) -> None:
 READERS: dict[str, Callable[[Any], object]] = {
     "sensor_msgs/msg/Image": _image,
     "sensor_msgs/msg/CompressedImage": _image,
-    "sensor_msgs/msg/CameraInfo": lambda m: (intrinsics_of(m), intrinsics_of(m, rectified=True)),
+    "sensor_msgs/msg/CameraInfo": lambda m: (intrinsics_of(m), intrinsics_of(m, "/a/image_rect")),
     "nav_msgs/msg/Odometry": lambda m: odometry_of(m, 0, 0),
     "tf2_msgs/msg/TFMessage": _tree,
     RGBD: lambda m: (colour_image(m.rgb), depth_image(m.depth)),

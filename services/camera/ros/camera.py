@@ -1,19 +1,18 @@
 """Camera of a bag: calibration, mount, and registration of depth."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from common.config import Config
+from common.geometry.transforms import invert
 from common.geometry.wheel_odometry import JointConfig
 from common.io.ros_bag import Bag
-from common.ros2.transforms import edges_of
-from people4d.errors import DecodeError, SourceError
-from people4d.messages import F64, U8, U16, CameraInfo, StaticTransform
+from common.ros2.transforms import edges_of, matrix_of
+from people4d.errors import SourceError
+from people4d.messages import F64, CameraInfo, StaticTransform
 from services.camera.calibration import (
     Calibration,
     Intrinsics,
@@ -22,16 +21,14 @@ from services.camera.calibration import (
     read_calibration,
     registration,
     static_transform,
-    to_intrinsics,
 )
 from services.camera.folder.registration import Registration
-from services.camera.ros.images import colour_image, depth_image
+from services.camera.ros.camera_info import intrinsics_of
+from services.camera.ros.heads import ImageHead, read_heads
 from services.camera.ros.motion import FrameTree
-from services.camera.ros.topics import OLD_TF, TF, Topics
+from services.camera.ros.topics import OLD_TF, SDK_TF, TF, TRANSFORM, Topics
 
 TF_HEADS = 2000  # messages of /tf that are searched for moving transforms: some ten seconds
-MAX_BAD_HEADS = 30  # corrupt images after which a topic is unusable: one second
-DISTORTIONS = {"plumb_bob": (4, 5), "rational_polynomial": (8,), "none": (0,), "": (0, 4, 5)}
 
 
 class RosbagOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -64,19 +61,11 @@ class RosCamera:
     moving: frozenset[tuple[str, str]]  # parent and child of the moving transforms in /tf
 
 
-@dataclass(frozen=True)
-class ImageHead:
-    """An image of a stream: its size (height, width), frame and CameraInfo."""
-
-    size: tuple[int, int]
-    frame: str
-    info: Any | None
-
-
 def read_camera(bag: Bag, topics: Topics, options: RosbagOptions) -> RosCamera:
     """Read calibration and mount of a bag; SourceError if depth is not aligned and cannot be."""
-    tree = _tree(bag, options.tf_as_static)
-    return make_camera(topics, options, _heads(bag, topics), tree, _base(bag, topics, options))
+    tree, heads = _tree(bag, options.tf_as_static), read_heads(bag, topics)
+    _fix_constant(bag, tree, {head.frame for head in heads})
+    return make_camera(topics, options, heads, tree, _base(bag, topics, options))
 
 
 def make_camera(
@@ -120,34 +109,6 @@ def make_camera(
     return RosCamera(info, register, transforms, moving)
 
 
-def _heads(bag: Bag, topics: Topics) -> tuple[ImageHead, ImageHead]:
-    if topics.colour == topics.depth:
-        rgbd = bag.first(topics.colour)
-        return (
-            _to_head(rgbd.rgb, colour_image, rgbd.rgb_camera_info),
-            _to_head(rgbd.depth, depth_image, rgbd.depth_camera_info),
-        )
-    return (
-        _head(bag, topics.colour, topics.colour_info, colour_image),
-        _head(bag, topics.depth, topics.depth_info, depth_image),
-    )
-
-
-def _head(bag: Bag, topic: str, info_topic: str, decode: Callable[[Any], U8 | U16]) -> ImageHead:
-    reason = "it is empty"
-    for _, _, message in islice(bag.messages([topic]), MAX_BAD_HEADS):
-        try:
-            return _to_head(message, decode, bag.first(info_topic) if info_topic else None)
-        except DecodeError as error:
-            reason = error.problem
-    raise SourceError(f"{topic} has no readable image: {reason}")
-
-
-def _to_head(message: Any, decode: Callable[[Any], U8 | U16], info: Any | None) -> ImageHead:
-    height, width = decode(message).shape[:2]
-    return ImageHead((height, width), str(message.header.frame_id).strip("/"), info)
-
-
 def _tree(bag: Bag, tf_as_static: bool) -> FrameTree:
     tree = FrameTree()
     topics = {topic for topic, kind in bag.types.items() if kind in (TF, OLD_TF)}
@@ -158,7 +119,36 @@ def _tree(bag: Bag, tf_as_static: bool) -> FrameTree:
     for _, _, message in islice(bag.messages(topics - static), TF_HEADS):
         for edge in edges_of(message):
             tree.add(edge.parent, edge.child)
+    for topic, kind in bag.types.items():
+        if kind == TRANSFORM and topic.endswith(SDK_TF):
+            for matrix in (matrix_of(message) for _, _, message in bag.messages([topic])):
+                if matrix is not None:
+                    stream = topic.removesuffix(SDK_TF).strip("/")
+                    tree.add(stream.partition("/")[0], stream, invert(matrix))
     return tree
+
+
+def _fix_constant(bag: Bag, tree: FrameTree, frames: set[str]) -> None:
+    """Make transforms between two sensors static that /tf repeats and that never change.
+
+    static_transform_publisher of ROS 1 repeats them.
+    """
+    paths = [[(parent, child) for parent, child, _ in tree.path(frame)] for frame in frames]
+    if len(paths) < 2 or not all(paths) or paths[0][-1][0] != paths[1][-1][0]:
+        return  # one frame, or frames of two trees
+    wanted = {edge for edge in {*paths[0]} ^ {*paths[1]} if tree.find(*edge) is None}
+    if not wanted:
+        return
+    found: dict[tuple[str, str], F64 | None] = {}
+    topics = {topic for topic, kind in bag.types.items() if kind in (TF, OLD_TF)}
+    for _, _, message in bag.messages(topics):
+        for edge in edges_of(message):
+            names = edge.parent, edge.child
+            before = found.setdefault(names, edge.matrix)
+            if before is not None and not np.allclose(before, edge.matrix, atol=1e-6, rtol=0):
+                found[names] = None
+    for parent, child in wanted:
+        tree.add(parent, child, found.get((parent, child)))
 
 
 def _calibration(
@@ -172,10 +162,10 @@ def _calibration(
             f"there is no calibration (CameraInfo) for {topics.colour}",
             "Set options.colour_info_topic, or options.calibration to a file.",
         )
-    intrinsics = intrinsics_of(colour.info, rectified="image_rect" in topics.colour)
+    intrinsics = intrinsics_of(colour.info, topics.colour)
     depth_intrinsics = None
     if depth.info is not None:
-        depth_intrinsics = intrinsics_of(depth.info, rectified="image_rect" in topics.depth)
+        depth_intrinsics = intrinsics_of(depth.info, topics.depth)
     if _aligned(options, heads, (intrinsics, depth_intrinsics)):
         return Calibration(colour=intrinsics)
     matrix = tree.find(colour.frame, depth.frame)
@@ -184,7 +174,8 @@ def _calibration(
         raise SourceError(
             f"depth (frame {depth.frame}) is not aligned to colour (frame {colour.frame}) and "
             f"there is no {missing}",
-            "Set options.depth_aligned=true if it is, or options.calibration to a file.",
+            "Set options.depth_aligned=true if it is, options.tf_as_static=true if /tf has the "
+            "transform, or options.calibration to a file.",
         )
     return Calibration(
         colour=intrinsics,
@@ -200,7 +191,7 @@ def _aligned(
     heads: tuple[ImageHead, ImageHead],
     intrinsics: tuple[Intrinsics, Intrinsics | None],
 ) -> bool:
-    """Depth is aligned if it has the size of colour, and its frame or its calibration too."""
+    """Depth is aligned if it has the size and calibration of colour; without one, its frame."""
     if options.depth_aligned is not None:
         return options.depth_aligned
     (colour, depth), (colour_intrinsics, depth_intrinsics) = heads, intrinsics
@@ -211,8 +202,9 @@ def _aligned(
     ours, theirs = (
         (one.fx, one.fy, one.cx, one.cy) for one in (colour_intrinsics, depth_intrinsics)
     )
-    # Two sensors never share a calibration to a hundredth of a pixel.
-    return colour.frame == depth.frame or bool(np.allclose(ours, theirs, atol=0.01, rtol=0))
+    # Two sensors never share a calibration to a hundredth of a pixel, and some drivers give both
+    # the same frame.
+    return bool(np.allclose(ours, theirs, atol=0.01, rtol=0))
 
 
 def _base(bag: Bag, topics: Topics, options: RosbagOptions) -> tuple[str, str] | None:
@@ -258,25 +250,3 @@ def _static_mount(
         if matrix is not None:
             return [static_transform(name, optical, matrix)]
     return []
-
-
-def intrinsics_of(message: Any, rectified: bool = False) -> Intrinsics:
-    """Read a CameraInfo of ROS 1 or ROS 2, of rectified images P; SourceError if it is unusable."""
-    k, d, p = (
-        np.asarray(getattr(message, name, getattr(message, name.upper(), ())), np.float64)
-        for name in ("k", "d", "p")
-    )
-    fx, fy, cx, cy = p[[0, 5, 2, 6]] if rectified and p.size == 12 and p[0] else k[[0, 4, 2, 5]]
-    if not (np.all(np.isfinite([fx, fy, cx, cy, *d])) and fx > 0 and fy > 0):
-        raise SourceError(
-            f"CameraInfo: expected focal lengths > 0, got fx {fx}, fy {fy}, cx {cx}, cy {cy}",
-            "Give the camera's calibration with options.calibration.",
-        )
-    coefficients = () if rectified or not np.any(d) else tuple(d.tolist())
-    model = message.distortion_model.lower()
-    if coefficients and len(coefficients) not in DISTORTIONS.get(model, ()):
-        raise SourceError(
-            f"CameraInfo: expected distortion plumb_bob or rational_polynomial, got "
-            f"{len(coefficients)} numbers for {message.distortion_model!r:.40}"
-        )
-    return to_intrinsics(np.array([fx, fy, cx, cy]), coefficients, message.width, message.height)

@@ -26,6 +26,8 @@ COLOURS: dict[str, tuple[str, int, int | None]] = {
 DEPTHS = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 COMPRESSED_DEPTH_HEADER = struct.Struct("<iff")  # format, two parameters of the quantisation
 PNG = b"\x89PNG\r\n\x1a\n"
+PNG_HEADER_BYTES = 26  # up to bits of a channel and type of colour
+GREY16 = b"\x10\x00"  # 16 bits, grey
 
 
 def colour_image(message: Any) -> U8:
@@ -41,6 +43,18 @@ def colour_image(message: Any) -> U8:
     if conversion is None:
         return np.ascontiguousarray(pixels)
     return np.asarray(cv2.cvtColor(np.ascontiguousarray(pixels), conversion), np.uint8)
+
+
+def encoding_of(message: Any) -> str:
+    """Return the encoding of an Image or CompressedImage; empty if a compressed one has none."""
+    if not hasattr(message, "format"):
+        return str(message.encoding)
+    encoding = str(message.format).partition(";")[0].strip()
+    if encoding in DEPTHS or encoding in COLOURS:
+        return encoding
+    data = message.data[:PNG_HEADER_BYTES].tobytes()
+    grey16 = data.startswith(PNG) and data[-2:] == GREY16
+    return "16UC1" if grey16 else ""
 
 
 def depth_image(message: Any) -> U16:
@@ -88,7 +102,11 @@ def _compressed_depth(layout: str, data: bytes) -> U16:
         return _png16(data)
     size = COMPRESSED_DEPTH_HEADER.size
     if "compressedDepth" not in layout or not data[size:].startswith(PNG):
-        raise DecodeError(f"depth image: expected PNG, got {layout!r:.60}", "RVL is not supported.")
+        raise DecodeError(
+            f"depth image: expected PNG, got {layout!r:.60}",
+            "TIFF, RVL and JPEG are not read: record depth raw or as PNG (kinect2_bridge: "
+            "_use_png:=true), or write it as PNG with a node of ROS.",
+        )
     quantised = _png16(data[size:])
     if not layout.startswith("32FC1"):
         return quantised

@@ -72,6 +72,7 @@ class LiveRosSource(Source):
         self._queue = SampleQueue(self.counters)
         self._pairing = Pairing[tuple[int, Any]](int(options.sync_slop_s * 1e9))
         self._wheels = WheelReader(options.wheels)
+        self._stamps: dict[str, int] = {}  # last stamp in a header, by topic
         self._since_s = 0.0
         self.problem = "waits for the first messages"
 
@@ -173,6 +174,8 @@ class LiveRosSource(Source):
         self, sample: TopicSample, kind: str, message: Any, topics: Topics, camera: LiveCamera
     ) -> Iterator[SourceItem]:
         stamp_ns = self._stamp(message, sample)
+        if stamp_ns is None:
+            return
         if kind == RGBD:
             camera.add_info(topics.colour_info, message.rgb_camera_info)
             camera.add_info(topics.depth_info, message.depth_camera_info)
@@ -235,6 +238,8 @@ class LiveRosSource(Source):
     ) -> Iterator[Odometry]:
         try:
             stamp_ns = self._stamp(message, sample)
+            if stamp_ns is None:
+                return
             if kind == JOINTS:
                 odometry = self._wheels.joints(message, stamp_ns)
             else:
@@ -247,10 +252,17 @@ class LiveRosSource(Source):
         self.counters["odometry"] += 1
         yield odometry
 
-    def _stamp(self, message: Any, sample: TopicSample) -> int:
-        stamp_ns = stamp_of(message)
-        self.counters["zero_stamps"] += stamp_ns == 0
-        return stamp_ns or sample.received_ns
+    def _stamp(self, message: Any, sample: TopicSample) -> int | None:
+        """Return the stamp of the header, or the time of reception if a driver leaves it empty.
+
+        None for the first message if it has none: a simulation begins at 0 s, too.
+        """
+        stamp_ns, before_ns = stamp_of(message), self._stamps.get(sample.topic)
+        self._stamps[sample.topic] = stamp_ns
+        if stamp_ns:
+            return stamp_ns
+        self.counters["zero_stamps"] += 1
+        return None if before_ns is None else sample.received_ns
 
     def _silent(self, topics: Iterable[str]) -> list[str]:
         """Return the topics without a message for `timeout_s`."""

@@ -8,14 +8,14 @@ import numpy as np
 from common.ros2.transforms import StampedTransform
 from people4d.errors import SourceError
 from people4d.messages import F64
-from services.camera.ros.camera import ImageHead, RosbagOptions, RosCamera, make_camera
+from services.camera.ros.camera import RosbagOptions, RosCamera, make_camera
+from services.camera.ros.camera_info import same_numbers
+from services.camera.ros.heads import ImageHead
 from services.camera.ros.motion import FrameTree
 from services.camera.ros.topics import Topics
 from services.camera.source import SourceSetup
 
 Size = tuple[int, int]  # height, width
-
-COMPARED = ("width", "height", "distortion_model", "d", "k", "p")
 
 
 class LiveCamera:
@@ -33,7 +33,6 @@ class LiveCamera:
         self._options = options
         self._counters = counters
         self._infos: dict[str, Any] = {}
-        self._texts: dict[str, str] = {}
         self._tree = FrameTree()
         self._static: dict[tuple[str, str], F64] = {}
         self._moving = set[tuple[str, str]]()
@@ -48,9 +47,9 @@ class LiveCamera:
 
     def add_info(self, topic: str, info: Any) -> None:
         """Take a CameraInfo."""
-        text = repr([np.asarray(getattr(info, name)).tolist() for name in COMPARED])
-        if self._texts.get(topic) != text:
-            self._texts[topic], self._infos[topic] = text, info
+        known = self._infos.get(topic)
+        if known is None or not same_numbers(known, info):
+            self._infos[topic] = info
             self._version += 1
 
     def add_base(self, frame_id: str, child_frame_id: str) -> None:

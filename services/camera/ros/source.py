@@ -4,6 +4,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +14,18 @@ from people4d.errors import DecodeError, SourceError
 from people4d.messages import Odometry
 from services.camera.folder.pairing import Pairing
 from services.camera.ros.camera import RosbagOptions, read_camera
+from services.camera.ros.heads import encodings, simulated_topics
 from services.camera.ros.images import colour_image, depth_image
 from services.camera.ros.motion import WheelReader, odometry_of
-from services.camera.ros.topics import JOINTS, OLD_TF, TF, Topics, find_topics, open_bag
+from services.camera.ros.topics import (
+    JOINTS,
+    ODOMETRY,
+    OLD_TF,
+    TF,
+    Topics,
+    find_topics,
+    open_bag,
+)
 from services.camera.source import MotionMessage, Source, SourceFrame
 
 NUMBER = re.compile(r"std_msgs/msg/(U?Int(8|16|32|64)|Float(32|64))")
@@ -42,34 +52,40 @@ class RosbagSource(Source):
                 options.depth_info_topic,
                 options.odometry_topic,
             )
-            self.topics = find_topics(bag.types, wanted)
+            unused = ODOMETRY if options.wheel_topics else ""  # wheels are used in its place
+            types = {topic: kind for topic, kind in bag.types.items() if kind != unused}
+            self.topics = find_topics(types, wanted, partial(encodings, bag))
             camera = read_camera(bag, self.topics, options)
             self._joints = _reads_joints(bag, options.wheel_topics)
-            self._tf = {topic for topic, kind in bag.types.items() if kind in (TF, OLD_TF)}
+            self._moving = camera.moving
+            self.moves = bool(self._moving)
+            self._motion = options.wheel_topics or (self.topics.odometry,)
+            self._tf = {
+                topic for topic, kind in bag.types.items() if kind in (TF, OLD_TF) and self.moves
+            }
+            self._simulated = simulated_topics(bag, self._played)
         self.info = camera.info
         self.transforms = camera.transforms
         self.registration = camera.registration
-        self._moving = camera.moving
-        self.moves = bool(self._moving)
-        if not self.moves:
-            self._tf = set()
+
+    @property
+    def _played(self) -> set[str]:
+        return {self.topics.colour, self.topics.depth, *self._motion, *self._tf} - {""}
 
     def __iter__(self) -> Iterator[SourceFrame | MotionMessage]:
         """Yield pairs of colour and depth, and motion, in the order of the bag."""
         pairing = Pairing[StampedImage](self._slop_ns)
         wheels = WheelReader(self._options.wheels)
-        motion_topics = self._options.wheel_topics or (self.topics.odometry,)
-        wanted = {self.topics.colour, self.topics.depth, *motion_topics, *self._tf} - {""}
         before = Counter(self.counters)
         # Opened here, by the thread that reads: SQLite insists.
         with open_bag(self._path) as bag:
-            for topic, time_ns, message in bag.messages(wanted):
+            for topic, time_ns, message in bag.messages(self._played):
                 if topic in self._tf:
-                    yield from self._transforms(message, time_ns)
-                elif topic in motion_topics:
+                    yield from self._transforms(topic, message, time_ns)
+                elif topic in self._motion:
                     yield from self._odometry(wheels, topic, time_ns, message)
                 else:
-                    stamp_ns = self._stamp(message, time_ns)
+                    stamp_ns = self._stamp(topic, message, time_ns)
                     yield from self._frames(self._pair(pairing, topic, (stamp_ns, message)))
                 self.counters["bad_messages"] = before["bad_messages"] + bag.bad_messages
                 self.counters["unpaired"] = before["unpaired"] + pairing.unpaired
@@ -114,31 +130,36 @@ class RosbagSource(Source):
     ) -> Odometry | None:
         topics = self._options.wheel_topics
         if not topics:
-            stamp_ns = self._stamp(message, time_ns)
+            stamp_ns = self._stamp(topic, message, time_ns)
             return odometry_of(message, stamp_ns, self.counters["odometry"])
         if self._joints:
-            return wheels.joints(message, self._stamp(message, time_ns))
+            return wheels.joints(message, self._stamp(topic, message, time_ns))
         return wheels.side(topic == topics[0], message, time_ns)  # a number has no stamp
 
-    def _transforms(self, message: Any, time_ns: int) -> Iterator[MotionMessage]:
+    def _transforms(self, topic: str, message: Any, time_ns: int) -> Iterator[MotionMessage]:
         for edge in edges_of(message):
             if (edge.parent, edge.child) not in self._moving:
                 continue
             parent = "map" if edge.parent == self._options.map_frame else edge.parent
-            stamp_ns, sequence = edge.stamp_ns or time_ns, self.counters["moving_transforms"]
+            stamp_ns = edge.stamp_ns
+            if not stamp_ns and topic not in self._simulated:
+                stamp_ns = time_ns
             try:
-                moved = replace(edge, parent=parent).moving(stamp_ns, sequence)
+                number = self.counters["moving_transforms"]
+                moved = replace(edge, parent=parent).moving(stamp_ns, number)
             except DecodeError:
                 self.counters["bad_transforms"] += 1
                 continue
             self.counters["moving_transforms"] += 1
             yield moved
 
-    def _stamp(self, message: Any, time_ns: int) -> int:
+    def _stamp(self, topic: str, message: Any, time_ns: int) -> int:
         """Return the stamp of the header, or the time of the bag if a driver leaves it empty."""
         stamp_ns = stamp_of(message)
-        self.counters["zero_stamps"] += stamp_ns == 0
-        return stamp_ns or time_ns
+        if stamp_ns or topic in self._simulated:
+            return stamp_ns
+        self.counters["zero_stamps"] += 1
+        return time_ns
 
 
 def _reads_joints(bag: Bag, topics: tuple[str, ...]) -> bool:

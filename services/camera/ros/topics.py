@@ -1,6 +1,7 @@
 """Types of ROS that cameras use, bags of them, and the choice of topics in a bag."""
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import astuple, dataclass
 from pathlib import Path
@@ -10,6 +11,7 @@ from rosbags.typesys.store import Typestore
 from common.io import ros_bag
 from common.io.ros_bag import Bag
 from people4d.errors import SourceError
+from services.camera.ros.images import DEPTHS
 
 IMAGE = "sensor_msgs/msg/Image"
 COMPRESSED = "sensor_msgs/msg/CompressedImage"
@@ -17,16 +19,22 @@ CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 ODOMETRY = "nav_msgs/msg/Odometry"
 JOINTS = "sensor_msgs/msg/JointState"
 TF, OLD_TF = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"  # the latter in old ROS 1
+TRANSFORM = "geometry_msgs/msg/Transform"
 RGBD = "realsense2_camera_msgs/msg/RGBD"
 TF_DEFINITION = "geometry_msgs/TransformStamped[] transforms\n"
 # Types that rosbags lacks, some in ROS 1 only.
 DEFINITIONS = {TF: TF_DEFINITION, OLD_TF: TF_DEFINITION}
 
 # Transports append their name to the topic; the earlier here, the better for depth and colour.
-TRANSPORTS = ("", "/compressedDepth", "/compressed")
+COMPRESSED_DEPTH = "/compressedDepth"
+TRANSPORTS = ("", COMPRESSED_DEPTH, "/compressed")
 COLOUR_WORDS = ("color", "colour", "rgb")
 ALIGNED_WORDS = ("aligned_depth", "depth_registered", "depth_to_color", "depth_to_rgb")
-OTHER_WORDS = ("infra", "/ir/", "confidence", "mask", "label", "debug")
+OTHERS = re.compile(r"infra|(^|[/_])ir([/_]|$)|confidence|mask|label|debug|thermal")
+FUSED_WORDS = ("filtered",)  # odometry of robot_localization, made of the other topics
+# librealsense's own recordings: STREAM/image/data, STREAM/info/camera_info, and in STREAM/tf/0 the
+# transform from the device's first stream to this one.
+SDK_IMAGE, SDK_INFO, SDK_TF = "/image/data", "/info/camera_info", "/tf/0"
 
 
 def ros2_types() -> Typestore:
@@ -50,24 +58,39 @@ class Topics:
     odometry: str  # odometry; may be empty
 
 
-def find_topics(types: Mapping[str, str], wanted: Topics) -> Topics:
-    """Choose topics that are not wanted by name; SourceError if one is absent or ambiguous."""
+def sdk_stream(image: str) -> str:
+    """Return the stream of an image topic of librealsense's recordings, empty for other topics."""
+    return image.removesuffix(SDK_IMAGE) if image.endswith(SDK_IMAGE) else ""
+
+
+def find_topics(
+    types: Mapping[str, str], wanted: Topics, encodings: Callable[[], Mapping[str, str]] = dict
+) -> Topics:
+    """Choose the topics of a bag.
+
+    Args:
+        types: Type of each topic.
+        wanted: Topics that are given by name.
+        encodings: Returns the encoding of the topics of images, by which depth is known; where it
+            is not known, by the word "depth" in the topic.
+
+    Raises:
+        SourceError: A topic is absent or ambiguous.
+    """
     for name in astuple(wanted):
         if name and name not in types:
             raise SourceError(f"bag has no topic {name}", f"It has {_list(types)}.")
-    odometry = wanted.odometry or _only([t for t, kind in types.items() if kind == ODOMETRY])
+    odometry = wanted.odometry or _odometry(types)
     rgbd = [topic for topic, kind in types.items() if kind == RGBD]
     if rgbd and wanted.colour in ("", *rgbd) and not wanted.depth:
         topic = wanted.colour or _choose("RGBD", rgbd, types, "colour_topic")
         return Topics(topic, topic, "", "", odometry)
-    images = [t for t, kind in types.items() if kind in (IMAGE, COMPRESSED)]
-    images = [t for t in images if not any(word in t.lower() for word in OTHER_WORDS)]
-    depths = [t for t in images if "depth" in t.lower()]
-    colours = [t for t in images if t not in depths]
-    depth = wanted.depth or _choose("depth", _narrow(depths, ALIGNED_WORDS), types, "depth_topic")
-    colour = wanted.colour or _choose(
-        "colour", _narrow(colours, COLOUR_WORDS), types, "colour_topic"
-    )
+    colour, depth = wanted.colour, wanted.depth
+    if not (colour and depth):
+        depths, colours = _images(types, encodings())
+        depth = depth or _choose("depth", depths, types, "depth_topic")
+        colours = [topic for topic in colours if topic != depth]
+        colour = colour or _choose("colour", colours, types, "colour_topic")
     infos = [t for t, kind in types.items() if kind == CAMERA_INFO]
     return Topics(
         colour,
@@ -76,6 +99,30 @@ def find_topics(types: Mapping[str, str], wanted: Topics) -> Topics:
         wanted.depth_info or _info_of(depth, infos),
         odometry,
     )
+
+
+def _images(types: Mapping[str, str], encodings: Mapping[str, str]) -> tuple[list[str], list[str]]:
+    """Return the topics that may be depth, and those that may be colour."""
+    images = [t for t, kind in types.items() if kind in (IMAGE, COMPRESSED)]
+    images = [t for t in images if not OTHERS.search(t.lower())]
+    depths = [
+        topic
+        for topic in images
+        if topic.endswith(COMPRESSED_DEPTH)
+        or (encodings.get(topic) in DEPTHS if encodings.get(topic) else "depth" in topic.lower())
+    ]
+    colours = [topic for topic in images if topic not in depths]
+    undoubted = [topic for topic in colours if "depth" not in topic.lower()]
+    return (
+        _narrow(_narrow(depths, ("depth",)), ALIGNED_WORDS),
+        _narrow(undoubted or colours, COLOUR_WORDS),
+    )
+
+
+def _odometry(types: Mapping[str, str]) -> str:
+    topics = [topic for topic, kind in types.items() if kind == ODOMETRY]
+    topics = _narrow(topics, FUSED_WORDS) if len(topics) > 1 else topics
+    return _choose("odometry", topics, types, "odometry_topic") if topics else ""
 
 
 def _choose(what: str, topics: Sequence[str], types: Mapping[str, str], option: str) -> str:
@@ -108,9 +155,9 @@ def _stream(topic: str) -> str:
 def _info_of(image: str, infos: Sequence[str]) -> str:
     """Find the camera_info beside an image topic, or the only one of its namespace."""
     namespace = _stream(image).rsplit("/", 1)[0]
-    beside = f"{namespace}/camera_info"
-    if beside in infos:
-        return beside
+    for beside in (f"{namespace}/camera_info", sdk_stream(image) + SDK_INFO):
+        if beside in infos:
+            return beside
     below = [topic for topic in infos if topic.startswith(f"{namespace}/")]
     return _only(below) or (infos[0] if len(infos) == 1 and "depth" not in image else "")
 

@@ -110,7 +110,7 @@ def test_bad_images_are_refused_with_expected_and_got() -> None:
     for data in (b"", b"\xff\xd8\xff junk", b"\x89PNG\r\n\x1a\n"):
         with pytest.raises(DecodeError, match="corrupt"):
             colour_image(ROS.compressed(data, "jpeg"))
-    with pytest.raises(DecodeError, match="RVL is not supported"):
+    with pytest.raises(DecodeError, match="RVL and JPEG are not read"):
         depth_image(ROS.compressed(b"0123456789ab0000", "16UC1; compressedDepth rvl"))
     _, png = cv2.imencode(".png", rgb())
     with pytest.raises(DecodeError, match="expected 16 bits grey"):

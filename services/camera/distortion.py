@@ -1,0 +1,35 @@
+"""Lens distortion under the names that drivers, SDKs and calibration files give it."""
+
+import re
+
+import numpy as np
+import numpy.typing as npt
+
+from people4d.errors import SourceError
+
+# Models of a pinhole with the coefficients k1 k2 p1 p2 k3 k4 k5 k6, as OpenCV has them. Those with
+# "brown_conrady" are librealsense's; realsense2_camera publishes them all as plumb_bob, too.
+PINHOLES = (
+    *("", "none", "plumb_bob", "rational_polynomial"),
+    *("brown_conrady", "inverse_brown_conrady", "modified_brown_conrady"),
+)
+LENGTHS = (0, 5, 8)  # of none, plumb_bob and rational_polynomial
+
+
+def read_distortion(model: str, coefficients: npt.ArrayLike) -> tuple[float, ...]:
+    """Return 0, 5 or 8 coefficients, whose number tells the model; zeros at the end do not count.
+
+    Raises:
+        SourceError: The lens is not a pinhole, or has more coefficients than 8.
+    """
+    numbers = np.trim_zeros(np.ravel(np.asarray(coefficients, np.float64)), "b").tolist()
+    name = re.sub(r"\W+", "_", model.lower())
+    known = name in PINHOLES and not (name == "none" and numbers)
+    length = next((length for length in LENGTHS if len(numbers) <= length), None)
+    if not known or length is None:
+        raise SourceError(
+            f"CameraInfo: expected distortion plumb_bob or rational_polynomial, got "
+            f"{len(numbers)} numbers for {model!r:.40}",
+            "Play rectified images, or give a calibration with options.calibration.",
+        )
+    return tuple(numbers + [0.0] * (length - len(numbers)))
