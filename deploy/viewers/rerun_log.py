@@ -10,6 +10,7 @@ from common.drawing.people import ARROW_M, CONFIDENCE_MIN, LIMBS
 from common.drawing.strokes import GREY, Colour, colour_of
 from common.io.images import encode_jpeg, encode_png16
 from common.runtime.latency import end_to_end, merge_stages, segments
+from deploy.viewers.rerun_viewer import PORT, start_viewer
 from deploy.viewers.scene import PeopleFrame, PeopleScene, ScenePerson, SkeletonFrame
 from people4d.errors import SourceError
 from people4d.messages import (
@@ -204,7 +205,9 @@ def open_stream(robot: str, file: Path | None) -> rr.RecordingStream:
             file.parent.mkdir(parents=True, exist_ok=True)
             stream.save(file, default_blueprint=blueprint([]))
         else:
-            stream.spawn(default_blueprint=blueprint([]))
+            start_viewer(PORT)
+            url = f"rerun+http://127.0.0.1:{PORT}/proxy"
+            stream.connect_grpc(url, default_blueprint=blueprint([]))
     except (OSError, RuntimeError) as error:
         name = str(file) if file else "Rerun's viewer"
         raise SourceError(f"{name} cannot be opened: {error}") from error

@@ -16,8 +16,14 @@ from people4d.messages import U8
 
 REQUIRE = "PEOPLE4D_REQUIRE_CHROMIUM"  # set where a missing Chromium must fail the tests
 WAIT_S = 100.0
-# All is drawn by the processor, 3D by SwiftShader; root can have no sandbox.
-FLAGS = ("--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader", "--disable-dev-shm-usage")
+# All is drawn by the processor, 3D by SwiftShader; root can have no sandbox. No name is looked up.
+FLAGS = (
+    "--no-sandbox",
+    "--disable-gpu",
+    "--enable-unsafe-swiftshader",
+    "--disable-dev-shm-usage",
+    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1, EXCLUDE localhost",
+)
 IMAGE = "#images canvas"
 STORE = "async (name) => (await import('/js/store.js')).store[name]"
 
