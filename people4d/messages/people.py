@@ -229,9 +229,8 @@ class Track(Record, frozen=True, kw_only=True):
     detection: Index | None  # index into Detections.detections of this stamp; absent if not matched
     score: Probability  # confidence of the last matched detection
     # source of the id at the last match. new: first match; continued: from the frame before;
-    # reidentified: matched again after an absence; refused: new, since the match with a known
-    # person is ambiguous. Absent if the tracker does not estimate it
-    identity: Literal["new", "continued", "reidentified", "refused"] | None = None
+    # reidentified: matched again after an absence. Absent if the tracker does not estimate it
+    identity: Literal["new", "continued", "reidentified"] | None = None
     identity_confidence: Probability | None = None  # of that decision; absent if unknown
     identity_reason: Text = ""  # of that decision; empty if unknown
 

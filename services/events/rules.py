@@ -159,7 +159,7 @@ class EventRules:
         if person.is_uncertain:
             if confidence is not None and confidence > self._config.certain_above:
                 person.is_uncertain = False
-        elif low or track.identity == "refused":
+        elif low:
             reason = track.identity_reason
             self._make(
                 *("identity_uncertain", track.id, person), confidence=confidence, reason=reason

@@ -68,16 +68,9 @@ class YawFilterConfig(Config, frozen=True, kw_only=True):
     sigma_measurement_rad: Positive = 0.35  # [rad] of measurements without their own
     # [rad] of angles nearby, at most: a larger one is a chance of any other angle
     sigma_max_rad: Positive = 0.5
-    # Probabilities that a person seen from behind is taken for one seen from the front, that one
-    # seen from the front is taken for one seen from behind, and of any other angle
-    reversed_back: PositiveRatio = 0.4
-    reversed_front: PositiveRatio = 0.005
-    outliers: PositiveRatio = 0.003
+    reversed: PositiveRatio = 0.005  # probability of the opposite angle
+    outliers: PositiveRatio = 0.003  # probability of any other angle
     correlation_s: Positive = 0.2  # [s] frames nearer to each other count less: errors last
-    # direction of walking
-    sigma_walk_rad: PositiveOrInfinite = 0.5  # [rad] from the chest; inf: it is no measurement
-    sigma_sway_mps: Positive = 0.4  # [m/s] of people who do not walk
-    walk_outliers: PositiveRatio = 0.1  # probability of walking anywhere else, backwards too
     # output
     share_min: Ratio = 0.5  # probability within 60 deg below which a yaw is not published
 

@@ -12,7 +12,7 @@ from tests import builders
 def track(
     number: int,
     x: float,
-    identity: Literal["new", "continued", "reidentified", "refused"] | None = None,
+    identity: Literal["new", "continued", "reidentified"] | None = None,
     confidence: float | None = None,
     reason: str = "",
 ) -> Track:

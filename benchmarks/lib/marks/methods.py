@@ -16,7 +16,6 @@ SWITCHES = {
     "identity": "tracker.strongsort3d.identity.enabled=false",
     "standing model": "tracker.strongsort3d.imm.enabled=false",
     "yaw density": "tracker.yaw=kalman",
-    "yaw of walking": "tracker.yaw_filter.sigma_walk_rad=inf",
 }
 
 

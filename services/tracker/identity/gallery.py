@@ -1,8 +1,6 @@
 """Gallery of people: embeddings of those who left, to re-identify them when they return."""
 
-import math
 from collections.abc import Container, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,15 +10,6 @@ from services.tracker.motion.track_record import IdentityDecision
 from services.tracker.strongsort3d.config import IdentityConfig
 
 NEAREST_VIEWS = 2  # of a person: one may be a bad crop
-
-
-@dataclass(frozen=True, slots=True)
-class IdentityQuery:
-    """A new track whose identity is wanted."""
-
-    position_m: F64  # 3
-    stamp_ns: int  # [ns] of the frame
-    embeddings: Sequence[F64]  # of one model; the longer one is, the more it counts
 
 
 class Gallery:
@@ -41,7 +30,7 @@ class Gallery:
     ) -> None:
         """Record a match of a person, and its embedding unless it is similar to one of theirs.
 
-        An occluded crop shows others, too, or a part only: it counts until there is a better one.
+        An occluded crop shows a part only: it counts until there is a better one.
         """
         entry = self.entries.pop(identity, None) or GalleryEntry(position_m, stamp_ns)
         entry.position_m, entry.matched_ns = position_m.copy(), stamp_ns
@@ -67,49 +56,36 @@ class Gallery:
                 return
             del self.entries[identity]
 
-    def plausible(self, query: IdentityQuery, present: Container[int]) -> list[int]:
-        """Return the absent people who could have walked to the position of a new track."""
-        config = self._config
-        return [
-            identity
-            for identity, entry in self._known().items()
-            if identity not in present
-            and entry.views
-            and math.dist(query.position_m, entry.position_m)
-            <= config.jump_m + config.speed_max_mps * (query.stamp_ns - entry.matched_ns) / 1e9
-        ]
+    def absent(self, present: Container[int]) -> list[int]:
+        """Return the people with views who are not present."""
+        return [i for i, entry in self._known().items() if i not in present and entry.views]
 
     def decide(
-        self, query: IdentityQuery, candidates: Sequence[int], limit: float
+        self, embeddings: Sequence[F64], candidates: Sequence[int], limit: float
     ) -> IdentityDecision:
-        """Return the candidate that a new track is, or why it is none of them.
+        """Return the candidate that a new track with these embeddings is, or why it is none.
 
-        The distance of a candidate is that of the mean of the query's embeddings to their two
-        nearest views, on average; that of an unknown person is `limit`, the largest of the same
-        person. A possibility at distance d has the weight exp(-d / temperature), and its part of
-        the sum is the confidence.
+        The longer an embedding, the more it counts. The distance of a candidate is that of their
+        mean to the candidate's two nearest views, on average; that of an unknown person is `limit`,
+        the largest of the same person. A possibility at distance d has the weight
+        exp(-d / temperature), and its part of the sum is the confidence.
         """
         if not candidates:
-            return IdentityDecision("new", 1.0, "no known person could be here")
-        if not query.embeddings:
+            return IdentityDecision("new", 1.0, "no known person is absent")
+        if not embeddings:
             return IdentityDecision("new", 0.5, "no embedding")
-        mean, known = mean_direction(query.embeddings), self._known()
+        mean, known = mean_direction(embeddings), self._known()
         distances = [view_distance(mean, known[k].views, NEAREST_VIEWS) for k in candidates]
         order = sorted(range(len(candidates)), key=lambda k: (distances[k], candidates[k]))
         best = order[0]
-        # With one candidate there is no second best to compare with.
-        rival = distances[order[1]] if len(order) > 1 else math.inf
         weights = np.exp(
             -(np.array([*distances, limit]) - min(*distances, limit)) / self._config.temperature
         )
         confidences = weights / weights.sum()
         reason = f"cosine distance {distances[best]:.2f} to {candidates[best]}"
-        reason += f", {rival:.2f} to {candidates[order[1]]}" if len(order) > 1 else ""
+        reason += f", {distances[order[1]]:.2f} to {candidates[order[1]]}" if len(order) > 1 else ""
         if distances[best] > limit:
             return IdentityDecision("new", float(confidences[-1]), f"{reason}: above {limit:.2f}")
-        if rival - distances[best] < self._config.margin:
-            confidence = float(1 - confidences[best])
-            return IdentityDecision("refused", confidence, f"{reason}: ambiguous")
         confidence = float(confidences[best])
         return IdentityDecision("reidentified", confidence, reason, candidates[best])
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from people4d.messages import F64
-from services.tracker.identity.gallery import Gallery, IdentityQuery
+from services.tracker.identity.gallery import Gallery
 from services.tracker.interface import GalleryEntry, Measurement, Observation
 from services.tracker.motion.track_record import BOOL, IdentityDecision, TrackRecord
 from services.tracker.motion.track_set import TrackSet
@@ -27,7 +27,7 @@ DISTANCE_PROBABILITY = 0.5  # of a match of round 2, which goes by the distance 
 class _MatchQuality:
     """Quality of one match for re-identification."""
 
-    unoccluded: bool  # the crop shows them alone
+    uncut: bool  # the box is not cut off at the left or right
     probability: float  # of the match
 
 
@@ -36,16 +36,16 @@ class _PendingIdentity:
     """A track whose identity is undecided."""
 
     since_ns: int  # [ns] stamp of the second match
-    # Embeddings of unoccluded crops and of others, times the areas of the boxes
-    unoccluded: list[F64] = field(default_factory=list)
+    # Embeddings of uncut crops and of others, times the areas of the boxes
+    uncut: list[F64] = field(default_factory=list)
     others: list[F64] = field(default_factory=list)
 
 
 class Reidentification(IdentityPolicy):
     """Decide the identity of each new track before it is confirmed.
 
-    A track that could be of an absent person stays tentative until one of its crops is
-    unoccluded, some if the decision is uncertain, or until a timeout.
+    A track that could be of an absent person stays tentative until one of its crops is uncut, some
+    if the decision is uncertain, or until a timeout.
     """
 
     def __init__(self, config: IdentityConfig) -> None:
@@ -159,10 +159,10 @@ class Reidentification(IdentityPolicy):
                 for record, m in result.matches
                 if record.id in rows
             }
-        occluded = result.frame.occluded
+        cut_off = result.frame.cut_off
         return [
             _MatchQuality(
-                m.index not in occluded,
+                m.index not in cut_off,
                 probabilities.get((record.id, m.index), DISTANCE_PROBABILITY),
             )
             for record, m in result.matches
@@ -175,22 +175,20 @@ class Reidentification(IdentityPolicy):
         (record, measurement), stamp_ns, config = match, match[0].matched_ns, self._config
         pending = self._pending.setdefault(record.id, _PendingIdentity(stamp_ns))
         if measurement.embedding is not None:
-            crops = pending.unoccluded if quality.unoccluded else pending.others
+            crops = pending.uncut if quality.uncut else pending.others
             crops.append(_area_px2(measurement) * measurement.embedding)
         if not record.confirmed:
             return
-        # Occluded crops are worse than unoccluded ones, but better than few.
-        enough = len(pending.unoccluded) >= config.crops_min
-        embeddings = pending.unoccluded if enough else pending.unoccluded + pending.others
-        query = IdentityQuery(record.x[:3], stamp_ns, embeddings)
+        # Cut off crops are worse than uncut ones, but better than few.
+        enough = len(pending.uncut) >= config.crops_min
+        embeddings = pending.uncut if enough else pending.uncut + pending.others
         present = {t.id for t in tracks.records if t.detection is not None or _beside(t, record)}
-        candidates = self._gallery.plausible(query, present)
+        candidates = self._gallery.absent(present)
         waits = stamp_ns - pending.since_ns < config.wait_s * 1e9
         limit = config.limit(frame.observation.embedder, frame.cosine_distance_max)
-        decision = self._gallery.decide(query, candidates, limit)
-        confidence = 0.0 if decision.identity == "refused" else decision.confidence or 0.0
-        certain = confidence >= config.confidence_min
-        if candidates and waits and len(pending.unoccluded) < (1 if certain else config.crops_min):
+        decision = self._gallery.decide(embeddings, candidates, limit)
+        certain = (decision.confidence or 0.0) >= config.confidence_min
+        if candidates and waits and len(pending.uncut) < (1 if certain else config.crops_min):
             record.confirmed = False
             return
         del self._pending[record.id]
@@ -204,7 +202,7 @@ class Reidentification(IdentityPolicy):
     def _add(self, match: Match, quality: _MatchQuality, stamp_ns: int) -> None:
         record, measurement = match
         self._gallery.add(
-            record.id, record.x[:3], stamp_ns, measurement.embedding, not quality.unoccluded
+            record.id, record.x[:3], stamp_ns, measurement.embedding, not quality.uncut
         )
 
 

@@ -192,8 +192,7 @@ class Imm:
     ) -> tuple[F64, F64, F64]:
         """Update with one velocity (3) each, and weigh the modes by its likelihood.
 
-        The velocity of a standing person is 0. One that no mode explains does not count. Errors of
-        consecutive velocities are similar, so each is less evidence than its likelihood says.
+        The velocity of a standing person is 0. One that no mode explains does not count.
         """
         still = self._config.standing_sigma_mps**2 * np.eye(3)
         y = np.stack([v, v - x[:, WALKING, 3:]], axis=1)
@@ -203,7 +202,7 @@ class Imm:
         x, P = x.copy(), P.copy()
         updated = kalman.update_velocity(x[used, WALKING], P[used, WALKING], v[used], R[used])
         x[used, WALKING], P[used, WALKING] = updated
-        after = weighed(probability, d_m2, S, self._config.velocity_weight)
+        after = weighed(probability, d_m2, S)
         return x, P, np.where(used[:, None], after, probability)
 
     def means(self, x: F64, P: F64, probability: F64) -> list[FilterState]:
@@ -252,12 +251,9 @@ def moments(weight: F64, x: F64, P: F64) -> tuple[F64, F64]:
     return weight @ x, within + (weight[..., 0] * weight[..., 1])[..., None, None] * spread
 
 
-def weighed(probability: F64, d_m2: F64, S: F64, exponent: float = 1.0) -> F64:
-    """Return probabilities (Nx2) of modes after innovations of covariances S (Nx2xmxm).
-
-    Likelihoods are raised to the exponent.
-    """
-    logs = -0.5 * exponent * (d_m2 + np.linalg.slogdet(S)[1])
+def weighed(probability: F64, d_m2: F64, S: F64) -> F64:
+    """Return probabilities (Nx2) of modes after innovations of covariances S (Nx2xmxm)."""
+    logs = -0.5 * (d_m2 + np.linalg.slogdet(S)[1])
     greatest = np.maximum.reduce(logs, axis=1, keepdims=True)
     weight = normalised(probability * np.exp(logs - greatest))
     return normalised(np.maximum(weight, PROBABILITY_MIN))

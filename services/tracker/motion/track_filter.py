@@ -2,8 +2,6 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from people4d.messages import F64
 from services.tracker.interface import Measurement
 from services.tracker.motion.state_filter import FilterState, StateFilter
@@ -19,11 +17,10 @@ class TrackFilter:
     Args:
         state: Filter of the states.
         yaw: Filter of the yaws.
-        velocity: Part of a state.
     """
 
-    def __init__(self, state: StateFilter, yaw: VelocityYaw, velocity: slice) -> None:
-        self._state, self._yaw, self._velocity = state, yaw, velocity
+    def __init__(self, state: StateFilter, yaw: VelocityYaw) -> None:
+        self._state, self._yaw = state, yaw
 
     def predicted(
         self, records: Sequence[TrackRecord], dt_s: float, noise_factor: float = 1.0
@@ -44,10 +41,7 @@ class TrackFilter:
     ) -> None:
         """Update tracks with one measurement (Nx3, noise Nx3x3) each."""
         states = self._state.update(records, z, R, [m.velocity for m in measurements])
-        velocity = self._velocity
-        velocities = np.array([state.x[velocity] for state in states])
-        covariances = np.array([state.P[velocity, velocity] for state in states])
-        yaws = self._yaw.update([t.yaw for t in records], measurements, velocities, covariances)
+        yaws = self._yaw.update([t.yaw for t in records], measurements)
         _set(records, list(zip(states, yaws, strict=True)))
 
 

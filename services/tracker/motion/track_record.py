@@ -18,7 +18,7 @@ BOOL = npt.NDArray[np.bool_]
 class IdentityDecision:
     """Origin of the identity of a track, see `Track`; None where re-identification is off."""
 
-    identity: Literal["new", "continued", "reidentified", "refused"] | None = None
+    identity: Literal["new", "continued", "reidentified"] | None = None
     confidence: float | None = None  # 0 to 1
     reason: str = ""
     id: int | None = None  # of the person re-identified; None: the track keeps its own

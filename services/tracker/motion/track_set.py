@@ -89,7 +89,7 @@ class TrackSet:
         self._lifecycle = lifecycle
         self._yaw = yaw
         self._position, self._velocity = motion.position, motion.velocity
-        self._filter = TrackFilter(self._state_filter, yaw, motion.velocity)
+        self._filter = TrackFilter(self._state_filter, yaw)
         self._past = PastFrames(self._filter)
         self._now_ns: int | None = None  # time of the last frame, while the tracks are back
 
@@ -187,8 +187,7 @@ class TrackSet:
     def begin(self, measurement: Measurement, observation: Observation, identity: int) -> None:
         """Begin a track."""
         x, P = self._motion.start(measurement)
-        at_rest, unknown = np.zeros((1, 3)), np.zeros((1, 3, 3))
-        (yaw,) = self._yaw.update([None], [measurement], at_rest, unknown)
+        (yaw,) = self._yaw.update([None], [measurement])
         record = TrackRecord(
             id=identity,
             x=x,

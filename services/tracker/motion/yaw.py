@@ -28,13 +28,8 @@ class VelocityYaw:
         self,
         states: States,
         measurements: Sequence[Measurement],  # noqa: ARG002
-        velocities_mps: F64,  # noqa: ARG002
-        covariances_m2ps2: F64,  # noqa: ARG002
     ) -> list[F64 | None]:
-        """Update N states, with one measurement each, which may have no yaw.
-
-        Velocities are Nx3, their covariances Nx3x3.
-        """
+        """Update N states, with one measurement each, which may have no yaw."""
         return list(states)
 
     def read(self, state: F64 | None, velocity_mps: F64) -> float | None:  # noqa: ARG002

@@ -24,7 +24,6 @@ TURN_MAX_RAD = math.radians(60)  # a larger step in one frame is no turn
 OUTLIERS_MAX = 0.9
 SINCE_MIN_S = 0.05  # a step in less time is not one of so fast a turn
 OTHER_VIEW_RAD = math.radians(20)  # between the lines of sight of two cameras
-SPEED_MIN_MPS = 1e-3
 LARGEST = np.array([3.2, 1e6, 3.2])  # yaw, rate and bearing of a checkpoint
 TIME_MAX_S = 1e12  # likewise
 
@@ -48,8 +47,7 @@ class YawMeasurements:
 class DensityYaw(VelocityYaw):
     """A histogram filter: the probability of each angle, whatever its form.
 
-    Networks take backs for fronts, so that two opposite angles are possible for a while, until the
-    direction of walking or a view from behind decides.
+    Some measurements are half a turn off, so that two opposite angles are possible for a while.
     """
 
     def __init__(self, config: YawFilterConfig) -> None:
@@ -73,20 +71,13 @@ class DensityYaw(VelocityYaw):
         after[:, SINCE] += dt_s
         return list(_read(after))
 
-    def update(
-        self,
-        states: States,
-        measurements: Sequence[Measurement],
-        velocities_mps: F64,
-        covariances_m2ps2: F64,
-    ) -> list[F64 | None]:
-        """Weigh the angles by the measured yaws and by the directions of walking."""
+    def update(self, states: States, measurements: Sequence[Measurement]) -> list[F64 | None]:
+        """Weigh the angles by the measured yaws."""
         config, after, yaws = self._config, _stacked(states), _yaws(measurements, self._config)
         # Errors of consecutive frames are similar, but not those of another camera.
         is_other = np.abs(wrap_each(yaws.bearing_rad - after[:, BEARING])) > OTHER_VIEW_RAD
         weight = np.where(is_other, 1.0, np.minimum(after[:, SINCE] / config.correlation_s, 1.0))
         p = likelihood_measured(yaws, np.sqrt(weight), config)
-        p *= likelihood_walking(velocities_mps, covariances_m2ps2, config)
         predicted = after.copy()
         after[:, DENSITY] *= p ** weight[:, None]
         _read(after)
@@ -126,38 +117,17 @@ class DensityYaw(VelocityYaw):
 def likelihood_measured(yaws: YawMeasurements, factor: F64, config: YawFilterConfig) -> F64:
     """Return the likelihoods (NxBINS) of measured yaws, the sigmas of which have a factor (N).
 
-    The measured angle is the true one, or that of a person taken for reversed, mostly one seen from
-    behind, or any.
+    The measured angle is the true one, the opposite one, or any.
     """
-    # Where the bearing is unknown, each angle may show the back.
-    behind = _or(np.maximum(np.cos(ANGLES - yaws.bearing_rad[:, None]), 0.0), 1.0)
-    reversed_ = config.reversed_front + (config.reversed_back - config.reversed_front) * behind
     # A larger sigma is one of angles nearby, and a chance of any other.
     limited_rad = np.minimum(yaws.sigma_rad, config.sigma_max_rad)
     other = (np.square(yaws.sigma_rad) - np.square(limited_rad)) / math.pi**2
     outliers = np.minimum(config.outliers + other, OUTLIERS_MAX)[:, None]
     sigma_rad = np.maximum(factor * limited_rad, STEP_RAD / 2)[:, None]
     normal = _normal(wrap_each(yaws.yaw_rad[:, None] - ANGLES), sigma_rad)
-    p = (1.0 - outliers) * (1.0 - reversed_) * normal
-    p += (1.0 - outliers) * reversed_ * normal[:, OPPOSITE]
-    p += outliers / (2 * math.pi)
+    near = (1.0 - config.reversed) * normal + config.reversed * normal[:, OPPOSITE]
+    p = (1.0 - outliers) * near + outliers / (2 * math.pi)
     return _or(p, 1.0)
-
-
-def likelihood_walking(velocities_mps: F64, covariances_m2ps2: F64, config: YawFilterConfig) -> F64:
-    """Return the likelihoods (NxBINS) of directions of walking.
-
-    The slower a person, the less the direction says.
-    """
-    v_x, v_y = velocities_mps[:, 0], velocities_mps[:, 1]
-    speed2 = np.maximum(v_x * v_x + v_y * v_y, SPEED_MIN_MPS**2)
-    C = covariances_m2ps2
-    across = v_y * v_y * C[:, 0, 0] - 2.0 * v_x * v_y * C[:, 0, 1] + v_x * v_x * C[:, 1, 1]
-    variance = (across / speed2 + config.sigma_sway_mps**2) / speed2 + config.sigma_walk_rad**2
-    error_rad = wrap_each(np.arctan2(v_y, v_x)[:, None] - ANGLES)
-    p = (1.0 - config.walk_outliers) * _normal(error_rad, np.sqrt(variance)[:, None])
-    p += config.walk_outliers / (2 * math.pi)
-    return p
 
 
 def _or(values: F64, other: float) -> F64:

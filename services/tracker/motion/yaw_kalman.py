@@ -31,13 +31,7 @@ class KalmanYaw(VelocityYaw):
         noise = kalman.acceleration_noise(dt_s, self._config.sigma_acceleration_radps2)
         return [None if s is None else predicted(s, dt_s, noise) for s in states]
 
-    def update(
-        self,
-        states: States,
-        measurements: Sequence[Measurement],
-        velocities_mps: F64,  # noqa: ARG002
-        covariances_m2ps2: F64,  # noqa: ARG002
-    ) -> list[F64 | None]:
+    def update(self, states: States, measurements: Sequence[Measurement]) -> list[F64 | None]:
         """Update known states, begin those measured for the first time."""
         return [
             self._updated(s, measured_rad(m)) for s, m in zip(states, measurements, strict=True)

@@ -61,32 +61,25 @@ class IdentityConfig(Config, frozen=True, kw_only=True):
     # Gallery
     views: PositiveInt = 8  # embeddings per person, as different from each other as possible
     view_gap: Annotated[float, Meta(ge=0, le=2)] = 0.03  # cosine distance of two views, at least
-    # Part of a box that the box of another person, not farther away, covers, above which its crop
-    # counts as occluded; so does that of a box cut off at the left or right
-    covered_max: Ratio = 0.3
     identities_max: PositiveInt = 100  # people; the longest unseen is deleted first
     retention_s: Positive = 600.0  # [s] since the last match
-    # [s] A track unmatched for longer, and never occluded, ends; its person is re-identified, with
-    # a margin to all others
+    # [s] A track unmatched for longer, and never occluded, ends; its person is re-identified
     absent_s: Seconds = 1.0
     # [s] likewise, of a track last seen at the edge of the image or predicted out of it, which its
     # camera has missed
     absent_cut_off_s: Seconds = 0.2
     # Time of the decision
-    # [s] a new track waits for unoccluded crops for so long, while an absent person could be back:
-    # for one if the decision is of this confidence, else for so many
+    # [s] a new track waits for uncut crops for so long, while an absent person could be back: for
+    # one if the decision is of this confidence, else for so many
     wait_s: Seconds = 0.3
     confidence_min: Ratio = 0.7
     crops_min: PositiveInt = 3
     # Rule of the decision
     # Largest cosine distance of the same person; absent: of REIDENTIFICATION_MAX, else C_cos
     match_max: CosineDistance | None = None
-    margin: Annotated[float, Meta(ge=0, le=2)] = 0.05  # to the second best, at least
     # Cosine distance that makes a match e times less probable; of real people 0.08 to 0.11 with the
     # histogram and 0.05 to 0.07 with OSNet
     temperature: Positive = 0.07
-    speed_max_mps: Positive = 2.5  # [m/s] out of view
-    jump_m: Annotated[float, Meta(ge=0, le=60)] = 0.8  # [m] error of positions on top of that
 
     def limit(self, embedder: str, other: float) -> float:
         """Return the largest cosine distance of the same person; `other` of unknown embedders."""
@@ -106,15 +99,13 @@ class ImmConfig(Config, frozen=True, kw_only=True):
     walking_sigma_mps: Positive = 0.6  # [m/s] of people who begin to walk, per axis
     standing_s: Positive = 0.5  # [s] mean time until a standing person begins to walk
     walking_s: Positive = 10.0  # [s] and until a walking person stops
-    # Exponent of the likelihood of a measured velocity: at 1 slow people are taken for standing
-    velocity_weight: Ratio = 0.3
 
 
 class StrongSort3dConfig(Config, frozen=True, kw_only=True):
     """StrongSORT-3D [PIC4SeR], section 5, and the policies around it."""
 
     # round 1
-    motion_weight: Ratio = 0.03  # lambda in c = lambda d_M^2 + (1 - lambda) d_cos; section 5: 0.02
+    motion_weight: Ratio = 0.02  # lambda in c = lambda d_M^2 + (1 - lambda) d_cos; section 5
     mahalanobis_max: Positive = CHI2_3DOF_95  # largest d_M^2: chi^2, 3 dof, 95 %; section 5
     # C_cos, largest cosine distance, by the name of the embedder (section 5: per embedder). What is
     # not named here is taken from COSINE_DISTANCE_MAX, else it is cosine_distance_max_other.
@@ -123,15 +114,9 @@ class StrongSort3dConfig(Config, frozen=True, kw_only=True):
     # True: c has lambda ln |S| on top, as a likelihood, and a track or detection without a partner
     # costs C_cos; section 5: False, as many pairs as possible
     likelihood: bool = True
-    # [m] from the prediction to a detection, of tracks that the frame before found: farther ones
-    # are of other people, however uncertain in depth and alike; section 5: inf
-    displacement_max_m: PositiveOrInfinite = 1.3
     ema_alpha: Ratio = 0.9  # e <- alpha e + (1 - alpha) f; section 5 (default)
     # round 2
     distance_max_m: Positive = 0.7  # [m] largest 3D distance; section 5 (default)
-    # refuse pairs that both gates of round 1 refuse, motion and appearance, if another camera had
-    # the track last; section 5: false
-    distance_gated: bool = True
     # life cycle
     n_init: PositiveInt = 2  # matches that confirm, with the first; section 5 (default): 3
     a_max: PositiveInt = 30  # [frames] unmatched frames that delete; section 5 (default)

@@ -41,25 +41,11 @@ class FrameContext:
         return self._indices(visibility.cut_off(self._boxes, self.observation.size_px))
 
     @cached_property
-    def occluded(self) -> frozenset[int]:
-        """Indices of the detections whose crop shows others, too, or is cut off."""
-        depths_m = np.array([m.forward_m for m in self.detections])
-        before = depths_m[None] <= depths_m[:, None]
-        covered = (self._common * before).max(axis=1, initial=0.0)
-        hidden = self._indices(covered > self.config.identity.covered_max)
-        return hidden | self.cut_off
-
-    @cached_property
     def depth_uncertain(self) -> frozenset[int]:
         """Indices of the detections whose depth may be that of a person in front."""
         # Not of those in front by depth alone: the depths are what is in doubt.
-        covered = self._common.max(axis=1, initial=0.0)
+        covered = visibility.common_ratios(self._boxes).max(axis=1, initial=0.0)
         return self._indices(covered > self.config.contact.depth_covered_max)
-
-    @cached_property
-    def _common(self) -> F64:
-        """Part (MxM) of the box of each detection that each other one covers."""
-        return visibility.common_ratios(self._boxes)
 
     @cached_property
     def _boxes(self) -> F64:

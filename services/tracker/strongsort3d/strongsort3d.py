@@ -20,7 +20,7 @@ from services.tracker.interface import (
     in_order,
 )
 from services.tracker.motion.motion import PositionMotion
-from services.tracker.motion.track_record import BOOL, IdentityDecision, TrackRecord, stack
+from services.tracker.motion.track_record import IdentityDecision, TrackRecord, stack
 from services.tracker.motion.track_set import TrackSet
 from services.tracker.observe import LENGTH_MIN
 from services.tracker.sort3d.association import associate, cosine_distances, distances
@@ -33,10 +33,6 @@ from services.tracker.strongsort3d.policies import (
     Match,
     Policies,
 )
-
-# [ns] since a match before another camera after which the distance says little: that camera's
-# frames may be late, or it sends no more, so its track was not missed
-OTHERS_NS = 200_000_000
 
 
 class StrongSort3d(TrackSetTracker):
@@ -135,10 +131,7 @@ class StrongSort3d(TrackSetTracker):
         first = associate(cost, confirmed, detections, unmatched)
         recent = [t for t in first.unmatched_tracks if self._just_found(t)] + tentative
         rest = first.unmatched_detections
-        cost = self._distance_cost(recent, rest)
-        if self._config.distance_gated:
-            cost[self._contradicted(recent, rest, frame)] = np.inf
-        second = associate(cost, recent, rest)
+        second = associate(self._distance_cost(recent, rest), recent, rest)
         return AssociationResult(frame, first, second)
 
     def _just_found(self, record: TrackRecord) -> bool:
@@ -165,29 +158,7 @@ class StrongSort3d(TrackSetTracker):
         cost = combined_cost(d_m2, d_cos, frame.cosine_distance_max, self._config)
         limits = self._policies.identity.cosine_limits(records, frame)
         cost[d_cos > limits[:, None]] = np.inf
-        if self._config.displacement_max_m < math.inf:
-            recent = np.array([self._just_found(t) for t in records], np.bool_)
-            far = distances(x[:, :3], z) > self._config.displacement_max_m
-            cost[recent[:, None] & far & ~unknown] = np.inf
         return cost + self._config.motion_weight * log_det if self._config.likelihood else cost
-
-    def _contradicted(
-        self, records: Sequence[TrackRecord], detections: Sequence[Measurement], frame: FrameContext
-    ) -> BOOL:
-        """Flag pairs (NxM) of tracks of another camera that neither motion nor appearance admits.
-
-        These are confirmed tracks that it had last; they need a position as good as in round 1.
-        """
-        camera = frame.observation.camera
-        others = np.array([t.confirmed and t.camera != camera for t in records], np.bool_)
-        if not detections or not others.any():
-            return np.zeros((len(records), len(detections)), np.bool_)
-        (x, P), z = stack(records), self._motion.measure(detections)
-        d_m2 = kalman.gate(x, P, z, self._motion.gate_noise(detections))[0]
-        uncertain = np.array([_is_uncertain(t, frame.observation) for t in records])
-        far = uncertain[:, None] | (d_m2 > self._config.mahalanobis_max)
-        unlike = cosine_distances(records, detections) > frame.cosine_distance_max  # not of NaN
-        return np.asarray(far & unlike & others[:, None])
 
     def _distance_cost(
         self, records: Sequence[TrackRecord], detections: Sequence[Measurement]
@@ -207,14 +178,6 @@ class StrongSort3d(TrackSetTracker):
         for record in self.tracks.records:
             record.embedding = None
         self._policies.identity.clear()
-
-
-def _is_uncertain(record: TrackRecord, observation: Observation) -> bool:
-    """Check that the position of a track that another camera had last is a guess.
-
-    It was not found in the frame before, or had too long ago.
-    """
-    return record.missed > 1 or observation.stamp_ns - record.matched_ns > OTHERS_NS
 
 
 def combined_cost(d_m2: F64, d_cos: F64, c_cos: float, config: StrongSort3dConfig) -> F64:

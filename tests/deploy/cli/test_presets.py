@@ -74,8 +74,6 @@ def test_the_other_methods_track_by_sections_3_and_5(method: str, suffix: str) -
         motion_weight=0.02,
         mahalanobis_max=7.8147,
         ema_alpha=0.9,
-        distance_gated=False,
-        displacement_max_m=math.inf,
         likelihood=False,
         n_init=3,
         a_max=30,

@@ -261,8 +261,8 @@ def test_identity_of_this_area_that_was_never_given_is_refused() -> None:
     assert node.status().counters["area_refused"] > 0
 
 
-def test_two_people_of_one_appearance_are_refused() -> None:
-    assert take_over(walker(1002), walker(2002))[0] == [1]
+def test_one_of_two_people_of_one_appearance_is_chosen() -> None:
+    assert take_over(walker(1002), walker(2002))[0] == [1002]
 
 
 @pytest.mark.parametrize(

@@ -87,22 +87,13 @@ def test_person_found_beside_another_is_not_that_one(first: int, ids: list[int])
     assert [id_ for id_, _, _ in stay(sort, 10, 4, person(3, 0.5, embedding=RED))] == ids
 
 
-def test_person_beyond_walking_distance_is_new() -> None:
-    # The same, but 4 m away: farther than 2.05 m.
-    sort = tracker()
-    stay(sort, 0, 10, person(5, -2, embedding=RED))
-    stay(sort, 10, 3)
-    results = stay(sort, 13, 3, person(5, 2, embedding=RED))
-    assert results[-1][1:] == ("confirmed", "new")
-
-
-def test_ambiguous_return_is_refused() -> None:
+def test_return_of_either_of_two_similar_people_is_decided_by_the_third_crop() -> None:
     sort = tracker()
     stay(sort, 0, 10, person(3, 0, embedding=RED), person(3, 1, 1, 0.8, RED_TOO))
     stay(sort, 10, 40)
-    # Two crops (the second and the third match) are not enough for a decision without a winner.
+    # Two crops (the second and the third match) are not enough for a decision of low confidence.
     assert stay(sort, 50, 3, person(3, 0.5, embedding=RED)) == []
-    assert stay(sort, 53, 1, person(3, 0.5, embedding=RED)) == [(3, "confirmed", "refused")]
+    assert stay(sort, 53, 1, person(3, 0.5, embedding=RED)) == [(1, "confirmed", "reidentified")]
 
 
 def test_of_two_similar_people_the_absent_one_returns() -> None:
@@ -114,19 +105,18 @@ def test_of_two_similar_people_the_absent_one_returns() -> None:
     assert results == [(1, "confirmed", "continued"), (2, "confirmed", "reidentified")]
 
 
-def test_new_track_waits_for_unoccluded_crops_until_a_timeout() -> None:
-    # Somebody else's box covers half of theirs: no picture is clear. At 10 Hz, wait_s = 0.5 ends in
-    # the sixth frame after the second sight.
+def test_new_track_waits_for_uncut_crops_until_a_timeout() -> None:
+    # At 3 m and 1.5 m to the left the image's edge cuts the box off. At 10 Hz, wait_s = 0.5 ends in
+    # the sixth frame after the second match.
     sort = tracker(IdentityConfig(enabled=True, wait_s=0.5))
-    cover = person(3, 0.1, 1, 0.8, BLUE)
     stay(sort, 0, 10, person(3, 0, embedding=RED))
     stay(sort, 10, 40)
-    both = person(3, 0, embedding=RED), cover
-    assert stay(sort, 50, 6, *both) == []
-    assert sorted(stay(sort, 56, 1, *both)) == [
-        (1, "confirmed", "reidentified"),
-        (3, "confirmed", "new"),
-    ]
+    red = person(3, 1.5, embedding=RED)
+    for number in range(50, 56):
+        (track,) = sort.update(with_pose(number, red))
+        assert track.state == "tentative"
+    (track,) = sort.update(with_pose(56, red))
+    assert (track.id, track.state, track.identity) == (1, "confirmed", "reidentified")
 
 
 def test_one_unoccluded_crop_decides_at_the_second_match() -> None:

@@ -118,7 +118,7 @@ def test_covariances_stay_positive_definite() -> None:
 
 @pytest.mark.parametrize(("measured_mps", "walks"), [(0.0, False), (1.0, True)])
 def test_a_measured_velocity_weighs_the_modes(measured_mps: float, walks: bool) -> None:
-    models = imm(velocity_weight=1.0)
+    models = imm()
     start = models.start(state(4.0, 0.5), 0.1 * np.eye(6))
     even = ImmState(start.x, start.P, np.array([0.5, 0.5]))
     v = np.array([[measured_mps, 0.0, 0.0]])
@@ -128,20 +128,6 @@ def test_a_measured_velocity_weighs_the_modes(measured_mps: float, walks: bool) 
     # P = 0.1, R = 0.01: 0.5 + (v - 0.5) 10 / 11; who stands has no velocity to be updated.
     assert x[0, WALKING, 3] == pytest.approx(0.5 + (measured_mps - 0.5) * 10 / 11)
     assert x[0, STANDING, 3] == 0.5
-
-
-def test_measured_velocities_weigh_the_modes_less_than_independent_ones() -> None:
-    odds = []
-    for weight in (1.0, 0.3):
-        models = imm(velocity_weight=weight)
-        start = models.start(state(4.0, 0.5), 0.1 * np.eye(6))
-        even = ImmState(start.x, start.P, np.array([0.5, 0.5]))
-        *_, probability = models.update_velocities(
-            *stacked(even), np.array([[0.1, 0.0, 0.0]]), 0.01 * np.eye(3)[None]
-        )
-        odds.append(np.log(probability[0, STANDING] / probability[0, WALKING]))
-    assert odds[1] == pytest.approx(0.3 * odds[0])
-    assert odds[0] > 1
 
 
 def test_a_velocity_that_no_mode_explains_does_not_count() -> None:

@@ -13,7 +13,6 @@ from services.tracker.motion.yaw_kalman import KalmanYaw
 from tests.tracker.scene import AT_REST, facing
 
 FILTER = KalmanYaw(YawKalmanConfig(sigma_measurement_rad=0.5))
-ANY_COVARIANCE = np.ones((4, 3, 3))
 
 
 def state(psi_rad: float, rate_radps: float = 0.0, variance: float = 0.25) -> F64:
@@ -27,7 +26,7 @@ def predict(before: F64, dt_s: float) -> F64:
 
 
 def update(before: F64 | None, detected: Measurement) -> F64:
-    (after,) = FILTER.update([before], [detected], AT_REST[None], ANY_COVARIANCE[:1])
+    (after,) = FILTER.update([before], [detected])
     assert after is not None
     return after
 
@@ -38,7 +37,7 @@ def test_the_first_measurement_begins_the_state() -> None:
     np.testing.assert_allclose(begun[2:5], [0.25, 0.0, 1.0])
     assert FILTER.read(begun, AT_REST) == pytest.approx(7.0 - 2 * math.pi)
     assert FILTER.read(None, np.ones(3)) is None
-    assert FILTER.update([None], [facing(None)], np.ones((1, 3)), ANY_COVARIANCE[:1]) == [None]
+    assert FILTER.update([None], [facing(None)]) == [None]
 
 
 def test_prediction_by_hand() -> None:
@@ -100,7 +99,7 @@ def test_two_seconds_without_a_measurement() -> None:
 def test_a_measurement_that_is_no_number_is_refused() -> None:
     before = state(0.3)
     detected = [facing(math.nan), facing(math.inf)]
-    after = FILTER.update([before, None], detected, np.zeros((2, 3)), ANY_COVARIANCE[:2])
+    after = FILTER.update([before, None], detected)
     assert after[0] is before
     assert after[1] is None
 
@@ -108,7 +107,7 @@ def test_a_measurement_that_is_no_number_is_refused() -> None:
 def test_people_in_a_stack_do_not_mix() -> None:
     crowd = [state(0.1), None, state(3.0, -1.0), None]
     detected = [facing(0.5), facing(None), facing(None), facing(-1.0)]
-    after = FILTER.update(crowd, detected, np.zeros((4, 3)), ANY_COVARIANCE)
+    after = FILTER.update(crowd, detected)
     assert after[1] is None
     assert after[2] is crowd[2]
     assert after[0] is not None

@@ -16,7 +16,6 @@ from services.tracker.sort3d.association import (
     min_max,
 )
 from services.tracker.strongsort3d import strongsort3d
-from services.tracker.strongsort3d.config import StrongSort3dConfig
 from services.tracker.strongsort3d.strongsort3d import moving_averages
 from tests.tracker.scene import published
 
@@ -89,16 +88,6 @@ def test_strongsort3d_cost() -> None:
     # lambda = 0.02: 0.02 * 2 + 0.98 * 0.1 = 0.138.
     cost = strongsort3d.combined_cost(np.array([[2.0]]), np.array([[0.1]]), 0.3, published())
     np.testing.assert_allclose(cost, [[0.138]])
-
-
-def test_motion_decides_between_people_who_are_alike() -> None:
-    # Two tracks and a detection of the second one's person, partly hidden, when both wear black:
-    # 0.03 * 7.5 + 0.97 * 0.23 = 0.4481, 0.03 * 0.8 + 0.97 * 0.37 = 0.3829; papers: 0.3754, 0.3786.
-    d_m2, d_cos = np.array([[7.5], [0.8]]), np.array([[0.23], [0.37]])
-    cost = strongsort3d.combined_cost(d_m2, d_cos, 0.46, StrongSort3dConfig())
-    np.testing.assert_allclose(cost, [[0.4481], [0.3829]])
-    cost = strongsort3d.combined_cost(d_m2, d_cos, 0.46, published())
-    np.testing.assert_allclose(cost, [[0.3754], [0.3786]])
 
 
 def test_both_gates_of_strongsort3d() -> None:

@@ -161,61 +161,12 @@ def test_round_two_is_closed_to_tracks_missed_before() -> None:
     assert results == [(1, "confirmed")]  # and the tentative track, unmatched, is gone
 
 
-@pytest.mark.parametrize(
-    ("since", "embedding", "identity"), [(2, BLUE, 1), (3, BLUE, 2), (3, RED, 1)]
-)
-def test_gated_round_two_goes_by_appearance_where_another_camera_had_the_track_long_ago(
-    since: int, embedding: tuple[float, ...], identity: int
-) -> None:
-    # Frames of the first camera come late: it has not missed its person, 0.3 m from the other.
-    sort = tracker(distance_gated=True)
-    for number in range(3):
-        sort.update(frame(number, person(3, 0, embedding=RED)))
-    for number in range(3, 2 + since):
-        sort.update(frame(number, camera="other"))
-    found = sort.update(frame(2 + since, person(3, 0.3, embedding=embedding), camera="other"))
-    assert [track.id for track in found if track.detection is not None] == [identity]
-
-
 def test_round_two_has_a_largest_distance() -> None:
     # A tentative track goes through round 2 only: 0.69 m aside matches, 0.71 m does not.
     for y, identity in ((0.69, 1), (0.71, 2)):
         sort = tracker()
         sort.update(frame(0, person(3, 0)))
         assert [track.id for track in sort.update(frame(1, person(3, y)))] == [identity]
-
-
-@pytest.mark.parametrize(
-    ("gated", "embedding", "identity"),
-    [(True, BLUE, 2), (True, RED, 1), (True, None, 1), (False, BLUE, 1)],
-)
-def test_gated_round_two_refuses_of_another_camera_what_motion_and_appearance_refuse(
-    gated: bool, embedding: tuple[float, ...] | None, identity: int
-) -> None:
-    sort = tracker(distance_gated=gated, sigma_measurement_m=0.02, sigma_acceleration_mps2=1.0)
-    for number in range(8):
-        sort.update(frame(number, person(3, 0, embedding=RED)))
-    found = sort.update(frame(8, person(3, 0.6, embedding=embedding), camera="other"))
-    assert [track.id for track in found if track.detection is not None] == [identity]
-
-
-@pytest.mark.parametrize(
-    ("most_m", "missed", "identity"), [(1.3, 0, 2), (1.3, 1, 1), (math.inf, 0, 1)]
-)
-def test_who_was_just_found_does_not_jump_to_somebody_who_comes_before_them(
-    most_m: float, missed: int, identity: int
-) -> None:
-    # A detection 1.4 m nearer, whose depth says little, and who is dressed alike.
-    sort = tracker(displacement_max_m=most_m)
-    for number in range(8):
-        sort.update(frame(number, person(3, 0, embedding=RED)))
-    for number in range(8, 8 + missed):
-        sort.update(frame(number))
-    near = dataclasses.replace(
-        person(1.6, 0, embedding=RED), covariance_m2=np.diag([1.0, 0.01, 0.01])
-    )
-    found = sort.update(frame(8 + missed, near))
-    assert [track.id for track in found if track.detection is not None] == [identity]
 
 
 def test_embeddings_of_another_model_are_dropped() -> None:

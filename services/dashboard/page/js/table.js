@@ -3,7 +3,7 @@ import { colourOf } from "./colours.js";
 import { on, select, store } from "./store.js";
 
 const body = document.querySelector("#table tbody"), empty = document.getElementById("no-people");
-const SOURCES = { new: "new", continued: "followed", reidentified: "recognised again", refused: "new, since ambiguous" };
+const SOURCES = { new: "new", continued: "followed", reidentified: "recognised again" };
 const rows = new Map();
 let drawn = 0;
 
