@@ -104,6 +104,7 @@ class Checkpoint:
 
     def __init__(self, node: StatefulNode, store: CheckpointStore, activity: Activity) -> None:
         self._node, self._store, self._activity = node, store, activity
+        self._problems: dict[str, str] = {}
         self._changed = False
         self._due_ns = 0
         self._number = 0
@@ -122,7 +123,7 @@ class Checkpoint:
         number = self._node.next_number()
         if number != self._number:
             self._number = number
-            self._try(lambda: self._store.write_number(number))
+            self._try("number", lambda: self._store.write_number(number))
 
     def handled(self) -> None:
         """Note that the node handled a message."""
@@ -148,15 +149,16 @@ class Checkpoint:
         self._changed = False
         state = self._node.save()
         if state:
-            self._try(lambda: self._store.write_state(state))
+            self._try("state", lambda: self._store.write_state(state))
 
-    def _try(self, write: Callable[[], None]) -> None:
+    def _try(self, what: str, write: Callable[[], None]) -> None:
+        self._problems.pop(what, None)  # a number may find room where a state does not
         try:
             write()
-            self._activity.problem = ""
         except OSError as error:
             where = f"{self._store.folder} ({error.strerror})"
-            self._activity.problem = f"its state cannot be saved in {where}: a restart loses it"
+            self._problems[what] = f"its state cannot be saved in {where}: a restart loses it"
+        self._activity.problem = next(iter(self._problems.values()), "")
 
 
 def _unpack(content: bytes) -> tuple[int, bytes] | None:

@@ -74,6 +74,26 @@ class Launcher:
             LaunchError: A service fails or is not healthy in time; everything is stopped again.
             People4dError: The system runs already.
         """
+        self.state.prepare()
+        with self.state.locked(0.0) as own:
+            if not own:
+                raise People4dError(
+                    f"people4d is just being started or stopped for {robot}",
+                    "Wait until that ends: people4d ps.",
+                )
+            self._spawn(robot, connect)
+        try:
+            self._start_services(timeout_s)
+        except SupervisorGoneError as error:
+            if self.state.was_stopped(STOP_S):
+                raise People4dError("people4d down stopped it before it was ready") from error
+            stop(self.state)
+            raise
+        except BaseException:
+            stop(self.state)
+            raise
+
+    def _spawn(self, robot: str, connect: str) -> None:
         running = self.state.read()
         if running:
             raise People4dError(
@@ -81,17 +101,18 @@ class Launcher:
                 "Stop it with people4d down, or name another robot with --robot and --port.",
             )
         swept = self.state.sweep()
-        self.state.prepare()
+        self.state.tidy()
         if swept:
             self._progress("left over", f"{swept} processes of a killed run ended")
         services = tuple(self.services.values())
-        pid = self.supervisor.spawn(services)
-        self.state.plan_file.write_bytes(msgspec.json.encode(services))
-        self.state.run_file.write_bytes(msgspec.json.encode(Run(connect=connect, pid=pid)))
+        self.state.write(self.state.plan_file, msgspec.json.encode(services))
         try:
-            self._start_services(timeout_s)
+            pid = self.supervisor.spawn(services)
+            self.state.write(
+                self.state.run_file, msgspec.json.encode(Run(connect=connect, pid=pid))
+            )
         except BaseException:
-            stop(self.state)
+            self.state.sweep()
             raise
 
     def _start_services(self, timeout_s: float) -> None:
@@ -230,18 +251,19 @@ def stop(state: State) -> bool:
     Supervisord waits for one process after the other; those that do not end, however many, are
     killed together after STOP_S. A process that writes files has the time that its service states.
     """
-    running = state.read()
-    if running:
-        spared = {running.pid, *_writing(state)}
-        with contextlib.suppress(SupervisorGoneError):  # it stops already
-            Supervisor(state).shutdown()
-        start_s = time.monotonic()
-        while state.read() and (elapsed_s := time.monotonic() - start_s) < STOP_TIMEOUT_S:
-            if elapsed_s > STOP_S:
-                state.kill_processes(but=spared)
-            time.sleep(POLL_S)
-    swept = state.sweep()
-    state.clear()
+    with state.locked(STOP_TIMEOUT_S):
+        running = state.read()
+        if running:
+            spared = {running.pid, *_writing(state)}
+            with contextlib.suppress(SupervisorGoneError):  # it stops already
+                Supervisor(state).shutdown()
+            start_s = time.monotonic()
+            while state.read() and (elapsed_s := time.monotonic() - start_s) < STOP_TIMEOUT_S:
+                if elapsed_s > STOP_S:
+                    state.kill_processes(but=spared)
+                time.sleep(POLL_S)
+        swept = state.sweep()
+        state.clear()
     return running is not None or swept > 0
 
 

@@ -22,6 +22,7 @@ REPORT = "report"  # profile and service that writes the report
 PROCESSES = "processes"  # profile of what only processes of this machine need
 CAMERA = "camera"
 ROUTER = "router"
+NEEDED = (ROUTER, CAMERA, "detector", "tracker")  # without which no people are tracked
 HOST = "127.0.0.1"
 PORT = 7447
 REPLICAS_PER_CORE = 4  # of one service at most, so that a typing error starts no storm
@@ -199,6 +200,8 @@ def replicas_of(
                 f"{name} runs once: two would do the same work twice",
                 f"Services that share their work are {scalable}.",
             )
+        if int(number) < 1 and name in NEEDED:
+            raise ConfigError(f"{text}: no people are tracked without {name}", f"Write {name}=1.")
         if int(number) < 1 and by_name[name].partners:
             others = ", ".join(other for other in by_name[name].partners if other != name)
             raise ConfigError(f"{name} is in one process with {others}, which would end, too")

@@ -121,7 +121,7 @@ def _one_more(plan: Plan, last: Plan) -> Iterator[Plan]:
 def _apply(state: State, supervisor: Supervisor, plan: Plan) -> tuple[list[str], list[str]]:
     """Make a plan that of the system; return the processes to start and those stopped."""
     changed = supervisor.rescale(plan)
-    state.plan_file.write_bytes(msgspec.json.encode(plan))
+    state.write(state.plan_file, msgspec.json.encode(plan))
     return changed
 
 

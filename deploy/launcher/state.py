@@ -1,11 +1,12 @@
 """The folder in which a running system keeps its socket, its logs and what it was started with."""
 
+import fcntl
 import os
 import shutil
 import signal
 import time
-from collections.abc import Collection, Mapping
-from contextlib import suppress
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -13,6 +14,7 @@ import msgspec
 import psutil
 from msgspec import Meta
 
+from common.io.files import replace_file
 from common.runtime.checkpoint import SUFFIX as CHECKPOINT
 from common.runtime.checkpoint import state_folder
 from common.transport.trace import JOINED
@@ -23,6 +25,7 @@ from services.dashboard.address import ADDRESS_FILE
 # A socket's path has 108 bytes; supervisord binds "<path>.<pid>" first, and a 0 ends it.
 LONGEST_SOCKET_PATH = 108 - 1 - len(".4194304")
 MARK = "PEOPLE4D_RUN"
+LOCK = "start.lock"  # file held by a start or stop under way
 POLL_S = 0.05
 GRACE_S = 3.0  # between SIGTERM and SIGKILL
 
@@ -66,7 +69,7 @@ class State:
         return next(shared, self.folder / f"{instance}.log")
 
     def prepare(self) -> None:
-        """Make the folder, for its owner only, and remove what the run before left in it.
+        """Make the folder, for its owner only.
 
         Raises:
             ConfigError: The path is too long for a socket, or the folder cannot be made.
@@ -86,13 +89,53 @@ class State:
                     "Set PEOPLE4D_STATE to a folder of your own.",
                 )
             self.folder.chmod(0o700)
-            stale = ("*.log*", f"*{CHECKPOINT}", ADDRESS_FILE)
-            for old in [file for pattern in stale for file in self.folder.glob(pattern)]:
-                old.unlink()
         except OSError as error:
             raise ConfigError(
                 f"state folder {self.folder} cannot be made: {error.strerror}",
                 "Set PEOPLE4D_STATE to a folder that you may write to.",
+            ) from error
+
+    def tidy(self) -> None:
+        """Remove what the run before left in the folder.
+
+        Raises:
+            People4dError: It cannot be removed.
+        """
+        stale = ("*.log*", f"*{CHECKPOINT}", ADDRESS_FILE)
+        try:
+            for old in [file for pattern in stale for file in self.folder.glob(pattern)]:
+                old.unlink(missing_ok=True)
+        except OSError as error:
+            raise People4dError(
+                f"{error.filename} cannot be removed: {error.strerror}", "Remove it by hand."
+            ) from error
+
+    @contextmanager
+    def locked(self, timeout_s: float) -> Iterator[bool]:
+        """Keep other starts and stops out of the block; yield False if one goes on for so long."""
+        try:
+            lock = (self.folder / LOCK).open("w")
+        except OSError:  # there is no folder, hence nothing to keep out
+            yield True
+            return
+        with lock:
+            deadline_s = time.monotonic() + timeout_s
+            while not (own := _lock(lock.fileno())) and time.monotonic() < deadline_s:
+                time.sleep(POLL_S)
+            yield own
+
+    def write(self, file: Path, content: bytes) -> None:
+        """Replace a file of the folder.
+
+        Raises:
+            People4dError: It cannot be written; the file before it remains.
+        """
+        try:
+            replace_file(file, content, 0o600)
+        except OSError as error:
+            raise People4dError(
+                f"{file} cannot be written: {error.strerror}",
+                "Make room, or set PEOPLE4D_STATE to a folder on another disk.",
             ) from error
 
     def read(self) -> Run | None:
@@ -160,6 +203,15 @@ def running_robots(environment: Mapping[str, str] = os.environ) -> list[str]:
 def names_of(log: Path) -> list[str]:
     """Return the instances whose log a file is."""
     return log.stem.split(JOINED)
+
+
+def _lock(descriptor: int) -> bool:
+    """Take the lock of a file; return False if another process has it."""
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
 
 
 def _is_marked(pid: int, folder: Path) -> bool:

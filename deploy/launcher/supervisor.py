@@ -3,6 +3,7 @@
 import contextlib
 import os
 import re
+import resource
 import shutil
 import subprocess
 import sys
@@ -23,6 +24,7 @@ from deploy.launcher.state import MARK, State
 from people4d.errors import ConfigError, People4dError
 
 SAFE = re.compile(r"[^\w@+=:,./-]", re.ASCII)
+FILES_MIN = 1024  # that supervisord must be able to open
 TRACE_S = 0.1  # that a process has to write down where it hangs
 
 PREFORK = {
@@ -163,6 +165,21 @@ def _text(path: str) -> str:
     return path.replace("%", "%%")
 
 
+def _start_failure(done: subprocess.CompletedProcess[str]) -> People4dError:
+    """Return the reason for which supervisord did not start."""
+    _, files = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if done.returncode > 0 and files < FILES_MIN:
+        return People4dError(
+            f"supervisord does not start: at most {files} files may be open here",
+            f"Allow {FILES_MIN}: ulimit -n {FILES_MIN}.",
+        )
+    lines = (done.stdout + done.stderr).strip().splitlines()
+    errors = [line.removeprefix("Error: ") for line in lines if line.startswith("Error: ")]
+    signalled = f"signal {-done.returncode} ended it"
+    reason = (errors or lines or [signalled if done.returncode < 0 else "it gives no reason"])[-1]
+    return People4dError(f"supervisord does not start: {reason}")
+
+
 class SupervisorGoneError(People4dError):
     """Supervisord does not answer, or only to say that it stops."""
 
@@ -179,7 +196,7 @@ class Supervisor:
         Raises:
             People4dError: It does not come up.
         """
-        self.state.config.write_text(render(self.state, services), encoding="utf-8")
+        self.state.write(self.state.config, render(self.state, services).encode())
         # It leaves this process and its terminal once its socket is open.
         done = subprocess.run(
             # Modules of the working directory are none of ours.
@@ -191,8 +208,7 @@ class Supervisor:
             check=False,
         )
         if done.returncode:
-            lines = (done.stdout + done.stderr).strip().splitlines() or ["it says nothing"]
-            raise People4dError(f"supervisord does not start: {lines[-1]}")
+            raise _start_failure(done)
         return int(self._call("supervisor.getPID"))
 
     def start(self, instance: str) -> None:
@@ -218,7 +234,7 @@ class Supervisor:
         Returns:
             Names of the new processes, and of those stopped.
         """
-        self.state.config.write_text(render(self.state, services), encoding="utf-8")
+        self.state.write(self.state.config, render(self.state, services).encode())
         ((added, _, removed),) = self._call("supervisor.reloadConfig")
         added, removed = (sorted(names, key=lambda n: (len(n), n)) for names in (added, removed))
         for instance in removed:

@@ -4,31 +4,29 @@ supervisord starts again what dies; whether a process that lives still does anyt
 heartbeat shows.
 """
 
+import math
 import os
+import shutil
 import socket
 import sys
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
-from common.config import Config
 from common.runtime import process
 from common.runtime.node import Node, Status
+from deploy.launcher.hangs import PERIOD_NS, ROUTER, HangDetector, WatchdogConfig
 from deploy.launcher.starvation import Starvation
 from deploy.launcher.state import MARK, State
 from deploy.launcher.supervisor import Process, Supervisor, SupervisorGoneError
 from people4d.errors import ConfigError
 from people4d.messages import Health, Message
-from people4d.messages.base import Positive, PositiveInt
 
 SERVICE = "watchdog"
-ROUTER = "router"
-PERIOD_NS = 250_000_000  # supervisord, too, sees what ended when it is asked
 REPORT_S = 60.0
 DEAD_S = 10.0
-HEARD_MAX = 1024  # processes, a bound against invented ones
-FORGET_S = 2.0  # after which heartbeats of another process number are forgotten
+ROOM_BYTES = 2**20  # on the disk of the state folder, below which it counts as full
+FULL = "the disk of the state folder is full: logs, events and states of services may be lost"
 # After a restart; where several hang, or one that lacks a processor, each doubles it, up to ...
 PAUSE_S = 2.0
 PAUSE_MAX_S = 60.0
@@ -38,125 +36,26 @@ STRAINED = (
 )
 
 
-class WatchdogConfig(Config, frozen=True, kw_only=True):
-    """Limits above which a process hangs. All values are this project's."""
-
-    silent_s: Positive = 2.25  # [s] without a heartbeat, of which two come in a second
-    # [s] in which a process says that it is stalled, which it does 2 s after it took a message that
-    # it is still busy with
-    stalled_s: Positive = 8.0
-    # [s] from its start to the first heartbeat of a process that is to come back: it may load a
-    # model. Before it was ever heard of, `people4d up --timeout` counts.
-    start_s: Positive = 120.0
-    restarts_max: PositiveInt = 5  # of one process within restarts_window_s; then it is left alone
-    restarts_window_s: Positive = 300.0  # [s]
-
-
-@dataclass(slots=True)
-class _Heard:
-    """Last heartbeat of one process."""
-
-    last_s: float  # monotonic, of the last one
-    state: str
-    stalled_s: float | None = None  # monotonic, of the first one of this stall
-
-
-class HangDetector:
-    """Processes that hang, found by their heartbeats; without a clock or side effects.
-
-    A process that gets too little of the processor has so many times longer. Heartbeats in the name
-    of a process, but of another process number, say nothing about it.
+class WatchdogNode(Node):
+    """Ends processes of this host that hang, and reports a full disk.
 
     Args:
         config: Limits.
-        slowdown: Returns how many times longer a process takes for want of a processor.
+        supervisor: Supervisord, which starts again what was ended.
+        host: Name of this host.
+        free_bytes: Returns the room on the disk of the state folder.
     """
-
-    def __init__(
-        self, config: WatchdogConfig, slowdown: Callable[[int], float] = lambda _: 1.0
-    ) -> None:
-        self._config, self._slowdown = config, slowdown
-        self._heard: dict[tuple[str, int], _Heard] = {}  # by name and process number
-        self.names: set[str] = set()  # processes heard of since this one runs
-        self.unannounced = 0  # heartbeats in the name of processes that are not supervised here
-        self._checked_s: float | None = None
-
-    def hear(self, health: Health, now_s: float) -> None:
-        """Note a heartbeat."""
-        key = health.instance, health.pid
-        if key not in self._heard and len(self._heard) >= HEARD_MAX:
-            return
-        before = self._heard.get(key)
-        stalled_s = None
-        if health.state == "stalled":
-            stalled_s = before.stalled_s if before else None
-            stalled_s = now_s if stalled_s is None else stalled_s
-        self._heard[key] = _Heard(now_s, health.state, stalled_s)
-
-    def hung(self, processes: Mapping[str, Process], now_s: float) -> dict[str, str]:
-        """Return the processes of those that run which hang, by name, each with the reason."""
-        self._excuse(now_s)
-        self._forget(processes, now_s)
-        running = [p for p in processes.values() if p.state == "RUNNING"]
-        watched = [p for p in running if p.name in self.names]
-        found = {p.name: why for p in watched if (why := self._why(p, now_s))}
-        silent = [p.name for p in watched if p.name in found and self._is_silent(p, now_s)]
-        # A watchdog that hears no process at all may itself be cut off.
-        if len(silent) == len(watched) > 1:
-            return {name: why for name, why in found.items() if name.startswith(f"{ROUTER}-")}
-        return found
-
-    def _forget(self, processes: Mapping[str, Process], now_s: float) -> None:
-        """Forget heartbeats of process numbers that are not, or no longer, of our processes."""
-        pids = {p.name: p.pid for p in processes.values()}
-        self.names |= {name for name, pid in self._heard if pids.get(name) == pid}
-        self.unannounced += len({name for name, _ in self._heard} - pids.keys())
-        # The list of processes may be older than the heartbeat of a new one.
-        self._heard = {
-            (name, pid): heard
-            for (name, pid), heard in self._heard.items()
-            if pids.get(name) == pid or (name in pids and now_s - heard.last_s < FORGET_S)
-        }
-
-    def _excuse(self, now_s: float) -> None:
-        """Excuse processes for a time in which this process itself did not run."""
-        asleep_s = 0.0 if self._checked_s is None else now_s - self._checked_s - 4 * PERIOD_NS / 1e9
-        self._checked_s = now_s
-        if asleep_s > 0:
-            for heard in self._heard.values():
-                heard.last_s = min(now_s, heard.last_s + asleep_s)
-
-    def _why(self, process: Process, now_s: float) -> str:
-        heard, config = self._heard.get((process.name, process.pid)), self._config
-        if heard is None:  # started anew, and not heard of since
-            late = process.uptime_s > config.start_s * self._slowdown(process.pid)
-            return f"no heartbeat within {config.start_s:.0f} s of its start" if late else ""
-        if self._is_silent(process, now_s):
-            return f"no heartbeat for {now_s - heard.last_s:.0f} s"
-        stalled_s = config.stalled_s * self._slowdown(process.pid)
-        if heard.stalled_s is not None and now_s - heard.stalled_s > stalled_s:
-            return f"stalled for {now_s - heard.stalled_s:.0f} s"
-        return ""
-
-    def was_heard(self, process: Process) -> bool:
-        """Check that this very process, not one before it of its name, sent a heartbeat."""
-        return (process.name, process.pid) in self._heard
-
-    def _is_silent(self, process: Process, now_s: float) -> bool:
-        heard = self._heard.get((process.name, process.pid))
-        if heard is None:
-            return False
-        # Who stops may close files for a while.
-        limit_s = self._config.start_s if heard.state == "stopping" else self._config.silent_s
-        return now_s - heard.last_s > limit_s * self._slowdown(process.pid)
-
-
-class WatchdogNode(Node):
-    """Ends processes of this host that hang, so that supervisord starts them again."""
 
     inputs: tuple[type[Message], ...] = (Health,)
 
-    def __init__(self, config: WatchdogConfig, supervisor: Supervisor, host: str) -> None:
+    def __init__(
+        self,
+        config: WatchdogConfig,
+        supervisor: Supervisor,
+        host: str,
+        free_bytes: Callable[[], float] = lambda: math.inf,
+    ) -> None:
+        self._free_bytes = free_bytes
         self._config = config
         self._host = host
         self._supervisor = supervisor
@@ -198,7 +97,8 @@ class WatchdogNode(Node):
 
     def status(self) -> Status:
         """Return the processes that were ended lately, and those left alone."""
-        problems = [*self._left_alone.values(), *filter(None, [self._gone])]
+        full = FULL if self._free_bytes() < ROOM_BYTES else ""
+        problems = [*self._left_alone.values(), *filter(None, [self._gone, full])]
         when_s, what = self._last
         lately = [what] if self._now_s - when_s < REPORT_S else []
         return Status(
@@ -270,7 +170,20 @@ def build(config: WatchdogConfig) -> WatchdogNode:
     folder = os.environ.get(MARK)
     if not folder:
         raise ConfigError("the watchdog is part of a system", "people4d up starts it.")
-    return WatchdogNode(config, Supervisor(State(Path(folder))), socket.gethostname())
+    return WatchdogNode(
+        config,
+        Supervisor(State(Path(folder))),
+        socket.gethostname(),
+        lambda: _free_bytes(folder),
+    )
+
+
+def _free_bytes(folder: str) -> float:
+    """Return the room on the disk of a folder; infinite if it is not known."""
+    try:
+        return shutil.disk_usage(folder).free
+    except OSError:
+        return math.inf
 
 
 def main() -> int:

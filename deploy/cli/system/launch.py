@@ -1,7 +1,7 @@
 """Launch of a system from the terminal: started, attended to its end, summed up."""
 
 import time
-from contextlib import closing
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import typer
@@ -20,6 +20,7 @@ from deploy.launcher.plan import (
 )
 from deploy.launcher.state import State
 from deploy.launcher.supervisor import SupervisorGoneError
+from people4d.errors import People4dError
 
 # Lock-step waits for every result: the same recording gives the same tracks on any machine.
 LOCKSTEP_WAITS = ("tracker.embedding_wait_s=4.0", "tracker.reorder_wait_s=4.0")
@@ -50,10 +51,7 @@ def launch(request: LaunchRequest, timeout_s: float, detach: bool) -> None:
             if detach:
                 console.print("Everything is up. See: people4d ps, listen, logs, down")
                 return
-            try:
-                _attend(launcher, request)
-            finally:
-                stop(state)
+            _attend_to_end(launcher, request)
         except KeyboardInterrupt:
             console.print("Stopped.")
             raise typer.Exit(130 if request.report else 0) from None
@@ -67,6 +65,27 @@ def _print_page(state: State) -> None:
         console.print(f"Page in the browser: {address.login}", markup=False)
 
 
+def _attend_to_end(launcher: Launcher, request: LaunchRequest) -> None:
+    """Attend to a system, and stop it at the end.
+
+    Raises:
+        People4dError: A process failed; or supervisord was killed, so that the others run on.
+    """
+    state = launcher.state
+    with ExitStack() as end:
+        end.callback(stop, state)
+        try:
+            _attend(launcher, request)
+        except SupervisorGoneError as error:
+            if not state.was_stopped(GONE_TIMEOUT_S):
+                end.pop_all()
+                raise People4dError(
+                    "supervisord was killed: the services run on, but none is restarted",
+                    "End them with people4d down, or start anew with people4d up.",
+                ) from error
+            console.print("Stopped by people4d down.")
+
+
 def _attend(launcher: Launcher, request: LaunchRequest) -> None:
     if request.report:
         console.print("Running to the end of the source ...")
@@ -75,13 +94,7 @@ def _attend(launcher: Launcher, request: LaunchRequest) -> None:
         return
     console.print("Everything is up; Ctrl-C stops it. In another terminal: people4d listen")
     while True:
-        try:
-            launcher.processes()
-        except SupervisorGoneError:
-            if not launcher.state.was_stopped(GONE_TIMEOUT_S):
-                raise
-            console.print("Stopped by people4d down.")
-            return
+        launcher.processes()
         time.sleep(POLL_S)
 
 

@@ -142,3 +142,15 @@ def test_folder_that_cannot_be_written_is_a_problem_of_the_process(tmp_path: Pat
     assert process.activity.problem.startswith(f"its state cannot be saved in {tmp_path / 'file'}")
     process.handle(0)
     process.checkpoint.save_state()
+
+
+def test_state_that_finds_no_room_stays_a_problem_though_its_number_does(tmp_path: Path) -> None:
+    process = Process(tmp_path)
+    for index in (0, 1):
+        (tmp_path / f"tracker-1.state{index}.checkpoint").mkdir()
+    process.handle(0)
+    process.checkpoint.save_state()
+    assert process.activity.problem.startswith(f"its state cannot be saved in {tmp_path}")
+    process.handle(1)
+    assert (tmp_path / "tracker-1.next.checkpoint").read_bytes() != b""
+    assert process.activity.problem.startswith(f"its state cannot be saved in {tmp_path}")

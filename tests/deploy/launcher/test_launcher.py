@@ -7,6 +7,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import psutil
@@ -17,6 +18,7 @@ from deploy.doctor import here
 from deploy.launcher.health import Heartbeats
 from deploy.launcher.launcher import Launcher, LaunchError, stop, tail
 from deploy.launcher.state import State
+from deploy.launcher.supervisor import Supervisor
 from people4d.errors import People4dError
 
 pytestmark = [pytest.mark.processes, pytest.mark.network]
@@ -196,3 +198,94 @@ def test_up_ends_after_down(tmp_path: Path) -> None:
         rest = process.stdout.read()
         assert process.wait(TIMEOUT_S) == 0
     assert "Stopped by people4d down." in rest
+
+
+def test_services_run_on_after_up_whose_supervisord_was_killed(tmp_path: Path) -> None:
+    file, state = tmp_path / "compose.yaml", State(tmp_path / "robot")
+    file.write_text('services: {toy: {command: [sleep, "99"]}}')
+    environment = {**os.environ, "PEOPLE4D_STATE": str(tmp_path)}
+    up = [sys.executable, "-m", "deploy.cli", "up", "--compose", str(file)]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(up, stdout=pipe, stderr=pipe, text=True, env=environment) as process:
+        assert process.stdout
+        assert any("Everything is up" in line for line in iter(process.stdout.readline, ""))
+        run = state.read()
+        assert run is not None
+        toy = Supervisor(state).processes()["toy-1"].pid
+        os.kill(run.pid, signal.SIGKILL)
+        _, errors = process.communicate(timeout=3 * TIMEOUT_S)
+    assert process.returncode == 1
+    assert "supervisord was killed: the services run on" in errors
+    assert [left.pid for left in state.leftovers()] == [toy]
+    assert stop(state)
+    assert state.leftovers() == []
+
+
+def test_second_start_is_refused_while_the_first_spawns(state: State) -> None:
+    state.prepare()
+    with state.locked(0.0), pytest.raises(People4dError, match="just being started or stopped"):
+        launcher(state, TOY).start("robot", "", TIMEOUT_S)
+
+
+def test_down_during_the_start_ends_it_with_its_name(state: State) -> None:
+    text = """
+    services:
+      slow: {command: [sleep, "99"], healthcheck: {test: [CMD, people4d, health, slow]}}
+    """
+    toy, errors = launcher(state, text), list[BaseException]()
+
+    def start() -> None:
+        try:
+            toy.start("robot", "", 3 * TIMEOUT_S)
+        except People4dError as error:
+            errors.append(error)
+
+    starting = threading.Thread(target=start)
+    starting.start()
+    wait_for(lambda: state.folder.exists() and bool(list(state.folder.glob("start.lock"))))
+    wait_for(lambda: stop(state))  # waits until supervisord is there
+    starting.join(3 * TIMEOUT_S)
+    assert ["people4d down stopped it" in str(error) for error in errors] == [True]
+    assert state.leftovers() == []
+
+
+def test_too_few_open_files_are_reported_with_the_remedy(tmp_path: Path) -> None:
+    file = tmp_path / "compose.yaml"
+    file.write_text('services: {toy: {command: [sleep, "99"]}}')
+    environment = {**os.environ, "PEOPLE4D_STATE": str(tmp_path)}
+    up = f"ulimit -n 64; {sys.executable} -m deploy.cli up -d --compose {file}"
+    done = subprocess.run(
+        ["sh", "-c", up], env=environment, capture_output=True, text=True, check=False
+    )
+    if done.returncode == 0:
+        stop(State(tmp_path / "robot"))
+        pytest.skip("this user may raise the number of files that may be open")
+    assert "at most 64 files may be open here. Allow 1024: ulimit -n 1024." in done.stderr
+
+
+@pytest.fixture
+def full_disk(tmp_path: Path) -> Iterator[Path]:
+    """A small file system without room."""
+    folder = tmp_path / "full"
+    folder.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(folder)]
+    if os.geteuid() or subprocess.run(mount, check=False, capture_output=True).returncode:
+        pytest.skip("file systems cannot be mounted here")
+    try:
+        with suppress(OSError), (folder / "filling").open("wb", buffering=0) as filling:
+            while True:
+                filling.write(bytes(4096))
+        yield folder
+    finally:
+        subprocess.run(["umount", "-l", str(folder)], check=True)
+
+
+def test_full_disk_before_the_start_is_an_error_with_a_remedy(full_disk: Path) -> None:
+    state = State(full_disk / "robot")
+    file = full_disk.parent / "compose.yaml"
+    file.write_text('services: {toy: {command: [sleep, "99"]}}')
+    services = select(read(file, {}), set())
+    toy = Launcher(state, services, Heartbeats("", "robot"), lambda *_: None)
+    with pytest.raises(People4dError, match=r"cannot be written: No space left .* Make room"):
+        toy.start("robot", "", TIMEOUT_S)
+    assert state.leftovers() == []

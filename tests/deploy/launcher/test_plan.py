@@ -81,6 +81,10 @@ def test_visual_odometry_runs_only_with_its_option() -> None:
         (LaunchRequest(scale=["gait=2"], profiles=["gait"]), "gait runs once"),
         (LaunchRequest(settings=["tracker=1"]), "Write service.field=value"),
         (LaunchRequest(settings=["tracker.field"]), "Write service.field=value"),
+        *(
+            (LaunchRequest(scale=[f"{name}=0"]), f"no people are tracked without {name}")
+            for name in ("router", "camera", "detector", "tracker")
+        ),
         (LaunchRequest(scale=["detector"]), "Write service=number"),
         (LaunchRequest(scale=["singer=2"]), "there is no service 'singer'"),
         (LaunchRequest(config=Path("none.toml")), "none.toml does not exist"),

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from deploy.launcher.hangs import HangDetector, WatchdogConfig
 from deploy.launcher.starvation import Starvation
 from deploy.launcher.supervisor import Process, Supervisor, SupervisorGoneError
-from deploy.launcher.watchdog import STRAINED, HangDetector, WatchdogConfig, WatchdogNode
+from deploy.launcher.watchdog import ROOM_BYTES, STRAINED, WatchdogNode
 from people4d.messages import Health
 from people4d.messages.status import State
 from tests import builders
@@ -173,6 +174,15 @@ def test_hung_process_is_killed_once_and_reported() -> None:
     assert status.reason == "tracker-1 hung (no heartbeat for 4 s) and was started again"
     run(node, 20, 90, health("router-1"), health("tracker-1", pid=2))
     assert node.status().reason == ""
+
+
+def test_full_disk_is_reported_until_there_is_room() -> None:
+    free = [ROOM_BYTES - 1]
+    node = WatchdogNode(CONFIG, Supervised("router-1"), "here", lambda: free[0])
+    assert node.status().state == "degraded"
+    assert "the disk of the state folder is full" in node.status().reason
+    free[0] = ROOM_BYTES
+    assert node.status().state == "ready"
 
 
 def test_process_that_hangs_repeatedly_is_left_and_reported() -> None:
