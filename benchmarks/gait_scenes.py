@@ -8,22 +8,34 @@ in the scenes `judge_...`. Each scene becomes a folder with `rgb/*.jpg`, `depth/
 """
 
 import argparse
+import dataclasses
 import importlib
 import math
 import os
 import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.lib.gait.other_walkers import OtherWalker, Scene, Simulator, Style, ellipse
-from people4d.messages import F64
+from benchmarks.lib.gait.drawn_scenes import draw_scene, drawn_scenes
+from benchmarks.lib.gait.other_walkers import (
+    OtherWalker,
+    Scene,
+    Simulator,
+    Style,
+    ellipse,
+    rotation,
+)
+from people4d.messages import F64, U8, U16
 
 CAMERA_X_M, MIDDLE_X_M, MIDDLE_Z_M = -0.3, 3.6, 0.85
 VISIBLE_M = 0.16  # by which a surface may be before a joint that is visible, as in data/lab
-SIZE_PX = (640, 480)
+TORSO = [5, 6, 11, 12]  # shoulders and hips
 BACK = math.pi
 
 AHEAD, BACKWARD = ((3.0, 0.1), (99.0, 0.1)), ((3.4, -0.1), (-99.0, -0.1))
@@ -126,50 +138,124 @@ def load_simulator(folder: Path) -> Simulator:
     return Simulator(*(importlib.import_module(name) for name in ("simproto", "scene", "people")))
 
 
-def render(simulator: Simulator, name: str, out: Path) -> None:
-    """Render a scene into a folder."""
-    bodies, stage, scene = simulator.bodies, simulator.stage, SCENES[name]
-    seed = 100 * (1 + list(SCENES).index(name))
+def render(simulator: Simulator, scene: Scene, seed: int, out: Path) -> None:
+    """Render a scene into a folder, which appears when it is complete."""
+    bodies, stage = simulator.bodies, simulator.stage
+    for module in (bodies, stage):
+        part = 2 if scene.halved else 1
+        module.W, module.H, module.CX, module.CY = (n // part for n in (640, 480, 320, 240))
+        module.FX = module.FY = 615.0 / part
+    stage.ROOM = stage.room(Wd=scene.width_m)
     rng = np.random.default_rng(seed)
     people = [OtherWalker(simulator, style, seed + k) for k, style in enumerate(scene.people)]
     renderer = stage.Renderer(1)
     pitch = math.atan2(MIDDLE_Z_M - scene.height_m, MIDDLE_X_M - CAMERA_X_M)
-    camera: F64 = stage.look((CAMERA_X_M, 0.0, scene.height_m), 0.0, pitch)
+    mount: F64 = stage.look((CAMERA_X_M, 0.0, scene.height_m), 0.0, pitch)
     times_s = np.arange(round(scene.seconds * scene.fps)) / scene.fps
     robot_m = np.outer(scene.robot_mps * times_s, (1.0, 0.0, 0.0))
+    base = scene.drive.poses(times_s) if scene.drive else np.zeros((len(times_s), 3))
+    new = out.with_name(f"{out.name}.new")
     for kind in ("rgb", "depth"):
-        (out / kind).mkdir(parents=True, exist_ok=True)
-    joints, pixels, visible = [], [], []
+        (new / kind).mkdir(parents=True, exist_ok=True)
+    records = list[FrameTruth]()
     for index, moved_m in enumerate(robot_m):
-        meshes, matrices, joints_m = [], [], []
         for person in people:
-            person.advance(1 / scene.fps)
-            found, joint_m = person.pose()
-            meshes += person.meshes()
-            # The room moves along: the simulator's is 5 m long.
-            matrices += [_moved(matrix, -moved_m) for matrix in found]
-            joints_m.append(joint_m)
-        image, depth_m, ids, right_m, _ = renderer.render(meshes, matrices, camera)
-        joints.append(np.array(joints_m))
-        local = (joints[-1] - moved_m) @ camera[:, :3].T + camera[:, 3]
-        pixels.append(local[..., :2] / local[..., 2:] * bodies.FX + (bodies.CX, bodies.CY))
-        visible.append(visible_joints(pixels[-1], local[..., 2], depth_m))
-        colour = stage.camera_rgb(image, rng)[..., ::-1]
-        cv2.imwrite(str(out / f"rgb/{index:05d}.jpg"), colour, [cv2.IMWRITE_JPEG_QUALITY, 90])
-        depth_mm = stage.depth_sensor(depth_m, ids, right_m, rng)
-        cv2.imwrite(str(out / f"depth/{index:05d}.png"), depth_mm)
-    poses = np.tile(np.linalg.inv(np.vstack([camera, (0.0, 0.0, 0.0, 1.0)])), (len(robot_m), 1, 1))
+            person.walk.advance(1 / scene.fps)
+        camera = mount @ np.linalg.inv(_on_ground(base[index]))
+        image, depth_mm, record = _frame(simulator, renderer, people, camera, moved_m, rng, scene)
+        records.append(record)
+        cv2.imwrite(str(new / f"rgb/{index:05d}.jpg"), image, [cv2.IMWRITE_JPEG_QUALITY, 90])
+        cv2.imwrite(str(new / f"depth/{index:05d}.png"), depth_mm)
+    optical = np.linalg.inv(np.vstack([mount, (0.0, 0.0, 0.0, 1.0)]))
+    poses = np.array([_on_ground(pose) @ optical for pose in base])
     poses[:, :3, 3] += robot_m
+    odometry = {}
+    if scene.drive:
+        odometry = {"odom": scene.drive.odometry(base, rng)}
+    elif scene.robot_mps:
+        odometry = {"odom": robot_m * (1.0, 0.0, 0.0)}
     np.savez_compressed(
-        out / "gt.npz",
+        new / "gt.npz",
         t=times_s,
         K=np.array([bodies.FX, bodies.FY, bodies.CX, bodies.CY]),
         T_world_cam=poses,
-        odom=robot_m * (1.0, 0.0, 0.0),
-        kp3d=np.array(joints, np.float32),
-        kp2d=np.array(pixels, np.float32),
-        kpvis=np.array(visible),
+        **odometry,
+        **{name: np.array([vars(one)[name] for one in records]) for name in FIELDS},
     )
+    new.rename(out)
+
+
+@dataclass
+class FrameTruth:
+    """Truth of one frame: arrays with one row for each person, see docs/cameras/truth.md."""
+
+    pos: F64
+    vel: F64
+    yaw: F64
+    path_yaw: F64
+    vis: F64
+    kp3d: F64
+    kp2d: F64
+    kpvis: npt.NDArray[np.bool_]
+
+
+FIELDS = tuple(field.name for field in dataclasses.fields(FrameTruth))
+
+
+def _frame(
+    simulator: Simulator,
+    renderer: Any,
+    people: Sequence[OtherWalker],
+    camera: F64,
+    moved_m: F64,
+    rng: np.random.Generator,
+    scene: Scene,
+) -> tuple[U8, U16, FrameTruth]:
+    """Return image (BGR), depth and truth; the room moves along by `moved_m`: it is 5 m long."""
+    bodies, stage = simulator.bodies, simulator.stage
+    meshes, matrices, bodily, joints, yaws = [], [], [], [], []
+    for person in people:
+        found, joint_m, yaw_rad = person.pose()
+        bodily.append(len(meshes) + 1)
+        meshes += person.meshes()
+        matrices += [_moved(matrix, -moved_m) for matrix in found]
+        joints.append(joint_m)
+        yaws.append(yaw_rad)
+    light, depth_m, ids, right_m, (points, faces, owners) = renderer.render(
+        meshes, matrices, camera
+    )
+    kp3d = np.array(joints)
+    local = (kp3d - moved_m) @ camera[:, :3].T + camera[:, 3]
+    kp2d = local[..., :2] / local[..., 2:] * bodies.FX + (bodies.CX, bodies.CY)
+    walks = [person.walk for person in people]
+    speeds = [
+        (w.speed_mps * math.cos(w.yaw_rad), w.speed_mps * math.sin(w.yaw_rad), 0.0) for w in walks
+    ]
+    shares = []
+    for number in bodily:
+        lens = (bodies.FX, bodies.FY, bodies.CX, bodies.CY, bodies.W, bodies.H)
+        alone = bodies.raster(points, faces[owners == number], *lens, False, 2)[1] >= 0
+        shares.append(float((ids == number).sum() / max(1, alone.sum())))
+    record = FrameTruth(
+        pos=kp3d[:, TORSO].mean(axis=1),
+        vel=np.array(speeds),
+        yaw=np.array(yaws),
+        path_yaw=np.array([walk.yaw_rad for walk in walks]),
+        vis=np.array(shares),
+        kp3d=kp3d.astype(np.float32),
+        kp2d=kp2d.astype(np.float32),
+        kpvis=visible_joints(kp2d, local[..., 2], depth_m),
+    )
+    image = stage.camera_rgb(light, rng, exposure=scene.exposure)[..., ::-1]
+    depth_mm = stage.depth_sensor(depth_m, ids, right_m, rng, fx=bodies.FX)
+    return image, depth_mm, record
+
+
+def _on_ground(pose: F64) -> F64:
+    """Return a pose on the ground (x, y, yaw) as 4x4."""
+    matrix = np.eye(4)
+    matrix[:2, :2], matrix[:2, 3] = rotation(pose[2]), pose[:2]
+    return matrix
 
 
 def _moved(matrices: F64, offset_m: F64) -> F64:
@@ -182,8 +268,9 @@ def _moved(matrices: F64, offset_m: F64) -> F64:
 def visible_joints(pixels: F64, joint_depth_m: F64, depth_m: F64) -> npt.NDArray[np.bool_]:
     """Return the joints in the image with no surface far before them."""
     at = np.round(pixels).astype(int)
-    inside = ((at >= 0) & (at < SIZE_PX)).all(axis=-1) & (joint_depth_m > 0.1)
-    column, row = (np.clip(at[..., k], 0, SIZE_PX[k] - 1) for k in range(2))
+    size = depth_m.shape[::-1]
+    inside = ((at >= 0) & (at < size)).all(axis=-1) & (joint_depth_m > 0.1)
+    column, row = (np.clip(at[..., k], 0, size[k] - 1) for k in range(2))
     return np.asarray(inside & (depth_m[row, column] > joint_depth_m - VISIBLE_M))
 
 
@@ -193,11 +280,16 @@ def main() -> None:
     parser.add_argument("simulator", type=Path, help="folder of the other simulator")
     parser.add_argument("out", type=Path, help="folder for the scenes")
     parser.add_argument("--scene", action="append", choices=list(SCENES), help="default: all")
+    parser.add_argument("--test", action="store_true", help="scenes of the ablation's test split")
     arguments = parser.parse_args()
     out = arguments.out.resolve()
     simulator = load_simulator(arguments.simulator.resolve())
-    for name in arguments.scene or SCENES:
-        render(simulator, name, out / name)
+    wanted = {name: 100 * (1 + list(SCENES).index(name)) for name in arguments.scene or SCENES}
+    for name, seed in drawn_scenes() if arguments.test else wanted.items():
+        if not (out / name).exists():
+            render(
+                simulator, draw_scene(name) if arguments.test else SCENES[name], seed, out / name
+            )
         print(out / name, flush=True)
 
 

@@ -1,6 +1,8 @@
 """People of the other simulator who walk in several styles, and the scenes they walk in."""
 
+import copy
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,6 +17,7 @@ TURN_RADPS, TURN_RADPS2 = 2.4, 9.0
 FASTER_MPS2, SLOWER_MPS2 = 1.4, 1.8
 TURN_CYCLES = 0.22  # of walking, for each radian turned on the spot
 LEGS = ("rhip", "rknee", "rankle", "lhip", "lknee", "lankle", "root")
+MATERIALS = {"shirt": 2, "trousers": 3}  # numbers in the simulator
 BOX_M = (0.30, 0.40, 0.24)  # carried: depth, width, height
 BOX_AHEAD_M = 0.12  # of the hands, to its middle
 LANDING = 0.94  # phase at which the left foot lands
@@ -36,6 +39,7 @@ class Style:
     arms: str = "swing"  # or pockets, carry
     skirt: bool = False
     size: tuple[float, float] = (1.0, 1.0)  # width and height, of the body's
+    clothes: Mapping[str, Any] = field(default_factory=dict)  # in place of the body's own
 
 
 @dataclass(frozen=True)
@@ -47,6 +51,46 @@ class Scene:
     fps: float = 20.0
     height_m: float = 1.15  # of the camera
     robot_mps: float = 0.0  # by which the camera follows a person, or drives ahead of them
+    drive: "Drive | None" = None  # motion of the camera within the room
+    width_m: float = 3.5  # of the room
+    exposure: float = 1.0  # of the colour image
+    halved: bool = False  # images of half the width and height
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Motion of a base that carries the camera: x and y are waves, yaw as well.
+
+    Each wave is an amplitude [m or rad], a rate [rad/s] and a phase [rad]; it starts at 0.
+    """
+
+    x: tuple[float, float, float]
+    y: tuple[float, float, float]
+    yaw: tuple[float, float, float]
+    scale: tuple[float, float] = (1.0, 1.0)  # of distances and turns that odometry reports
+    gyro_rad: float = 0.0004  # standard deviation of a reported turn
+
+    def poses(self, times_s: F64) -> F64:
+        """Return x [m], y [m] and yaw [rad] at each time, Nx3."""
+        waves = np.array((self.x, self.y, self.yaw))
+        start, phase = np.sin(waves[:, 2]), np.outer(times_s, waves[:, 1]) + waves[:, 2]
+        return np.asarray(waves[:, 0] * (np.sin(phase) - start))
+
+    def odometry(self, poses: F64, rng: np.random.Generator) -> F64:
+        """Return the integrated motion (Nx3) as wheels and a gyroscope report it."""
+        found = np.zeros_like(poses)
+        for k, (before, after) in enumerate(zip(poses[:-1], poses[1:], strict=True)):
+            forth_m, side_m = rotation(-before[2]) @ (after - before)[:2] * self.scale[0]
+            turn_rad = (after - before)[2] * self.scale[1] + rng.normal(0.0, self.gyro_rad)
+            found[k + 1, :2] = found[k, :2] + rotation(found[k, 2]) @ (forth_m, side_m)
+            found[k + 1, 2] = found[k, 2] + turn_rad
+        return found
+
+
+def rotation(yaw_rad: float) -> F64:
+    """Return the rotation on the ground, 2x2."""
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    return np.array(((c, -s), (s, c)))
 
 
 @dataclass
@@ -57,10 +101,22 @@ class Simulator:
     stage: Any  # scene
     wardrobe: Any  # people
     clip: Any = field(init=False)
+    cuts: dict[str, Any] = field(default_factory=dict)  # bodies by what they wear but for colours
 
     def __post_init__(self) -> None:
         """Read the recorded cycle of walking."""
         self.clip = self.bodies.Clip("humanoid3d_walk.txt")
+
+    def dress(self, body: str, clothes: Mapping[str, Any]) -> Any:
+        """Return a body in clothes; one cut takes seconds, its colours are exchanged."""
+        key = f"{body} {clothes['sleeve']} {clothes['skirt']}"
+        if key not in self.cuts:
+            self.cuts[key] = self.bodies.Character(f"chars/{body}.npz", clothes)
+        dressed = copy.copy(self.cuts[key])
+        dressed.style, dressed.col = clothes, dressed.col.copy()
+        for name, material in MATERIALS.items():
+            dressed.col[dressed.f[dressed.mat == material]] = clothes[name]
+        return dressed
 
 
 def ellipse(
@@ -108,48 +164,36 @@ class _Cycle:
         return pose
 
 
-class OtherWalker:
-    """A person who follows waypoints: the phase of the walk is locked to the distance."""
+class Walk:
+    """Motion along waypoints, repeated, with limits of acceleration and turning."""
 
-    def __init__(self, simulator: Simulator, style: Style, seed: int):
-        bodies, wardrobe = simulator.bodies, simulator.wardrobe
-        clothes = {**wardrobe.STYLES[style.body], "skirt": style.skirt}
-        self._character = bodies.Character(f"chars/{style.body}.npz", clothes)
-        scale = np.array((style.size[0], style.size[0], style.size[1]))
-        for name in ("v0", "kv0", "heads"):
-            vars(self._character)[name] = vars(self._character)[name] * scale
-        self._simulator, self._style = simulator, style
-        self._cycle = _Cycle(simulator, style)
-        recorded_m, _ = bodies.calibrate_stride(self._character, simulator.clip)
-        self._stride_m = style.stride * float(recorded_m)
-        self._box = _Box(style) if style.arms == "carry" else None
-        rng = np.random.default_rng(seed)
-        self._phase, self._seed = float(rng.random()), seed
-        (self._x_m, self._y_m, *_), following = style.path[0], style.path[1]
-        self._yaw_rad = math.atan2(following[1] - self._y_m, following[0] - self._x_m)
-        self._speed_mps, self._walking = style.speed_mps, 1.0
-        self._turn_radps = self._time_s = self._wait_s = 0.0
+    def __init__(self, style: Style, stride_m: float = 1.25, phase: float = 0.0):
+        self.style, self._stride_m, self.phase = style, stride_m, phase
+        (self.x_m, self.y_m, *_), following = style.path[0], style.path[1]
+        self.yaw_rad = math.atan2(following[1] - self.y_m, following[0] - self.x_m)
+        self.speed_mps, self.walking = style.speed_mps, 1.0
+        self._turn_radps = self.time_s = self._wait_s = 0.0
         self._face_rad: float | None = None
         self._next = 1
 
-    def advance(self, seconds: float) -> None:
-        """Walk on."""
-        count = math.ceil(seconds / STEP_S)
+    def advance(self, seconds: float, step_s: float = STEP_S) -> None:
+        """Walk on, in steps of a maximum duration."""
+        count = math.ceil(seconds / step_s)
         for _ in range(count):
             self._step(seconds / count)
 
     def _step(self, dt_s: float) -> None:
-        style = self._style
-        self._time_s += dt_s
+        style = self.style
+        self.time_s += dt_s
         speed = turn = 0.0
         if self._wait_s > 0:
             self._wait_s -= dt_s
             if self._face_rad is not None:
-                turn = float(np.clip(3 * wrap(self._face_rad - self._yaw_rad), -1.8, 1.8))
+                turn = float(np.clip(3 * wrap(self._face_rad - self.yaw_rad), -1.8, 1.8))
         else:
             goal = style.path[self._next % len(style.path)]
-            dx, dy = goal[0] - self._x_m, goal[1] - self._y_m
-            far_m, error = math.hypot(dx, dy), wrap(math.atan2(dy, dx) - self._yaw_rad)
+            dx, dy = goal[0] - self.x_m, goal[1] - self.y_m
+            far_m, error = math.hypot(dx, dy), wrap(math.atan2(dy, dx) - self.yaw_rad)
             turn = float(np.clip(3.5 * error, -TURN_RADPS, TURN_RADPS))
             speed = style.speed_mps * math.cos(error) ** 2 if abs(error) < 1.4 else 0.0
             stops = len(goal) > 2
@@ -157,38 +201,56 @@ class OtherWalker:
             if far_m < (REACHED_M if stops else PASSED_M):
                 self._next += 1
                 self._wait_s, self._face_rad = goal[2:4] if stops else (0.0, None)
-        self._speed_mps += float(
-            np.clip(speed - self._speed_mps, -SLOWER_MPS2 * dt_s, FASTER_MPS2 * dt_s)
+        self.speed_mps += float(
+            np.clip(speed - self.speed_mps, -SLOWER_MPS2 * dt_s, FASTER_MPS2 * dt_s)
         )
         change = TURN_RADPS2 * dt_s
         self._turn_radps += float(np.clip(turn - self._turn_radps, -change, change))
-        self._yaw_rad = wrap(self._yaw_rad + self._turn_radps * dt_s)
+        self.yaw_rad = wrap(self.yaw_rad + self._turn_radps * dt_s)
         # A limp: one step takes longer than the other, and the body is slower during it.
-        landed = math.tau * (self._phase - LANDING)
+        landed = math.tau * (self.phase - LANDING)
         uneven = 1 / (1 + style.limp * math.pi / 4 * math.sin(landed))
-        gone_m = self._speed_mps * uneven * dt_s
-        self._x_m += gone_m * math.cos(self._yaw_rad)
-        self._y_m += gone_m * math.sin(self._yaw_rad)
-        on_spot = abs(self._turn_radps) * (1 - min(1.0, self._speed_mps / 0.5))
-        self._phase += gone_m / self._stride_m + TURN_CYCLES * on_spot * dt_s
-        wanted = min(1.0, self._speed_mps / 0.45 + 0.35 * min(1.0, abs(self._turn_radps) / 1.2))
-        self._walking += (wanted - self._walking) * min(1.0, dt_s / SMOOTH_S)
+        gone_m = self.speed_mps * uneven * dt_s
+        self.x_m += gone_m * math.cos(self.yaw_rad)
+        self.y_m += gone_m * math.sin(self.yaw_rad)
+        on_spot = abs(self._turn_radps) * (1 - min(1.0, self.speed_mps / 0.5))
+        self.phase += gone_m / self._stride_m + TURN_CYCLES * on_spot * dt_s
+        wanted = min(1.0, self.speed_mps / 0.45 + 0.35 * min(1.0, abs(self._turn_radps) / 1.2))
+        self.walking += (wanted - self.walking) * min(1.0, dt_s / SMOOTH_S)
 
-    def pose(self) -> tuple[list[F64], F64]:
-        """Return the matrices of each mesh of `meshes`, and the joints: 17x3, COCO order."""
-        bodies = self._simulator.bodies
-        standing = self._cycle.upper(bodies.stand_pose(self._time_s, self._seed))
-        walking = self._cycle.at(self._phase)
-        share = self._walking**2 * (3 - 2 * self._walking)
+
+class OtherWalker:
+    """A person who follows waypoints: the phase of the walk is locked to the distance."""
+
+    def __init__(self, simulator: Simulator, style: Style, seed: int):
+        bodies, wardrobe = simulator.bodies, simulator.wardrobe
+        clothes = {**wardrobe.STYLES[style.body], **style.clothes, "skirt": style.skirt}
+        self._character = simulator.dress(style.body, clothes)
+        scale = np.array((style.size[0], style.size[0], style.size[1]))
+        for name in ("v0", "kv0", "heads"):
+            vars(self._character)[name] = vars(self._character)[name] * scale
+        self._simulator, self._seed = simulator, seed
+        self._cycle = _Cycle(simulator, style)
+        recorded_m, _ = bodies.calibrate_stride(self._character, simulator.clip)
+        phase = float(np.random.default_rng(seed).random())
+        self.walk = Walk(style, style.stride * float(recorded_m), phase)
+        self._box = _Box(style) if style.arms == "carry" else None
+
+    def pose(self) -> tuple[list[F64], F64, float]:
+        """Return the matrices of each mesh of `meshes`, the joints (17x3) and the chest's yaw."""
+        bodies, walk = self._simulator.bodies, self.walk
+        standing = self._cycle.upper(bodies.stand_pose(walk.time_s, self._seed))
+        walking = self._cycle.at(walk.phase)
+        share = walk.walking**2 * (3 - 2 * walk.walking)
         mixed = {name: bodies.slerp(standing[name], walking[name], share) for name in standing}
-        matrices, _ = self._character.pose(mixed, (self._x_m, self._y_m), self._yaw_rad)
+        matrices, chest = self._character.pose(mixed, (walk.x_m, walk.y_m), walk.yaw_rad)
         joints_m: F64 = self._character.kps(matrices)
         found = [matrices]
         if self._box is not None:
             hands_m = joints_m[9:11].mean(axis=0)
-            ahead = np.array((math.cos(self._yaw_rad), math.sin(self._yaw_rad), 0.0))
-            found.append(self._box.matrix(hands_m + BOX_AHEAD_M * ahead, self._yaw_rad))
-        return found, joints_m
+            ahead = np.array((math.cos(walk.yaw_rad), math.sin(walk.yaw_rad), 0.0))
+            found.append(self._box.matrix(hands_m + BOX_AHEAD_M * ahead, walk.yaw_rad))
+        return found, joints_m, math.atan2(-chest[1, 1], -chest[0, 1])
 
     def meshes(self) -> list[Any]:
         """Return the person, and what they carry."""
