@@ -135,7 +135,8 @@ def load_simulator(folder: Path) -> Simulator:
     """Import the simulator from its folder, and go there: it reads its files by relative paths."""
     os.chdir(folder)
     sys.path.insert(0, str(folder))
-    return Simulator(*(importlib.import_module(name) for name in ("simproto", "scene", "people")))
+    bodies, stage, wardrobe = map(importlib.import_module, ("simproto", "scene", "people"))
+    return Simulator(bodies, stage, wardrobe)
 
 
 def render(simulator: Simulator, scene: Scene, seed: int, out: Path) -> None:
@@ -169,18 +170,17 @@ def render(simulator: Simulator, scene: Scene, seed: int, out: Path) -> None:
     optical = np.linalg.inv(np.vstack([mount, (0.0, 0.0, 0.0, 1.0)]))
     poses = np.array([_on_ground(pose) @ optical for pose in base])
     poses[:, :3, 3] += robot_m
-    odometry = {}
+    arrays: dict[str, Any] = {f: np.array([vars(one)[f] for one in records]) for f in FIELDS}
     if scene.drive:
-        odometry = {"odom": scene.drive.odometry(base, rng)}
+        arrays["odom"] = scene.drive.odometry(base, rng)
     elif scene.robot_mps:
-        odometry = {"odom": robot_m * (1.0, 0.0, 0.0)}
+        arrays["odom"] = robot_m * (1.0, 0.0, 0.0)
     np.savez_compressed(
         new / "gt.npz",
         t=times_s,
         K=np.array([bodies.FX, bodies.FY, bodies.CX, bodies.CY]),
         T_world_cam=poses,
-        **odometry,
-        **{name: np.array([vars(one)[name] for one in records]) for name in FIELDS},
+        **arrays,
     )
     new.rename(out)
 
@@ -213,7 +213,8 @@ def _frame(
 ) -> tuple[U8, U16, FrameTruth]:
     """Return image (BGR), depth and truth; the room moves along by `moved_m`: it is 5 m long."""
     bodies, stage = simulator.bodies, simulator.stage
-    meshes, matrices, bodily, joints, yaws = [], [], [], [], []
+    meshes, matrices = list[Any](), list[F64]()
+    bodily, joints, yaws = list[int](), list[F64](), list[float]()
     for person in people:
         found, joint_m, yaw_rad = person.pose()
         bodily.append(len(meshes) + 1)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.lib.gait.other_walkers import Drive, Scene, Style, Walk, Waypoint
+from benchmarks.lib.gait.other_walkers import Drive, Scene, Style, Walk, Wave, Waypoint
 from people4d.messages import F64
 
 SECONDS = 10.0
@@ -26,7 +26,7 @@ SPEED_MPS = (0.6, 1.25)
 
 @dataclass(frozen=True)
 class SceneKind:
-    """What the scenes of one kind have in common."""
+    """Common rules of the scenes of one kind."""
 
     people: tuple[int, int]  # minimum and maximum
     moves: bool = False  # the camera
@@ -75,22 +75,20 @@ def draw_scene(name: str) -> Scene:
 
 
 def _drive(rng: np.random.Generator) -> Drive:
-    def wave(amplitude: tuple[float, float], rate: tuple[float, float]) -> tuple[float, ...]:
-        return tuple(float(rng.uniform(*limits)) for limits in (amplitude, rate, (0.0, math.tau)))
+    def wave(amplitude: tuple[float, float], rate: tuple[float, float]) -> Wave:
+        low, high = np.array((amplitude, rate, (0.0, math.tau))).T
+        first, second, third = rng.uniform(low, high).tolist()
+        return first, second, third
 
-    scale = tuple(float(s) for s in rng.normal(1.0, (0.02, 0.015)))
-    x, y, yaw = (
-        wave((0.1, 0.25), (0.2, 0.6)),
-        wave((0.1, 0.4), (0.2, 0.6)),
-        wave((0.2, 0.5), (0.4, 1.2)),
-    )
-    return Drive(x, y, yaw, scale)  # type: ignore[arg-type]
+    distance, turn = rng.normal(1.0, (0.02, 0.015)).tolist()
+    x, y = wave((0.1, 0.25), (0.2, 0.6)), wave((0.1, 0.4), (0.2, 0.6))
+    return Drive(x, y, wave((0.2, 0.5), (0.4, 1.2)), (distance, turn))
 
 
 def _styles(rng: np.random.Generator, count: int, alike: bool) -> list[Style]:
     """Return people of several bodies, sizes and clothes, without paths."""
     bodies = [*rng.permutation(list("abcde")), *rng.choice(list("abcde"), 1)]
-    styles = []
+    styles = list[Style]()
     for body in bodies[:count]:
         clothes = {
             "shirt": _colour(rng),
@@ -125,15 +123,16 @@ def _people(
     """Return the people with paths that keep apart; fewer if a path was not found."""
     times_s = np.arange(1, scene.seconds / CHECK_S) * CHECK_S
     camera = scene.drive.poses(times_s)[:, :2] if scene.drive else np.zeros((len(times_s), 2))
-    taken, people = [(camera + (CAMERA_X_M, 0.0), CAMERA_APART_M)], list[Style]()
+    optical_m = camera + np.array((CAMERA_X_M, 0.0))
+    taken, people = [(optical_m, CAMERA_APART_M)], list[Style]()
     for k, style in enumerate(styles):
         for _ in range(TRIES):
             path = _path(rng, scene.width_m, leaves=leave and k < 2, stays=k >= WALKERS)
-            placed = replace(style, path=path)
-            gone_m = _positions(placed, taken)
+            walker = replace(style, path=path)
+            gone_m = _positions(walker, taken)
             if gone_m is not None:
                 taken.append((gone_m, APART_M))
-                people.append(placed)
+                people.append(walker)
                 break
     return tuple(people)
 

@@ -4,6 +4,7 @@ import copy
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ BOX_AHEAD_M = 0.12  # of the hands, to its middle
 LANDING = 0.94  # phase at which the left foot lands
 SMOOTH_S = 0.12  # between standing and walking
 
+Wave = tuple[float, float, float]  # amplitude [m or rad], rate [rad/s], phase [rad]
 Waypoint = tuple[float, ...]  # x_m, y_m, and at a stop: seconds and yaw_rad while there
 
 
@@ -59,14 +61,11 @@ class Scene:
 
 @dataclass(frozen=True)
 class Drive:
-    """Motion of a base that carries the camera: x and y are waves, yaw as well.
+    """Motion of a base that carries the camera; each coordinate is a wave that starts at 0."""
 
-    Each wave is an amplitude [m or rad], a rate [rad/s] and a phase [rad]; it starts at 0.
-    """
-
-    x: tuple[float, float, float]
-    y: tuple[float, float, float]
-    yaw: tuple[float, float, float]
+    x: Wave
+    y: Wave
+    yaw: Wave
     scale: tuple[float, float] = (1.0, 1.0)  # of distances and turns that odometry reports
     gyro_rad: float = 0.0004  # standard deviation of a reported turn
 
@@ -79,7 +78,7 @@ class Drive:
     def odometry(self, poses: F64, rng: np.random.Generator) -> F64:
         """Return the integrated motion (Nx3) as wheels and a gyroscope report it."""
         found = np.zeros_like(poses)
-        for k, (before, after) in enumerate(zip(poses[:-1], poses[1:], strict=True)):
+        for k, (before, after) in enumerate(pairwise(poses)):
             forth_m, side_m = rotation(-before[2]) @ (after - before)[:2] * self.scale[0]
             turn_rad = (after - before)[2] * self.scale[1] + rng.normal(0.0, self.gyro_rad)
             found[k + 1, :2] = found[k, :2] + rotation(found[k, 2]) @ (forth_m, side_m)
