@@ -3,7 +3,7 @@
     python -m scripts.conventions            # every breach, exit code 1 if there is one
     python -m scripts.conventions --counts   # files and lines a folder, and breaches by rule
 
-Words that the field does not use are listed in docs/glossary.md, the table "Words not used".
+Words that the field does not use are listed in scripts/words.toml.
 """
 
 import argparse
@@ -11,18 +11,19 @@ import ast
 import re
 import sys
 import tokenize
+import tomllib
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-GLOSSARY = ROOT / "docs" / "glossary.md"
+WORDS = Path(__file__).with_name("words.toml")
+BY_NAME = ("getattr", "hasattr", "setattr", "vars", "globals", "locals")
 PACKAGES = ("people4d", "common", "services", "lab", "evaluation", "deploy")
 PYTHON = (*PACKAGES, "tests", "benchmarks", "scripts")
 RUNTIME = ("common/runtime", "common/transport")
 QUESTIONS = re.compile(r"(Who|Whose|Whether|What|Which|How|Where|When|Why)\b")
-ROW = re.compile(r"\| (?P<words>[^|]+) \| (?P<use>[^|]+) \| (?P<where>names|everywhere) \|")
 PARTS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
 
 
@@ -46,18 +47,14 @@ class Breach:
         return f"{self.file}:{self.line}: {self.rule}: {self.text}"
 
 
-def read_words(glossary: Path = GLOSSARY) -> tuple[dict[str, str], dict[str, str]]:
-    """Read the words not used.
+def read_words() -> tuple[dict[str, str], dict[str, str]]:
+    """Read the words that are not used.
 
     Returns:
         Words forbidden in names, and words forbidden everywhere, each with its replacement.
     """
-    names, everywhere = dict[str, str](), dict[str, str]()
-    for row in ROW.finditer(glossary.read_text("utf-8")):
-        table = everywhere if row["where"] == "everywhere" else names
-        for word in row["words"].split(","):
-            table[word.strip().strip("`")] = row["use"].strip()
-    return names | everywhere, everywhere
+    tables = tomllib.loads(WORDS.read_text("utf-8"))
+    return tables["names"] | tables["everywhere"], tables["everywhere"]
 
 
 def check_names(file: str, text: str, words: Mapping[str, str]) -> Iterator[Breach]:
@@ -107,7 +104,7 @@ def check_classes(files: Mapping[str, str]) -> Iterator[Breach]:
 def check_hooks(file: str, text: str) -> Iterator[Breach]:
     """Yield look-ups of attributes by name, which the type checker does not see."""
     for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.Name) and node.id in ("getattr", "hasattr", "setattr"):
+        if isinstance(node, ast.Name) and node.id in BY_NAME:
             yield Breach("attribute by name", file, node.lineno, node.id)
 
 
@@ -124,8 +121,7 @@ def breaches() -> Iterator[Breach]:
     yield from check_classes({f: t for f, t in python.items() if f.startswith(PACKAGES)})
     pages = [file.name for file in ROOT.glob("*.md")]
     for file in (*sorted(pages), *_files(("docs",), "*.md")):
-        if file != str(GLOSSARY.relative_to(ROOT)):
-            yield from check_prose(file, (ROOT / file).read_text("utf-8"), everywhere)
+        yield from check_prose(file, (ROOT / file).read_text("utf-8"), everywhere)
 
 
 def print_counts(found: list[Breach]) -> None:
