@@ -1,9 +1,10 @@
 """Access to the page: roles by token, checks of Host and Origin, headers of every answer."""
 
+import re
 import socket
 from dataclasses import dataclass
 from http.cookies import CookieError, SimpleCookie
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import parse_qs
 
 import psutil
 from starlette.datastructures import Headers, MutableHeaders
@@ -16,6 +17,7 @@ from services.dashboard.config import DashboardConfig
 COOKIE = "people4d"
 OPEN_PATHS = ("/login", "/login.html", "/style.css", "/icon.svg")  # without a token
 LOGIN = "/login.html"
+HOST = re.compile(r"(\[[0-9a-f:.]+\]|[\w.-]+)(?::\d{0,5})?")  # a name or address, and its port
 POLICY = "; ".join(
     (
         "default-src 'none'",
@@ -116,8 +118,7 @@ class Guard:
         if not origin:  # browsers send it always; a program can send what it likes
             return bool(self.tokens.operator)
         scheme = "https" if self.secure else "http"
-        parts = urlsplit(origin)
-        return (parts.scheme, parts.netloc.lower()) == (scheme, host.lower())
+        return origin.lower() == f"{scheme}://{host.lower()}"
 
 
 def allowed_hosts(config: DashboardConfig) -> frozenset[str]:
@@ -143,10 +144,9 @@ def _addresses(host: str) -> set[str]:
 
 
 def _name(host: str) -> str:
-    """Return a Host without its port."""
-    if host.startswith("["):
-        return f"{host.partition(']')[0]}]".lower()
-    return host.partition(":")[0].lower()
+    """Return a Host without its port; empty if it is none."""
+    match = HOST.fullmatch(host.lower())
+    return match[1] if match else ""
 
 
 def _cookie(text: str) -> str:

@@ -17,6 +17,7 @@ from people4d.messages import ZoneEdit
 from services.dashboard.access import allowed_hosts
 from services.dashboard.address import ADDRESS_FILE, PageAddress, Tokens, read_tokens
 from services.dashboard.config import DashboardConfig
+from services.dashboard.connection import PageConnection
 from services.dashboard.hub import Hub
 from services.dashboard.web import REQUEST_MAX, WebApp
 
@@ -65,6 +66,7 @@ class WebServer:
             log_level="warning",
             access_log=False,
             lifespan="off",
+            http=PageConnection,
             server_header=False,
             ws="websockets-sansio",
             ws_max_size=REQUEST_MAX,

@@ -27,6 +27,8 @@ BODY_MAX = 256 * 1024  # [bytes] of a request
 REQUEST_MAX = 1024  # [bytes] of one frame of the WebSocket
 REQUESTS_MAX = 120  # a second, of one viewer
 REFUSED, BUSY = 1008, 1013  # WebSocket close codes
+BODY_S = 5.0  # in which the body of a request has to come
+LOGINS_MAX = 16  # at once
 LOGIN_PAUSE_S = 0.5  # after a wrong token
 
 
@@ -79,6 +81,7 @@ class WebApp:
     ) -> None:
         self._hub, self._tokens, self._on_edit = hub, tokens, on_edit
         self._viewers_max, self._stuck_s = viewers_max, stuck_s
+        self._logins = 0
         routes: list[BaseRoute] = [
             WebSocketRoute("/stream", self._stream),
             Route("/zones", self._edit_zones, methods=["PUT"]),
@@ -88,7 +91,18 @@ class WebApp:
         self.guard = Guard(Starlette(routes=routes), tokens, hosts, secure)
 
     async def _login(self, request: Request) -> Response:
-        body = (await _body(request, REQUEST_MAX)).decode("latin-1")
+        if self._logins >= LOGINS_MAX:
+            self._hub.counters["viewers_refused"] += 1
+            return PlainTextResponse("Too many logins at once.\n", 503)
+        self._logins += 1
+        try:
+            return await self._check_login((await _body(request, REQUEST_MAX)).decode("latin-1"))
+        except ValueError as error:
+            return self._bad_request(error)
+        finally:
+            self._logins -= 1
+
+    async def _check_login(self, body: str) -> Response:
         token = body.removeprefix("token=").strip()
         if not self._tokens.role_of(token):
             self._hub.counters["viewers_refused"] += 1
@@ -106,10 +120,13 @@ class WebApp:
             wanted = msgspec.json.decode(body, type=ZonesRequest)
             edit = zone_edit(wanted)
         except (msgspec.DecodeError, DecodeError, ValueError) as error:
-            self._hub.counters["bad_requests"] += 1
-            return PlainTextResponse(f"{error}\n", 400)
+            return self._bad_request(error)
         self._on_edit(edit)
         return Response(status_code=202)
+
+    def _bad_request(self, error: Exception) -> Response:
+        self._hub.counters["bad_requests"] += 1
+        return PlainTextResponse(f"{error}\n", 400)
 
     async def _stream(self, socket: WebSocket) -> None:
         """Serve one page until it leaves, is stuck or sends what is no request."""
@@ -186,14 +203,15 @@ async def _body(request: Request, most: int) -> bytes:
     """Return the body of a request.
 
     Raises:
-        ValueError: It is larger than allowed.
+        ValueError: It is larger than allowed, or does not come in time.
     """
     body = bytearray()
     try:
-        async for chunk in request.stream():
-            body += chunk
-            if len(body) > most:
-                raise ValueError(f"expected at most {most} bytes")
-    except ClientDisconnect as error:
+        with anyio.fail_after(BODY_S):
+            async for chunk in request.stream():
+                body += chunk
+                if len(body) > most:
+                    raise ValueError(f"expected at most {most} bytes")
+    except (ClientDisconnect, TimeoutError) as error:
         raise ValueError("the request broke off") from error
     return bytes(body)

@@ -83,11 +83,18 @@ def test_page_has_neither_inline_script_nor_style(page: Page) -> None:
         assert text.count("<script") == text.count("<script src=")
 
 
-@pytest.mark.parametrize("host", ["evil.example", "evil.example:7480", "localhost.evil.example"])
+@pytest.mark.parametrize(
+    "host",
+    [
+        *("evil.example", "evil.example:7480", "localhost.evil.example"),
+        *("localhost:7480@evil.example", "localhost:7480:1", "localhost evil.example"),
+    ],
+)
 def test_name_of_another_site_as_host_is_refused(page: Page, host: str) -> None:
-    client = page.client(base=f"http://{host}", origin=f"http://{host}")
-    assert client.get("/").status_code == 421
-    assert refuses(client)
+    client = page.client(origin=f"http://{host}")
+    assert client.get("/", headers={"host": host}).status_code == 421
+    assert client.put("/zones", headers={"host": host}).status_code == 421
+    assert not page.edits
 
 
 def test_configured_name_as_host_is_served(page: Page) -> None:
@@ -95,7 +102,11 @@ def test_configured_name_as_host_is_served(page: Page) -> None:
 
 
 @pytest.mark.parametrize(
-    "origin", ["http://evil.example", "https://localhost:7480", "http://localhost:1", "null", None]
+    "origin",
+    [
+        *("http://evil.example", "https://localhost:7480", "http://localhost:1", "null", None),
+        *("http://[", "http://localhost:7480@evil.example", "://", "http://[::1]:x"),
+    ],
 )
 def test_stream_and_edits_are_refused_to_other_origins(page: Page, origin: str | None) -> None:
     client = page.client(origin=origin)
@@ -146,6 +157,12 @@ def test_login_with_the_form(locked: Page) -> None:
     right = client.post("/login", content=f"token={TOKENS.planner}")
     assert right.headers["location"] == "/"
     assert client.get("/").status_code == 200
+
+
+def test_login_with_a_huge_token_is_refused_and_counted(locked: Page) -> None:
+    answer = locked.client().post("/login", content=b"token=" + b"x" * 3000)
+    assert (answer.status_code, answer.text) == (400, "expected at most 1024 bytes\n")
+    assert locked.hub.counters["bad_requests"] == 1
 
 
 def test_planner_edits_no_zones(locked: Page) -> None:
