@@ -13,7 +13,7 @@ from common.drawing.topdown import Trajectories
 from services.report.series import RunSeries
 from services.report.statistics import END_TO_END, RunSummary
 from services.report.svg import Bar, Line, bars, draw_map, plot
-from services.report.text import facts, headline, latency_table
+from services.report.text import facts, headline, latency_of, latency_table
 
 VIDEO_MAX = 24 * 2**20  # [bytes] of a video that is embedded; a larger one is a file beside
 
@@ -37,7 +37,7 @@ class RunPage:
             style=page_style(),
             title="Report of a run",
             headline=escape(headline(self.summary)),
-            note=note,
+            note=note + _limits(self.summary),
             figures="".join(_figures(self.summary)),
             videos="".join(_video(name, path) for name, path in self.videos.items()),
             map=self._map() or "<p>No person was tracked.</p>",
@@ -91,7 +91,7 @@ def page_style() -> str:
 
 
 def _figures(summary: RunSummary) -> Iterator[str]:
-    score, total = summary.score, summary.latency.get(END_TO_END)
+    score, total = summary.score, latency_of(summary)
     yield _figure("frames tracked", str(summary.frames_tracked), f"of {summary.frames}")
     yield _figure("identities", str(summary.tracks), "")
     if score is not None:
@@ -103,6 +103,15 @@ def _figures(summary: RunSummary) -> Iterator[str]:
         yield _figure("latency", f"{total.p50_ms:.0f}", f"ms, p95 {total.p95_ms:.0f}")
     if summary.processed_hz:
         yield _figure("speed", f"{summary.processed_hz:.1f}", "frames a second")
+
+
+def _limits(summary: RunSummary) -> str:
+    items = "".join(f"<li>{escape(reason)}</li>" for reason in summary.degraded)
+    return (
+        f'<section class="note"><p>This run had limits:</p><ul>{items}</ul></section>'
+        if items
+        else ""
+    )
 
 
 def _figure(name: str, value: str, unit: str) -> str:

@@ -28,6 +28,7 @@ from people4d.messages import (
     Truth,
 )
 from services.report.even_sample import EvenSample
+from services.report.limits import RunLimits
 from services.report.series import RunSeries
 
 SAMPLES = 10_000  # of each stage
@@ -98,6 +99,9 @@ class RunSummary(msgspec.Struct, frozen=True, kw_only=True):
     drops: dict[str, dict[str, int]]  # by instance and cause, where there were any
     score: Tally | None  # against the truth, as people4d score reports it
     position_error_median_m: float | None  # [m] horizontal, of the matches
+    degraded: tuple[str, ...]  # service and reason of each limit of the run; empty: none
+    unused: tuple[str, ...]  # of odometry, mount and truth
+    lockstep: bool  # True: as fast as possible, so that latency includes waiting
     missing: tuple[str, ...]  # streams that brought nothing
 
 
@@ -137,13 +141,17 @@ class RunStatistics:
         self._score: Tally | None = None
         self._errors_m: EvenSample[float] = EvenSample(MAX_ERRORS)
         self._health: dict[str, Health] = {}
+        self._limits = RunLimits()
+        self._lockstep = False
         self.series = RunSeries()
 
     def add(self, message: Message, now_ns: int) -> None:
         """Count a message that the report listens to; it came at this monotonic time."""
         self._now_ns = now_ns
         self._received[type(message).__name__] += 1
+        self._limits.add(message, now_ns)
         if isinstance(message, RgbdFrame):
+            self._lockstep = message.lockstep
             self._frames.setdefault(message.camera, _Events()).add(message.stamp_ns)
         elif isinstance(message, Detections):
             self._names["model"] = message.model
@@ -200,6 +208,9 @@ class RunStatistics:
             drops=self._drops(),
             score=self._score,
             position_error_median_m=float(np.median(errors_m)) if errors_m else None,
+            degraded=self._limits.degraded(self._score is not None),
+            unused=self._limits.unused(),
+            lockstep=self._lockstep,
             missing=self._missing(),
         )
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from services.report.statistics import END_TO_END, RunSummary
+from services.report.statistics import END_TO_END, Percentiles, RunSummary
 
 NONE = "none"
 
@@ -10,8 +10,13 @@ NONE = "none"
 def headline(summary: RunSummary) -> str:
     """Return the summary in one line."""
     words = f"{summary.frames_tracked} of {summary.frames} frames tracked, {summary.tracks} tracks"
-    end_to_end = summary.latency.get(END_TO_END)
-    return f"{words}, latency {end_to_end.p50_ms:.0f} ms" if end_to_end else words
+    latency = latency_of(summary)
+    return f"{words}, latency {latency.p50_ms:.0f} ms" if latency else words
+
+
+def latency_of(summary: RunSummary) -> Percentiles | None:
+    """Return the latency end to end; None in lock-step, where frames wait for one another."""
+    return None if summary.lockstep else summary.latency.get(END_TO_END)
 
 
 def facts(summary: RunSummary) -> list[tuple[str, str]]:
@@ -22,6 +27,8 @@ def facts(summary: RunSummary) -> list[tuple[str, str]]:
         ("tracks", _tracks(summary)),
         ("truth", _score(summary)),
         *_drops(summary),
+        *(("degraded", reason) for reason in summary.degraded),
+        ("not used", ", ".join(summary.unused) or NONE),
         *([("missing", ", ".join(summary.missing))] if summary.missing else []),
     ]
 
@@ -34,7 +41,8 @@ def latency_table(summary: RunSummary) -> list[tuple[str, str, str, str]]:
         (name, f"{p.p50_ms:.1f}", f"{p.p95_ms:.1f}", f"{p.p99_ms:.1f}")
         for name, p in summary.latency.items()
     ]
-    return [("latency in ms", "p50", "p95", "p99"), *rows]
+    name = "latency in ms, in lock-step" if summary.lockstep else "latency in ms"
+    return [(name, "p50", "p95", "p99"), *rows]
 
 
 def text(summary: RunSummary) -> str:

@@ -4,6 +4,7 @@ import time
 from contextlib import ExitStack, closing
 from pathlib import Path
 
+import msgspec
 import typer
 
 from deploy.cli.live.page import page_address
@@ -21,6 +22,7 @@ from deploy.launcher.plan import (
 from deploy.launcher.state import State
 from deploy.launcher.supervisor import SupervisorGoneError
 from people4d.errors import People4dError
+from services.report.statistics import RunSummary
 
 # Lock-step waits for every result: the same recording gives the same tracks on any machine.
 LOCKSTEP_WAITS = ("tracker.embedding_wait_s=4.0", "tracker.reorder_wait_s=4.0")
@@ -28,6 +30,7 @@ SIMULATED = (
     "The room, the people and their depth images are simulated, with exact ground truth. "
     "Detection, tracking and all times are real."
 )
+LIMITED = 3  # exit code of a complete report on a run whose services were degraded
 DRAIN_TIMEOUT_S = 120.0
 GONE_TIMEOUT_S = 3.0
 POLL_S = 0.5
@@ -104,5 +107,9 @@ def _print_summary(folder: Path, state: State) -> None:
         raise LaunchError(state, f"{REPORT}-1", f"the report in {folder} is not complete")
     facts = summary.read_text(encoding="utf-8").partition("\n\n")[0]
     console.print(facts, markup=False)  # the table of latency stays in the report
+    summary_json = msgspec.json.decode((folder / "summary.json").read_bytes(), type=RunSummary)
     names = sorted(file.name for file in folder.iterdir() if file.suffix != ".part")
     console.print(f"\nReport: {folder}/ ({', '.join(names)})", markup=False)
+    if summary_json.degraded:
+        console.print("The run had limits: see degraded above.", style="yellow")
+        raise typer.Exit(LIMITED)

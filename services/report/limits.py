@@ -1,0 +1,87 @@
+"""Limits of a run: why services were degraded, and what was not used."""
+
+import re
+from collections import Counter
+
+import numpy as np
+
+from common.geometry.transforms import LINK_FROM_OPTICAL
+from people4d.messages import (
+    Health,
+    Message,
+    MovingTransform,
+    Odometry,
+    RgbdFrame,
+    StaticTransform,
+    Truth,
+)
+
+FLOWS_NS = 1_000_000_000  # after a frame, within which heartbeats are of the run
+MIN_BEATS = 4  # heartbeats, twice a second, that a reason must be in
+MAX_REASONS = 100  # of all services
+ENDED_NS = 1_000_000_000  # from the last truth to the last frame, from which on truth ended
+NUMBER = re.compile(r"[\d.]+")
+WAITS = re.compile(r"no [\w ,]+ for \d+ s")  # for another service, whose reason says more
+
+
+class RunLimits:
+    """Collects reasons of degraded services while frames come, in bounded memory."""
+
+    def __init__(self) -> None:
+        self._frame_ns: int | None = None  # arrival of the last frame
+        self._beats: Counter[tuple[str, str]] = Counter()  # by instance, and reason sans numbers
+        self._reasons: dict[tuple[str, str], str] = {}  # the last one, with its numbers
+        self._ends_ns: dict[type[Message], int] = {}  # last stamps
+        self._odometry_used = False
+        self._placed: set[bool] = set()  # of transforms: False is the default mount
+
+    def add(self, message: Message, now_ns: int) -> None:
+        """Take a message that came at this monotonic time."""
+        if isinstance(message, RgbdFrame):
+            self._frame_ns = now_ns
+            self._ends_ns[RgbdFrame] = message.stamp_ns
+        elif isinstance(message, Health):
+            self._add_health(message, now_ns)
+        elif isinstance(message, StaticTransform):
+            self._placed.add(not np.array_equal(message.matrix, LINK_FROM_OPTICAL))
+        elif isinstance(message, MovingTransform):
+            self._placed.add(True)
+        elif isinstance(message, Truth | Odometry):
+            self._ends_ns[type(message)] = message.stamp_ns
+
+    def _add_health(self, health: Health, now_ns: int) -> None:
+        if health.service == "tracker":
+            self._odometry_used = health.counters.get("received_odometry", 0) > 0
+        if self._frame_ns is None or now_ns - self._frame_ns > FLOWS_NS:
+            return
+        for reason in health.reason.split("; ") if health.state == "degraded" else ():
+            key = health.instance, NUMBER.sub("", reason)
+            if not WAITS.fullmatch(reason) and (
+                key in self._beats or len(self._beats) < MAX_REASONS
+            ):
+                self._beats[key] += 1
+                self._reasons[key] = reason
+
+    def degraded(self, is_scored: bool) -> tuple[str, ...]:
+        """Return what limited the run, one sentence each; `is_scored`: tracks met truth."""
+        found = [f"{k[0]}: {self._reasons[k]}" for k, n in self._beats.items() if n >= MIN_BEATS]
+        if Truth in self._ends_ns and RgbdFrame in self._ends_ns:
+            early_ns = self._ends_ns[RgbdFrame] - self._ends_ns[Truth]
+            if not is_scored:
+                found.append("truth: none is of the time of the frames")
+            elif early_ns > ENDED_NS:
+                found.append(f"truth: ended {early_ns / 1e9:.1f} s before the frames")
+        return tuple(sorted(found))
+
+    def unused(self) -> tuple[str, ...]:
+        """Return what was not used: odometry, the camera's mount, truth."""
+        parts = []
+        if Odometry not in self._ends_ns:
+            parts.append("odometry (none came: the base stands)")
+        elif not self._odometry_used:
+            parts.append("odometry (the tracker takes none)")
+        if True not in self._placed:
+            parts.append("mount (none given: the camera is the origin of the map)")
+        if Truth not in self._ends_ns:
+            parts.append("truth (none came)")
+        return tuple(parts)

@@ -1,0 +1,101 @@
+"""Limits of a run in the report: degraded services, truth that ended, what was not used."""
+
+import msgspec
+import numpy as np
+import pytest
+
+from common.drawing.topdown import Trajectories
+from common.geometry.transforms import LINK_FROM_OPTICAL
+from common.runtime.synchroniser import SynchronisedFrame
+from people4d.messages import Health, Message
+from services.report.limits import MIN_BEATS, RunLimits
+from services.report.page import RunPage
+from services.report.series import RunSeries
+from services.report.statistics import RunStatistics
+from services.report.text import headline, text
+from tests import builders
+from tests.report.builders import frame, pose, span, track, tracks, truth
+
+S = 10**9
+NO_TRANSFORM = "no transform map <- optical: the camera is taken as the origin"
+
+
+def degraded(reason: str) -> Health:
+    return builders.health("tracker", state="degraded", reason=reason)
+
+
+def limits_of(*messages: Message, is_scored: bool = True) -> tuple[str, ...]:
+    limits = RunLimits()
+    for message in messages:
+        limits.add(message, 0)
+    return limits.degraded(is_scored)
+
+
+def test_reason_of_a_degraded_service_is_a_limit_once_with_its_last_numbers() -> None:
+    rates = [f"{NO_TRANSFORM}; too slow: of {k} frames a second 1 are skipped" for k in range(9)]
+    assert limits_of(frame(0), *map(degraded, rates)) == (
+        f"tracker-1: {NO_TRANSFORM}",
+        "tracker-1: too slow: of 8 frames a second 1 are skipped",
+    )
+
+
+def test_reason_that_passes_or_waits_is_no_limit() -> None:
+    passing = [degraded(NO_TRANSFORM)] * (MIN_BEATS - 1)
+    waiting = [degraded("no crops have come yet, for 7 s")] * 9
+    assert limits_of(frame(0), *passing, *waiting) == ()
+
+
+def test_reason_before_the_first_frame_is_no_limit() -> None:
+    assert limits_of(*[degraded(NO_TRANSFORM)] * 9, frame(0)) == ()
+
+
+def test_truth_that_ends_early_is_a_limit() -> None:
+    early, late = truth(1 * S, ("a", 1, 0)), truth(5 * S, ("a", 1, 0))
+    assert limits_of(frame(5 * S), early) == ("truth: ended 4.0 s before the frames",)
+    assert limits_of(frame(5 * S), early, late) == ()
+    assert limits_of(frame(5 * S), late, is_scored=False) == (
+        "truth: none is of the time of the frames",
+    )
+
+
+@pytest.mark.parametrize(
+    ("messages", "unused"),
+    [
+        ((), ("odometry (none came", "mount (none given", "truth (none came")),
+        ((pose(), truth(0, ("a", 1, 0))), ("odometry (none came",)),
+        ((pose(), truth(0, ("a", 1, 0)), builders.odometry()), ("odometry (the tracker takes no",)),
+    ],
+)
+def test_what_was_not_used_is_listed(
+    messages: tuple[Message, ...], unused: tuple[str, ...]
+) -> None:
+    limits = RunLimits()
+    limits.add(builders.static_transform(np.asarray(LINK_FROM_OPTICAL)), 0)
+    for message in messages:
+        limits.add(message, 0)
+    found = limits.unused()
+    assert len(found) == len(unused)
+    assert all(a.startswith(b) for a, b in zip(found, unused, strict=True))
+
+
+def test_limits_are_in_the_text_and_on_the_page() -> None:
+    statistics = RunStatistics()
+    for message in (frame(0), *[degraded(NO_TRANSFORM)] * MIN_BEATS):
+        statistics.add(message, 0)
+    summary = statistics.summary()
+    assert f"degraded   tracker-1: {NO_TRANSFORM}" in text(summary)
+    assert "not used   odometry (none came" in text(summary)
+    page = RunPage(summary=summary, trajectories=Trajectories(), series=RunSeries())
+    assert "tracker-1: no transform map &lt;- optical" in page.html()
+
+
+def test_latency_in_lockstep_is_no_headline() -> None:
+    # Frames wait for one another there: it was 147 ms where a live camera has 7.
+    statistics = RunStatistics()
+    statistics.add(msgspec.structs.replace(frame(0), lockstep=True), 0)
+    assert statistics.summary().lockstep
+    trace = (span("camera.read", 0, 4),)
+    joined = SynchronisedFrame("front", 0, frame(0), tracks=tracks(0, [track(1, 1.0)], trace=trace))
+    statistics.settle(joined)
+    assert statistics.summary().latency
+    assert "latency" not in headline(statistics.summary())
