@@ -33,6 +33,11 @@ EVENTS: tuple[tuple[str, Level, str, str, str, str], ...] = (
         "Calibrate at the size that is streamed, or stream at the size calibrated.",
     ),
     (
+        *("frames", "warning", "tracker", "not_extrapolated"),
+        "frames stop for more than 0.5 s, and people are unknown meanwhile",
+        "Look at the camera, its disk or cable, and at the load: people4d top.",
+    ),
+    (
         *("odometry", "warning", "tracker", "predicted_base"),
         "odometry comes too late or not: the robot's motion is guessed",
         "Is odometry published (people4d ps), at 20 Hz or more, with stamps in time?",

@@ -82,7 +82,9 @@ class LiveScorer:
         self._truth.add(truth)
 
     def add_tracks(self, tracks: Tracks) -> None:
-        """Take tracks; they wait for the truth around them."""
+        """Take tracks; they wait for the truth around them. Only those of frames count."""
+        if tracks.predicted:
+            return
         before_ns = [
             ns - tracks.stamp_ns for ns in (self._since_ns, self._last_ns) if ns is not None
         ]

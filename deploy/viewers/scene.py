@@ -137,7 +137,8 @@ class PeopleScene:
         pose = None
         if info:
             pose = self.transforms.camera_pose(tracks.frame_id, info.frame_id, tracks.stamp_ns)
-        self._extend(tracks)
+        if not tracks.predicted:  # by the wall clock: it may be ahead of the frames to come
+            self._extend(tracks)
         people, skeletons = tuple(_views(tracks, detections)), None
         if info and pose is not None and tracks.camera not in self._skeleton_cameras:
             found = tuple(_lifted(people, info, pose))

@@ -236,7 +236,10 @@ class Track(Record, frozen=True, kw_only=True):
 
 
 class Tracks(Message, frozen=True, kw_only=True):
-    """The people around the robot: one message for every frame, empty ones too."""
+    """The people around the robot: one message for every frame, empty ones too.
+
+    If frames stop, some more messages are predicted by the wall clock; the last of them is empty.
+    """
 
     VERSION: ClassVar[int] = 2
 
@@ -244,6 +247,8 @@ class Tracks(Message, frozen=True, kw_only=True):
     tracker: Text  # name of the tracking method
     camera: Name  # camera whose frame caused this message
     tracks: tuple[Track, ...] = ()  # confirmed and lost tracks, and tentative ones if configured
+    # made without a frame: stamps of later frames may be earlier; empty: people are unknown
+    predicted: bool = False
 
 
 class ImageTrack(Record, frozen=True, kw_only=True):

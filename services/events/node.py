@@ -96,6 +96,8 @@ class EventsNode(Node):
             if isinstance(message, StaticTransform | MovingTransform | Odometry):
                 self._transforms.add(message)
             return ()
+        if message.predicted:  # by the wall clock: it may be ahead of the frames to come
+            return ()
         events = []
         newest_ns = self._newest_ns
         if newest_ns is None:

@@ -43,7 +43,8 @@ VARIANCE_MIN, VARIANCE_MAX = 1e-6, 1e6
 class PredictorNode(Node):
     """Predicts every person of Tracks, at most `rate_max_hz` times a second.
 
-    Without Tracks there are no predictions: an old one would only mislead.
+    Without frames there are no predictions: an old one would only mislead. The tracker's own
+    prediction changes nothing, and without people it ends them.
     """
 
     inputs: tuple[type[Message], ...] = (*(Tracks, StaticTransform, MovingTransform, Odometry),)
@@ -68,9 +69,12 @@ class PredictorNode(Node):
         """Take one message; return the predictions that follow from tracks."""
         if isinstance(message, StaticTransform | MovingTransform | Odometry):
             self._transforms.add(message)
+        elif not isinstance(message, Tracks):
+            return ()
+        elif message.predicted:  # by the wall clock: it may be ahead of the frames to come
+            return () if message.tracks else [self._message(message, (), None)]
         elif (
-            isinstance(message, Tracks)
-            and self._is_on_our_clock(message, now_ns)
+            self._is_on_our_clock(message, now_ns)
             and self._is_next(message)
             and self._is_due(message)
         ):
@@ -127,19 +131,22 @@ class PredictorNode(Node):
         forecast = self._forecaster.update(now_s, state)
         met = self._encounters(state, forecast, robot_m)
         self._published_ns = tracks.stamp_ns
+        return [self._message(tracks, _records(people, forecast, met), robot_m)]
+
+    def _message(
+        self, tracks: Tracks, people: tuple[PersonPrediction, ...], robot_m: F64 | None
+    ) -> Predictions:
         self._sequence += 1
-        return [
-            Predictions(
-                stamp_ns=tracks.stamp_ns,
-                sequence=self._sequence - 1,
-                trace=tracks.trace,
-                frame_id=tracks.frame_id,
-                camera=tracks.camera,
-                horizons_s=self._published_horizons_s,
-                people=_records(people, forecast, met),
-                robot_m=None if robot_m is None else _at(self._horizons_s, self._fine_s, robot_m),
-            )
-        ]
+        return Predictions(
+            stamp_ns=tracks.stamp_ns,
+            sequence=self._sequence - 1,
+            trace=tracks.trace,
+            frame_id=tracks.frame_id,
+            camera=tracks.camera,
+            horizons_s=self._published_horizons_s,
+            people=people,
+            robot_m=None if robot_m is None else _at(self._horizons_s, self._fine_s, robot_m),
+        )
 
     def _plausible(self, tracks: Sequence[Track]) -> tuple[list[Track], PeopleState]:
         """Return the people that can be predicted, each once; count the others."""

@@ -64,8 +64,8 @@ class TrackerNode(StatefulNode):
     (older than the last frame tracked), `duplicates` (of two detectors), `no_transform` and
     `refused_cameras` (too many), `stray_frames` (see StampGuard). Stamps of several cameras are
     corrected to one time, see CameraClocks; a camera whose clock is too far off has a tracker of
-    its own. When detections stop, predictions are published until the tracks end; the tracker
-    itself does not change by them.
+    its own. When detections stop, predictions are published for EXTRAPOLATION_MAX_NS, marked as
+    such; the tracker itself does not change by them.
 
     Args:
         config: Configuration of the service.
@@ -166,6 +166,7 @@ class TrackerNode(StatefulNode):
                 **self._join.counters,
                 **self._poses.counters,
                 **self._areas.counters,
+                **self._schedule.counters,
             },
             gauges=self._groups.gauges(self._now_ns) | self._areas.gauges(),
         )
@@ -301,8 +302,9 @@ class TrackerNode(StatefulNode):
         if due is None:
             return []
         with span("prediction"):
-            predicted = self._groups.predict(due.time_ns)
-        tracks = self._output.tracks(due.detections, predicted, due.time_ns, (), due.stamp_ns)
+            ended = self._schedule.ends(now_ns)
+            predicted = [] if ended else self._groups.predict(due.time_ns)
+        tracks = self._output.predicted_tracks(due, predicted)
         if not self._schedule.publishes(tracks, now_ns):
             return []
         self._counters["predictions"] += 1

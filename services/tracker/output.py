@@ -2,9 +2,12 @@
 
 from collections.abc import Sequence
 
+import msgspec
+
 from people4d.messages import Detections, ImageTrack, ImageTracks, Message, Span, Track, Tracks
 from services.tracker.camera_poses import CameraPoseLookup
 from services.tracker.config import TrackerConfig
+from services.tracker.prediction_schedule import DuePrediction
 
 
 class TrackerOutput:
@@ -19,14 +22,12 @@ class TrackerOutput:
         tracks: Sequence[Track],
         time_ns: int,
         trace: tuple[Span, ...],
-        stamp_ns: int | None = None,
     ) -> Tracks:
-        """Return the message of tracks; its stamp is that of the detections unless given."""
-        stamp_ns = detections.stamp_ns if stamp_ns is None else stamp_ns
+        """Return the message of tracks; its stamp is that of the detections."""
         tracks = self._poses.to_output_frame(tracks, time_ns)
         published = tuple(track for track in tracks if self._is_published(track))
         return Tracks(
-            stamp_ns=stamp_ns,
+            stamp_ns=detections.stamp_ns,
             sequence=detections.sequence,
             trace=trace,
             frame_id=self._config.frame_id,
@@ -34,6 +35,11 @@ class TrackerOutput:
             camera=detections.camera,
             tracks=published,
         )
+
+    def predicted_tracks(self, due: DuePrediction, tracks: Sequence[Track]) -> Tracks:
+        """Return the message of tracks that were predicted without a frame."""
+        message = self.tracks(due.detections, tracks, due.time_ns, ())
+        return msgspec.structs.replace(message, stamp_ns=due.stamp_ns, predicted=True)
 
     def image_tracks(
         self, detections: Detections, tracks: Tracks, image_tracks: Sequence[ImageTrack] | None

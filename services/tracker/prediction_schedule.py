@@ -1,9 +1,10 @@
 """Schedule of predicted tracks: when detections count as stopped, and when the next is due."""
 
-from collections import deque
+from collections import Counter, deque
 from statistics import median
 from typing import NamedTuple
 
+from common.transport.stream_clock import EXTRAPOLATION_MAX_NS
 from people4d.messages import Detections, Tracks
 from people4d.messages.base import MAX_STAMP_NS
 from services.tracker.config import TrackerConfig
@@ -24,14 +25,18 @@ class PredictionSchedule:
     """Decides when tracks are predicted instead of measured.
 
     Predictions begin `predict_after_s` after the last frame, or later where frames are slow, and
-    go on with `predict_hz` until no track is left.
+    go on with `predict_hz` for EXTRAPOLATION_MAX_NS after it, or until no track is left.
+
+    Attributes:
+        counters: People that were not predicted for longer.
     """
 
     def __init__(self, config: TrackerConfig) -> None:
         self._config = config
         self._last: PendingFrame | None = None  # the last frame tracked
         self._intervals_ns: deque[int] = deque(maxlen=9)
-        self._has_published = False
+        self._published = 0  # tracks in the last message
+        self.counters = Counter(not_extrapolated=0)
         self.wake_ns: int | None = None  # [ns] arrival time at which the next one is due
 
     def time_ns(self, now_ns: int) -> int | None:
@@ -41,7 +46,7 @@ class PredictionSchedule:
 
     def record(self, frame: PendingFrame, tracks: Tracks) -> None:
         """Note the tracks of a frame."""
-        self._has_published = bool(tracks.tracks)
+        self._published = len(tracks.tracks)
         if self._last:
             self._intervals_ns.append(frame.arrived_ns - self._last.arrived_ns)
         self._last = frame
@@ -61,14 +66,17 @@ class PredictionSchedule:
             return None
         return DuePrediction(last.detections, time_ns, stamp_ns)
 
+    def ends(self, now_ns: int) -> bool:
+        """Check that people are not predicted any longer, and count them."""
+        ended = self._last is not None and now_ns - self._last.arrived_ns > EXTRAPOLATION_MAX_NS
+        self.counters["not_extrapolated"] += self._published if ended else 0
+        return ended
+
     def publishes(self, tracks: Tracks, now_ns: int) -> bool:
         """Return whether to publish predicted tracks: after the last track one empty message."""
-        had_tracks, self._has_published = self._has_published, bool(tracks.tracks)
-        if not had_tracks and not tracks.tracks:
-            self.wake_ns = None
-            return False
-        self.wake_ns = now_ns + int(1e9 / self._config.predict_hz)
-        return True
+        before, self._published = self._published, len(tracks.tracks)
+        self.wake_ns = now_ns + int(1e9 / self._config.predict_hz) if tracks.tracks else None
+        return bool(before or tracks.tracks)
 
     def clear(self) -> None:
         """Forget all frames."""

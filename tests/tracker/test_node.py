@@ -302,7 +302,7 @@ def walk(target: TrackerNode, frames: int = 10, start: int = 0) -> list[Tracks]:
     return results
 
 
-def test_predictions_go_on_while_no_detections_come() -> None:
+def test_predictions_go_on_for_half_a_second_while_no_detections_come() -> None:
     target = node(tracker="sort3d")
     target.handle(TRANSFORM, 0)
     walk(target)  # the last frame came at 900 ms; frames come every 100 ms
@@ -311,16 +311,28 @@ def test_predictions_go_on_while_no_detections_come() -> None:
     results = list[Tracks]()
     while (wake_ns := target.wake_ns()) is not None:
         results += tracks(target.tick(wake_ns))
-    assert [t.stamp_ns - START_NS for t in results[:3]] == [1200 * MS, 1300 * MS, 1400 * MS]
+    # The last frame's stamp is 900 ms: 0.5 s after it people are unknown.
+    stamps_ms = [(t.stamp_ns - START_NS) // MS for t in results]
+    assert stamps_ms == [1200, 1300, 1400, 1500]
+    assert all(t.predicted for t in results)
     people = [t.tracks[0] for t in results[:-1]]
     assert {(p.id, p.state, p.detection) for p in people} == {(1, "lost", None)}
     steps = np.diff([p.position_m[1] for p in people])
     np.testing.assert_allclose(steps, people[0].velocity_mps[1] * 0.1, atol=1e-9)
     assert np.all(np.diff([p.covariance[0, 0] for p in people]) > 0)
-    assert people[-1].time_since_update_s <= 5.0
-    assert results[-1].tracks == ()  # one empty message tells that the track has ended
-    # 0.3, 0.4, ... 5.0 s after the last match are 48 predictions; then the empty message.
-    assert len(results) == 49
+    assert results[-1].tracks == ()  # one empty message tells that nothing is known
+    assert target.status().counters["not_extrapolated"] == 1
+
+
+def test_track_that_ends_while_no_detections_come_is_not_counted() -> None:
+    target = node(tracker="sort3d", max_lost_s=0.35)
+    target.handle(TRANSFORM, 0)
+    walk(target)
+    results = list[Tracks]()
+    while (wake_ns := target.wake_ns()) is not None:
+        results += tracks(target.tick(wake_ns))
+    assert [len(t.tracks) for t in results] == [1, 0]
+    assert target.status().counters["not_extrapolated"] == 0
 
 
 def test_predictions_end_where_stamps_end() -> None:
@@ -342,8 +354,8 @@ def test_predictions_change_nothing_for_the_frames_that_follow() -> None:
     for target in (quiet, asked):
         target.handle(TRANSFORM, 0)
         walk(target)
-    assert len(asked.tick(2000 * MS)) == 1
-    assert len(asked.tick(2900 * MS)) == 1
+    assert len(asked.tick(1200 * MS)) == 1
+    assert len(asked.tick(1400 * MS)) == 1
     expected, results = walk(quiet, start=30), walk(asked, start=30)
     assert [msgspec.to_builtins(t, enc_hook=np.ndarray.tolist) for t in results] == [
         msgspec.to_builtins(t, enc_hook=np.ndarray.tolist) for t in expected

@@ -152,7 +152,7 @@ class RosPeopleView:
             yaw_rad=yaw_rad,
             yaw_known=source.yaw_rad is not None,
             yaw_rate_radps=memory.rate_radps,
-            age_s=(stamp_ns - memory.first_ns) / 1e9,
+            age_s=max(stamp_ns - memory.first_ns, 0) / 1e9,
             detection=track.detection if track else None,
             score=track.score if track else 1.0,
             path_yaw_rad=None if isinstance(source, Track) else source.path_yaw_rad,
@@ -173,16 +173,18 @@ class RosPeopleView:
 
     def _forget(self, stamp_ns: int, present: Collection[str]) -> None:
         """Remove people who have been absent for long, or were of another run of a recording."""
-        old_ns = stamp_ns - round(FORGOTTEN_S * 1e9)
+        old_ns, next_ns = stamp_ns - round(FORGOTTEN_S * 1e9), stamp_ns + EXTRAPOLATION_MAX_NS
         self._memories = {
             name: memory
             for name, memory in self._memories.items()
-            if name in present or old_ns <= memory.stamp_ns <= stamp_ns
+            if name in present or old_ns <= memory.stamp_ns <= next_ns
         }
 
     def _remember(self, name: str, stamp_ns: int, yaw_rad: float | None) -> _Memory:
         memory = self._memories.get(name)
-        if memory is None or memory.stamp_ns > stamp_ns:  # a recording began again
+        # A frame may be older than one of another camera, or than what was predicted; if it is
+        # older by more, a recording began again.
+        if memory is None or memory.stamp_ns - stamp_ns > EXTRAPOLATION_MAX_NS:
             number = memory.number if memory else self._number(name)
             memory = _Memory(number, 0, stamp_ns, stamp_ns, yaw_rad)
             self._memories[name] = memory
