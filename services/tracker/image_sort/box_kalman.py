@@ -1,18 +1,18 @@
-"""The Kalman filter of a box in the image: state u, v, s, r, du, dv, ds.
+"""The Kalman filter of boxes in the image: state u, v, s, r, du, dv, ds.
 
 u, v is the centre of the box, s its area and r its width over its height, which has no velocity.
 In SORT all covariances are diagonal at the start, and neither motion nor measurement mix u, v, s
 and r. So the filter of seven states is exactly three filters of [position, velocity] and one of
-[position], and each is a handful of multiplications.
+[position], computed for all tracks at once.
 
 Source: docs/method.md, section 7; the constants are those of [Bewley 2016].
 """
 
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
-from common.compiled import compiled
 from people4d.messages import F64
 
 TRACK = np.dtype(
@@ -33,74 +33,63 @@ TRACK = np.dtype(
         ("matched_ns", np.int64),  # [ns] stamp of the last match
     ]
 )
+Records: TypeAlias = npt.NDArray[Any]  # N tracks of TRACK
+States: TypeAlias = Records | np.void  # N tracks, or one
 
 # Variances of u, v, s, r and of the velocities of u, v, s; for each frame in pixels and pixels^2.
-START, START_VELOCITY = (10.0, 10.0, 10.0, 10.0), (1e4, 1e4, 1e4)
-PROCESS, PROCESS_VELOCITY = (1.0, 1.0, 1.0, 1.0), (0.01, 0.01, 0.0001)
-MEASURED = (1.0, 1.0, 10.0, 10.0)
+START, START_VELOCITY = np.array([10.0, 10.0, 10.0, 10.0]), np.array([1e4, 1e4, 1e4])
+PROCESS, PROCESS_VELOCITY = np.array([1.0, 1.0, 1.0, 1.0]), np.array([0.01, 0.01, 0.0001])
+MEASURED = np.array([1.0, 1.0, 10.0, 10.0])
 
 
-@compiled
-def begin(track: Any, box: F64) -> None:
-    """Start with a measured box (4, xyxy, pixels), velocities of 0 and their variances."""
-    measure(box, track.x)
-    for k in range(4):
-        track.pp[k] = START[k]
-    for k in range(3):
-        track.v[k] = track.pv[k] = 0.0
-        track.vv[k] = START_VELOCITY[k]
-    write_box(track)
+def begin(tracks: States, boxes: F64) -> None:
+    """Start with measured boxes (Nx4, xyxy, pixels), velocities of 0 and their variances."""
+    tracks["x"][...] = measure(boxes)
+    tracks["pp"][...], tracks["vv"][...] = START, START_VELOCITY
+    tracks["v"][...] = tracks["pv"][...] = 0.0
+    write_boxes(tracks)
 
 
-@compiled
-def predict(track: Any, steps: float) -> None:
-    """Predict the state a number of frames ahead.
+def predict(tracks: States, steps: float) -> None:
+    """Predict the states a number of frames ahead.
 
     An area that would vanish stops shrinking, as in SORT.
     """
-    if track.x[2] + steps * track.v[2] <= 0:
-        track.v[2] = 0.0
-    for k in range(3):
-        track.x[k] += steps * track.v[k]
-        track.pp[k] += steps * (2 * track.pv[k] + steps * track.vv[k])
-        track.pv[k] += steps * track.vv[k]
-        track.vv[k] += steps * PROCESS_VELOCITY[k]
-    for k in range(4):
-        track.pp[k] += steps * PROCESS[k]
-    write_box(track)
+    x, v, pp, pv, vv = (tracks[name] for name in ("x", "v", "pp", "pv", "vv"))
+    v[..., 2] = np.where(x[..., 2] + steps * v[..., 2] <= 0, 0.0, v[..., 2])
+    x[..., :3] += steps * v
+    pp[..., :3] += steps * (2 * pv + steps * vv)
+    pv += steps * vv
+    vv += steps * PROCESS_VELOCITY
+    pp += steps * PROCESS
+    write_boxes(tracks)
 
 
-@compiled
-def correct(track: Any, box: F64) -> None:
-    """Update the state with a measured box (4, xyxy, pixels)."""
-    z = np.empty(4)
-    measure(box, z)
-    for k in range(4):
-        S = track.pp[k] + MEASURED[k]
-        K, y = track.pp[k] / S, z[k] - track.x[k]
-        track.x[k] += K * y
-        track.pp[k] *= 1 - K
-        if k < 3:
-            K_v = track.pv[k] / S
-            track.v[k] += K_v * y
-            track.vv[k] -= K_v * track.pv[k]
-            track.pv[k] *= 1 - K
-    write_box(track)
+def correct(tracks: States, boxes: F64) -> None:
+    """Update the states with measured boxes (Nx4, xyxy, pixels)."""
+    x, v, pp, pv, vv = (tracks[name] for name in ("x", "v", "pp", "pv", "vv"))
+    S = pp + MEASURED
+    K, K_v, y = pp / S, pv / S[..., :3], measure(boxes) - x
+    x += K * y
+    pp *= 1 - K
+    v += K_v * y[..., :3]
+    vv -= K_v * pv
+    pv *= 1 - K[..., :3]
+    write_boxes(tracks)
 
 
-@compiled
-def measure(box: F64, z: F64) -> None:
-    """Write u, v, s, r of a box (4, xyxy, pixels) to z."""
-    width, height = box[2] - box[0], box[3] - box[1]
-    z[0], z[1] = box[0] + width / 2, box[1] + height / 2
-    z[2], z[3] = width * height, width / height
+def measure(boxes: F64) -> F64:
+    """Return u, v, s, r (Nx4) of boxes (Nx4, xyxy, pixels)."""
+    left, top, right, bottom = np.moveaxis(boxes, -1, 0)
+    width, height = right - left, bottom - top
+    state = (left + width / 2, top + height / 2, width * height, width / height)
+    return np.stack(state, axis=-1)
 
 
-@compiled
-def write_box(track: Any) -> None:
-    """Write the box of the state."""
-    u, v, s, r = track.x[0], track.x[1], track.x[2], track.x[3]
-    width = np.sqrt(max(s * r, 0.0))
-    height = s / width if width > 0 else 0.0
-    track.box[0], track.box[1] = u - width / 2, v - height / 2
-    track.box[2], track.box[3] = u + width / 2, v + height / 2
+def write_boxes(tracks: States) -> None:
+    """Write the boxes of the states."""
+    u, v, s, r = np.moveaxis(tracks["x"], -1, 0)
+    width = np.sqrt(np.maximum(s * r, 0.0))
+    height = np.where(width > 0, s, 0.0) / np.where(width > 0, width, 1.0)
+    corners = (u - width / 2, v - height / 2, u + width / 2, v + height / 2)
+    tracks["box"][...] = np.stack(corners, axis=-1)

@@ -1,13 +1,16 @@
 """Rotation of a camera and its effect on tracks in the image (docs/method.md, section 7)."""
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from common.compiled import compiled
+import numpy as np
+
 from common.geometry.transforms import wrap
 from people4d.messages import F64
+from services.tracker.image_sort.box_kalman import States
 
 LEVEL_MIN = 0.2  # a camera steeper than this (78 deg) up or down turns nothing sideways
+ANGLE_MAX_RAD = 1.5  # [rad] largest angle to the optical axis of a point in a plane image
 
 
 class Turn(NamedTuple):
@@ -61,40 +64,37 @@ def turn_between(before: CameraDirection | None, now: CameraDirection | None) ->
     return Turn(turn_rad, math.sqrt(variance_rad2), now.pitch_rad - before.pitch_rad)
 
 
-@compiled
-def turn_track(track: Any, turn: Turn, lens: Lens) -> None:
-    """Move a track, before its prediction, so that its velocity is the person's own motion.
+def turn_tracks(tracks: States, turn: Turn, lens: Lens) -> None:
+    """Move tracks (N), before their prediction, so that velocities are the persons' own motion.
 
     Turning left moves the image right: u <- u + turn * width / fov, turning up moves it down. In a
     pinhole camera, a point at angle a to the right of the axis moves to a + turn; near the rim it
     moves faster and grows.
     """
-    track.pp[0] += (turn.sigma_rad * lens.px_per_rad) ** 2
+    x, v = tracks["x"], tracks["v"]
+    tracks["pp"][..., 0] += (turn.sigma_rad * lens.px_per_rad) ** 2
     if lens.focal_px == 0:
-        track.x[0] += turn.rad * lens.px_per_rad
-        track.x[1] += turn.up_rad * lens.px_per_rad
+        x[..., 0] += turn.rad * lens.px_per_rad
+        x[..., 1] += turn.up_rad * lens.px_per_rad
         return
     if turn.rad != 0:
-        track.x[0], grown = turned_point(track.x[0], turn.rad, lens.u_px, lens.focal_px)
-        track.x[1] = lens.v_px + (track.x[1] - lens.v_px) * grown
-        track.x[2] *= grown**3  # the height grows by that, the width by its square
-        track.x[3] *= grown
-        track.v[0] *= grown**2
+        x[..., 0], grown = turned_points(x[..., 0], turn.rad, lens.u_px, lens.focal_px)
+        x[..., 1] = lens.v_px + (x[..., 1] - lens.v_px) * grown
+        x[..., 2] *= grown**3  # the height grows by that, the width by its square
+        x[..., 3] *= grown
+        v[..., 0] *= grown**2
     if turn.up_rad != 0:
-        track.x[1], grown = turned_point(track.x[1], turn.up_rad, lens.v_px, lens.focal_px)
-        track.x[0] = lens.u_px + (track.x[0] - lens.u_px) * grown
-        track.x[2] *= grown**3
-        track.x[3] /= grown
-        track.v[1] *= grown**2
+        x[..., 1], grown = turned_points(x[..., 1], turn.up_rad, lens.v_px, lens.focal_px)
+        x[..., 0] = lens.u_px + (x[..., 0] - lens.u_px) * grown
+        x[..., 2] *= grown**3
+        x[..., 3] /= grown
+        v[..., 1] *= grown**2
 
 
-@compiled
-def turned_point(
-    at_px: float, turn_rad: float, centre_px: float, focal_px: float
-) -> tuple[float, float]:
-    """Return the image position of a point after a rotation, and by how much it grew."""
-    before = math.atan((at_px - centre_px) / focal_px)
-    after = before + turn_rad
-    if abs(after) >= 1.5:  # [rad] beside the camera, outside of any plane image
-        after = math.copysign(1.5, after)
-    return centre_px + focal_px * math.tan(after), math.cos(before) / math.cos(after)
+def turned_points(
+    at_px: F64, turn_rad: float, centre_px: float, focal_px: float
+) -> tuple[F64, F64]:
+    """Return the image positions (N) of points after a rotation, and their growth (N)."""
+    before = np.arctan((at_px - centre_px) / focal_px)
+    after = np.clip(before + turn_rad, -ANGLE_MAX_RAD, ANGLE_MAX_RAD)
+    return centre_px + focal_px * np.tan(after), np.cos(before) / np.cos(after)

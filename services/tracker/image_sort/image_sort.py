@@ -1,7 +1,7 @@
 """SORT in the image: box Kalman filter, intersection over union, Hungarian method.
 
 Odometry correction and dynamic survival are settings of it (docs/method.md, section 7 [Park 2021]).
-One frame is one call of compiled code, see `sort_step`.
+`ImageSort.update` reads as the published method.
 """
 
 import math
@@ -9,20 +9,19 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
+from scipy.optimize import linear_sum_assignment
 
+from common.geometry.boxes import iou_xyxy
 from people4d.messages import F64
 from services.tracker.config import ImageSortConfig
-from services.tracker.image_sort.box_assignment import I64
-from services.tracker.image_sort.box_kalman import TRACK
-from services.tracker.image_sort.camera_turn import STILL, Lens, Turn
-from services.tracker.image_sort.sort_step import (
-    BoxDetections,
-    Records,
-    SortSettings,
-    TrackTable,
-    step,
-)
+from services.tracker.image_sort.box_kalman import TRACK, Records, begin, correct, predict
+from services.tracker.image_sort.camera_turn import STILL, Lens, Turn, turn_tracks
 
+I64 = npt.NDArray[np.int64]
+BOOL = npt.NDArray[np.bool_]
+NONE = -1  # detection of an unmatched track
+ENDED = 2**62  # missed frames of a track that ends without another association
 STATE_MAX = 1e24  # of a checkpoint; its largest numbers are variances of areas, in pixels^4
 FOV_DEG = 69.0  # [deg] of a camera without calibration: colour of a RealSense D435i
 
@@ -62,19 +61,8 @@ class ImageSort:
 
     def __init__(self, config: ImageSortConfig) -> None:
         self._config = config
-        dynamic = config.lifetime == "dynamic"
-        self._settings = SortSettings(
-            iou_min=float(config.iou_min),
-            score_high=float(config.score_high),
-            score_new=float(config.score_new),
-            min_hits=config.min_hits,
-            streak=config.confirm == "streak",
-            t_lost=float(config.t_lost),
-            r=float(config.r) if dynamic else math.inf,
-            max_age=float(config.max_age) if dynamic else math.inf,
-            lost_max_ns=config.lost_max_s * 1e9,
-        )
-        self._table = TrackTable(np.zeros(16, TRACK), size=0, next_id=1, frames=0)
+        self._tracks: Records = np.zeros(0, TRACK)
+        self._next_id, self._frames = 1, 0
         self._stamp_ns: int | None = None
 
     def update(self, frame: BoxFrame) -> BoxTracks:
@@ -85,42 +73,116 @@ class ImageSort:
                 each box of four numbers.
         """
         steps = self._steps_to(frame.stamp_ns)
-        boxes, scores = _contiguous(frame.boxes_xyxy_px), _contiguous(frame.scores)
+        boxes = np.asarray(frame.boxes_xyxy_px, np.float64)
+        scores = np.asarray(frame.scores, np.float64)
         if boxes.shape != (*scores.shape, 4):
             raise ValueError(f"boxes, scores: expected Nx4, N, got {boxes.shape}, {scores.shape}")
-        tracks, count, next_id, frames = self._table
-        room = count + len(boxes)
-        if room > len(tracks):
-            tracks = np.concatenate([tracks, np.zeros(2 * room - len(tracks), TRACK)])
-        turn = frame.turn if self._config.ego_motion == "odometry" else STILL
-        count, next_id, ids, track_boxes, track_scores, detections = step(
-            TrackTable(tracks, count, next_id, frames + 1),
-            BoxDetections(frame.stamp_ns, boxes, scores, steps),
-            turn,
-            self._lens(frame),
-            self._settings,
-        )
-        self._table = TrackTable(tracks, count, next_id, frames + 1)
         self._stamp_ns = frame.stamp_ns
-        return BoxTracks(ids, track_boxes, track_scores, detections)
+        self._frames += 1
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite ends below
+            self._predict(frame, steps)
+            free = self._associate(boxes, scores)
+            self._update(boxes, scores)
+            self._begin(boxes, scores, free)
+        return self._published()
+
+    def _predict(self, frame: BoxFrame, steps: float) -> None:
+        """Correct ego motion, predict, and count a miss for every track."""
+        tracks = self._tracks
+        if self._config.ego_motion == "odometry":
+            turn_tracks(tracks, frame.turn, self._lens(frame))
+        predict(tracks, steps)
+        unmatched_ns = frame.stamp_ns - tracks["matched_ns"]
+        lost = unmatched_ns > self._config.lost_max_s * 1e9
+        tracks["missed"] = np.where(lost, ENDED, tracks["missed"] + 1)
+
+    def _associate(self, boxes: F64, scores: F64) -> BOOL:
+        """Match in one round, or two by score; return the usable detections that are left."""
+        size = boxes[:, 2:] - boxes[:, :2]
+        free: BOOL = (size > 0).all(axis=1) & (size.prod(axis=1) < np.inf) & (scores >= 0)
+        self._tracks["detection"] = NONE
+        high = scores >= self._config.score_high
+        self._match(boxes, free & high, missed_max=ENDED - 1)
+        self._match(boxes, free & ~high, missed_max=1)
+        free[self._tracks["detection"][self._tracks["detection"] != NONE]] = False
+        return free
+
+    def _match(self, boxes: F64, free: BOOL, missed_max: int) -> None:
+        """Assign free detections (M) to unmatched tracks at the largest sum of overlaps.
+
+        Pairs that overlap less than `iou_min` are refused; tracks unmatched for more than
+        `missed_max` frames, this one included, take no part.
+        """
+        open_tracks = (self._tracks["detection"] == NONE) & (self._tracks["missed"] <= missed_max)
+        rows, columns = np.flatnonzero(open_tracks), np.flatnonzero(free)
+        if not len(rows) or not len(columns):
+            return
+        overlaps = iou_xyxy(self._tracks["box"][rows], boxes[columns])
+        gain = np.where(overlaps >= self._config.iou_min, overlaps, 0.0)
+        i, j = linear_sum_assignment(gain, maximize=True)
+        admissible = gain[i, j] > 0
+        self._tracks["detection"][rows[i[admissible]]] = columns[j[admissible]]
+
+    def _update(self, boxes: F64, scores: F64) -> None:
+        """Update matched tracks, and end those whose time is over.
+
+        T_age = min(T_lost + T_hits / R, max_age), where R and max_age apply if it is dynamic.
+        """
+        config, tracks = self._config, self._tracks
+        matched = tracks["detection"] != NONE
+        tracks["streak"][~matched] = 0
+        found = tracks[matched]  # a copy
+        correct(found, boxes[found["detection"]])
+        found["score"] = scores[found["detection"]]
+        found["matched_ns"], found["missed"] = self._stamp_ns, 0
+        found["hits"] += 1
+        found["streak"] += 1
+        found["confirmed"] |= found["streak"] >= config.min_hits
+        tracks[matched] = found
+        t_age = np.full(len(tracks), config.t_lost)
+        if config.lifetime == "dynamic":
+            t_age = np.minimum(config.t_lost + tracks["hits"] / config.r, config.max_age)
+        finite = np.isfinite(tracks["box"]).all(axis=1)
+        self._tracks = tracks[(tracks["missed"] <= t_age) & finite]
+
+    def _begin(self, boxes: F64, scores: F64, free: BOOL) -> None:
+        """Begin a track with each detection that is left and has a sufficient score."""
+        columns = np.flatnonzero(free & (scores >= self._config.score_new))
+        new = np.zeros(len(columns), TRACK)
+        begin(new, boxes[columns])
+        new["id"] = self._next_id + np.arange(len(new))
+        new["detection"], new["score"] = columns, scores[columns]
+        new["matched_ns"], new["hits"] = self._stamp_ns, 1
+        new["confirmed"] = self._config.min_hits == 0
+        self._next_id += len(new)
+        self._tracks = np.concatenate([self._tracks, new])
+
+    def _published(self) -> BoxTracks:
+        """Return confirmed and matched tracks."""
+        tracks, config = self._tracks, self._config
+        by_streak = config.confirm == "streak"
+        confirmed = tracks["streak"] >= config.min_hits if by_streak else tracks["confirmed"]
+        first_frames = self._frames <= config.min_hits
+        chosen = tracks[(tracks["detection"] != NONE) & (confirmed | first_frames)]
+        return BoxTracks(chosen["id"], chosen["box"], chosen["score"], chosen["detection"])
 
     @property
     def tracks(self) -> Records:
         """All tracks as `box_kalman.TRACK`."""
-        return self._table.tracks[: self._table.size].copy()
+        return self._tracks.copy()
 
     @property
     def next_id(self) -> int:
         """The next identity to be given."""
-        return self._table.next_id
+        return self._next_id
 
     def raise_to(self, next_id: int) -> None:
         """Mark all identities below a number as used."""
-        self._table = self._table._replace(next_id=max(self.next_id, next_id))
+        self._next_id = max(self._next_id, next_id)
 
     def save(self) -> ImageSortCheckpoint:
         """Return a checkpoint of the state."""
-        return ImageSortCheckpoint(self._stamp_ns, self._table.frames, self.tracks.tobytes())
+        return ImageSortCheckpoint(self._stamp_ns, self._frames, self._tracks.tobytes())
 
     def restore(self, checkpoint: ImageSortCheckpoint) -> None:
         """Continue from a checkpoint.
@@ -138,7 +200,7 @@ class ImageSort:
             raise ValueError(f"expected numbers of at most {STATE_MAX:g}")
         if (tracks["id"] < 1).any():
             raise ValueError("expected identities >= 1")
-        self._table = TrackTable(tracks, len(tracks), self.next_id, checkpoint.frames)
+        self._tracks, self._frames = tracks, checkpoint.frames
         self.raise_to(int(tracks["id"].max(initial=0)) + 1)
         self._stamp_ns = checkpoint.stamp_ns
 
@@ -146,11 +208,11 @@ class ImageSort:
         """Skip a time without frames."""
         if self._stamp_ns is not None:
             self._stamp_ns += duration_ns
-        self._table.tracks["matched_ns"] += duration_ns
+        self._tracks["matched_ns"] += duration_ns
 
     def reset(self) -> None:
         """Delete all tracks and times; identities go on counting."""
-        self._table = self._table._replace(size=0, frames=0)
+        self._tracks, self._frames = np.zeros(0, TRACK), 0
         self._stamp_ns = None
 
     def _steps_to(self, stamp_ns: int) -> float:
@@ -168,8 +230,3 @@ class ImageSort:
         pinhole = self._config.projection == "pinhole"
         focal_px = width / 2 / math.tan(fov_rad / 2) if pinhole else 0.0
         return Lens(width / fov_rad, focal_px, width / 2, height / 2)
-
-
-def _contiguous(values: F64) -> F64:
-    """Return an array of the one type that the code is compiled for."""
-    return np.array(values, np.float64, order="C")

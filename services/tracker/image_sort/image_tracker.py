@@ -10,21 +10,21 @@ import numpy as np
 from people4d.errors import DecodeError
 from people4d.messages import ImageTrack, Track
 from people4d.messages.base import MAX_PX
-from services.tracker.config import ImageSortConfig, TrackerConfig
+from services.tracker.config import TrackerConfig
+from services.tracker.image_sort.box_kalman import Records
 from services.tracker.image_sort.camera_turn import (
     CameraDirection,
-    Turn,
     camera_direction,
     turn_between,
 )
 from services.tracker.image_sort.image_sort import (
     FOV_DEG,
+    NONE,
     BoxFrame,
     BoxTracks,
     ImageSort,
     ImageSortCheckpoint,
 )
-from services.tracker.image_sort.sort_step import NONE, Records
 from services.tracker.interface import (
     IdCounter,
     Measurement,
@@ -77,7 +77,6 @@ class ImageTracker(TrackSetTracker):
         self.ids = IdCounter()
         self._images: dict[str, CameraTracks] = {}
         self._image_tracks: tuple[ImageTrack, ...] = ()
-        _compile(self._config)
 
     def update(self, observation: Observation) -> list[Track]:
         """Track the boxes, then update the positions of the tracks."""
@@ -160,14 +159,6 @@ class ImageTracker(TrackSetTracker):
             tracks.begin(measurement, observation, identity)
         tracks.records.sort(key=lambda record: record.id)
         return tracks.manage([], observation)
-
-
-def _compile(config: ImageSortConfig) -> None:
-    """Compile all code, so that the first frame does not wait for it."""
-    box = np.array([[0.0, 0.0, 1.0, 2.0]])
-    sort = ImageSort(config)
-    for stamp_ns in (0, 1):
-        sort.update(BoxFrame(stamp_ns, box, np.ones(1), turn=Turn(1e-3, 1e-3, 1e-3)))
 
 
 def _frame(observation: Observation, image: CameraTracks) -> BoxFrame:

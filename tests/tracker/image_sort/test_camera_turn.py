@@ -9,7 +9,7 @@ from common.geometry.transforms import project, rotation_from_rpy
 from people4d.messages import F64
 from services.tracker.config import ImageSortConfig
 from services.tracker.image_sort.box_kalman import TRACK, begin
-from services.tracker.image_sort.camera_turn import Lens, Turn, turn_track
+from services.tracker.image_sort.camera_turn import Lens, Turn, turn_tracks
 from services.tracker.image_sort.image_sort import BoxFrame, ImageSort
 from tests import builders
 
@@ -27,16 +27,16 @@ def test_turning_left_moves_the_image_right_by_the_angle_over_the_field_of_view(
     lens = Lens(640 / math.radians(60), 0.0, 320.0, 240.0)
     for u in (100.0, 320.0, 600.0):
         track = begun(u, 240)
-        turn_track(track, Turn(math.radians(3)), lens)
+        turn_tracks(track, Turn(math.radians(3)), lens)
         assert list(track["x"]) == pytest.approx([u + 32, 240, 4000, 0.4])
-        turn_track(track, Turn(math.radians(-3)), lens)
+        turn_tracks(track, Turn(math.radians(-3)), lens)
         assert track["x"][0] == pytest.approx(u)
 
 
 def test_uncertain_turn_adds_variance_to_the_position() -> None:
     # 1 degree is 640 / 60 px; its square is added to the variance of 10 px^2.
     track = begun(320, 240)
-    turn_track(track, Turn(0.0, math.radians(1)), Lens(640 / math.radians(60), 0.0, 320.0, 240.0))
+    turn_tracks(track, Turn(0.0, math.radians(1)), Lens(640 / math.radians(60), 0.0, 320.0, 240.0))
     assert track["pp"][0] == pytest.approx(10 + (640 / 60) ** 2)
 
 
@@ -44,7 +44,7 @@ def test_turning_up_moves_the_image_down() -> None:
     # As sideways: 3 degrees move all by 640 * 3 / 60 = 32 px.
     track = begun(100, 240)
     lens = Lens(640 / math.radians(60), 0.0, 320.0, 240.0)
-    turn_track(track, Turn(0.0, up_rad=math.radians(3)), lens)
+    turn_tracks(track, Turn(0.0, up_rad=math.radians(3)), lens)
     assert list(track["x"]) == pytest.approx([100, 272, 4000, 0.4])
 
 
@@ -61,7 +61,7 @@ def test_pinhole_points_move_by_their_position() -> None:
     points = np.array([[4.0, y, z] for y in (-2.0, 0.0, 1.5) for z in (-1.0, 0.0, 1.0)])
     for before, after in zip(detected(points, 0.0), detected(points, turn_rad), strict=True):
         track = begun(*before)
-        turn_track(track, Turn(turn_rad), Lens(0.0, 400.0, 320.0, 240.0))
+        turn_tracks(track, Turn(turn_rad), Lens(0.0, 400.0, 320.0, 240.0))
         np.testing.assert_allclose(track["x"][:2], after, atol=1e-9)
 
 
@@ -70,7 +70,7 @@ def test_pinhole_points_of_a_tilted_camera_move_by_their_position() -> None:
     points = np.array([[4.0, y, z] for y in (-2.0, 0.0, 1.5) for z in (-1.0, 0.0, 1.0)])
     for before, after in zip(detected(points, 0.0), detected(points, 0.0, up_rad), strict=True):
         track = begun(*before)
-        turn_track(track, Turn(0.0, up_rad=up_rad), Lens(0.0, 400.0, 320.0, 240.0))
+        turn_tracks(track, Turn(0.0, up_rad=up_rad), Lens(0.0, 400.0, 320.0, 240.0))
         np.testing.assert_allclose(track["x"][:2], after, atol=1e-9)
 
 
@@ -79,7 +79,7 @@ def test_a_tilted_camera_sees_boxes_grow_towards_the_rim() -> None:
     # times its square, so width over height is less by it.
     v = 240 + 400 * math.tan(math.radians(20))
     track = begun(320, v, 2, 2)
-    turn_track(track, Turn(0.0, up_rad=math.radians(10)), Lens(0.0, 400.0, 320.0, 240.0))
+    turn_tracks(track, Turn(0.0, up_rad=math.radians(10)), Lens(0.0, 400.0, 320.0, 240.0))
     grown = math.cos(math.radians(20)) / math.cos(math.radians(30))
     assert track["x"][2] == pytest.approx(4 * grown**3)
     assert track["x"][3] == pytest.approx(1 / grown)
@@ -90,7 +90,7 @@ def test_a_pinhole_camera_sees_boxes_grow_towards_the_rim() -> None:
     # cos 20 / cos 30, as wide as before times its square.
     u = 320 + 400 * math.tan(math.radians(20))
     track = begun(u, 240, 2, 2)
-    turn_track(track, Turn(math.radians(10)), Lens(0.0, 400.0, 320.0, 240.0))
+    turn_tracks(track, Turn(math.radians(10)), Lens(0.0, 400.0, 320.0, 240.0))
     grown = math.cos(math.radians(20)) / math.cos(math.radians(30))
     assert track["x"][2] == pytest.approx(4 * grown**3)
     assert track["x"][3] == pytest.approx(grown)
@@ -98,7 +98,7 @@ def test_a_pinhole_camera_sees_boxes_grow_towards_the_rim() -> None:
 
 def test_point_turned_behind_the_camera_stays_finite() -> None:
     track = begun(600, 240)
-    turn_track(track, Turn(3.0), Lens(0.0, 400.0, 320.0, 240.0))
+    turn_tracks(track, Turn(3.0), Lens(0.0, 400.0, 320.0, 240.0))
     assert np.isfinite(track["x"]).all()
 
 
