@@ -67,7 +67,7 @@ def compare(method: F64, reference: F64, figures: tuple[Figure, ...]) -> list[Di
         reference: Likewise, of the same units in the same order.
         figures: The F figures.
 
-    Source: percentile bootstrap [Efron 1993], paired by unit.
+    Source: percentile bootstrap [Efron 1979], paired by unit.
     """
     count = len(method)
     drawn = np.random.default_rng(SEED).multinomial(count, np.full(count, 1 / count), ROUNDS)
