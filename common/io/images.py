@@ -114,6 +114,8 @@ def decode_image(data: bytes, flags: int, name: str = "image") -> npt.NDArray[An
 
 
 def _decode(data: bytes, flags: int) -> "cv2.typing.MatLike | None":
+    # The pixels are the sensor's, as depth and calibration are: an orientation tag turns them only.
+    flags |= cv2.IMREAD_IGNORE_ORIENTATION
     try:
         return cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except cv2.error:

@@ -1,4 +1,4 @@
-"""Arrays of numbers from untrusted NPZ files: no objects, no more bytes than declared."""
+"""Arrays of numbers from untrusted NPZ and NPY files: no objects, no more bytes than declared."""
 
 import math
 import zipfile
@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
+from common.io.files import read_bytes
 
 MAX_BYTES = 256 * 2**20  # of one array
 MAX_HEADER_BYTES = 4096  # of the text with type and shape
@@ -41,6 +43,16 @@ def read_arrays(
         raise ValueError(f"it is damaged: {error}") from error
 
 
+def read_array(path: Path) -> npt.NDArray[Any]:
+    """Read an NPY file.
+
+    Raises:
+        OSError: The file cannot be read, or is too large.
+        ValueError: It is no NPY file, is damaged, or holds no numbers.
+    """
+    return _parse(path.name, read_bytes(path, MAX_BYTES))
+
+
 def _array(file: zipfile.ZipFile, name: str, end: int) -> npt.NDArray[Any]:
     member = file.getinfo(f"{name}.npy")
     if member.compress_type not in PACKINGS:
@@ -50,7 +62,10 @@ def _array(file: zipfile.ZipFile, name: str, end: int) -> npt.NDArray[Any]:
     # Reading allocates the declared compressed size at once.
     if member.compress_size > end:
         raise ValueError(f"array {name} is truncated")
-    data = file.read(member)  # never more than file_size
+    return _parse(name, file.read(member))  # never more than file_size
+
+
+def _parse(name: str, data: bytes) -> npt.NDArray[Any]:
     try:
         shape, column_major, kind, start = _header(data)
     except (ValueError, TypeError, SyntaxError, RecursionError, MemoryError) as error:

@@ -13,6 +13,7 @@ from common.io.npz import read_arrays
 from common.ros2.frame_names import OPTICAL_FRAME, frame_name
 from people4d.errors import SourceError
 from people4d.messages import F64, CameraInfo, StaticTransform
+from services.camera.distortion import read_distortion
 from services.camera.folder.mat_file import read_mat
 from services.camera.folder.registration import Registration
 
@@ -55,11 +56,14 @@ class MatNames(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
 
 def read_calibration(path: Path, names: MatNames) -> Calibration:
-    """Read .toml, .json, ROS camera_info .yaml, .npz or .mat; SourceError if it is incomplete."""
+    """Read a calibration of one of the kinds below; SourceError if it is incomplete."""
     readers: dict[str, Callable[[], Calibration]] = {
         ".toml": lambda: _from_table(parse_toml(read_text(path))),
         ".json": lambda: _from_table(json.loads(read_text(path))),
         ".yaml": lambda: _from_camera_info(parse_yaml(read_text(path))),
+        ".yml": lambda: _from_camera_info(parse_yaml(read_text(path))),
+        ".txt": lambda: _from_matrix(read_text(path)),
+        ".csv": lambda: _from_matrix(read_text(path)),
         ".npz": lambda: _from_npz(path),
         ".mat": lambda: _from_mat(path, names),
     }
@@ -121,9 +125,20 @@ def static_transform(parent: str, child: str, matrix: F64) -> StaticTransform:
 def registration(
     calibration: Calibration, colour: CameraInfo, depth_size: tuple[int, int]
 ) -> Registration | None:
-    """Return the registration of depth to colour; None if depth is aligned."""
+    """Return the registration of depth to colour; None if depth is aligned.
+
+    Raises:
+        SourceError: Depth has another size and no calibration, or the transform is not rigid.
+    """
     if calibration.depth is None:
-        return None
+        if depth_size == (colour.height, colour.width):
+            return None
+        raise SourceError(
+            f"depth is {depth_size[1]}x{depth_size[0]}, colour {colour.width}x{colour.height}: "
+            "it cannot be aligned without a calibration of depth",
+            "Give it as [depth] in a calibration file, as options.depth_intrinsics of a folder, or "
+            "as options.depth_info_topic of a bag.",
+        )
     colour_from_depth = np.eye(4)
     if calibration.rotation is not None:
         colour_from_depth[:3, :3] = calibration.rotation
@@ -134,21 +149,48 @@ def registration(
 
 
 def _from_table(table: Mapping[str, Any]) -> Calibration:
-    """Read [colour], [depth] and so on, or fx, fy, cx, cy of colour alone."""
+    """Read [colour], [depth] and so on, or of colour alone fx, fy, cx, cy or Open3D's matrix."""
+    if "intrinsic_matrix" in table:
+        matrix, size = table["intrinsic_matrix"], (table["width"], table["height"])
+        return Calibration(colour=to_intrinsics(_square(matrix), (), *size))
     if "fx" in table:
         table = {"colour": table}
-    return msgspec.convert(table, Calibration)
+    try:
+        return msgspec.convert(table, Calibration)
+    except msgspec.ValidationError as error:
+        raise ValueError(f"{error}; expected fx, fy, cx and cy, or [colour] with them") from error
 
 
 def _from_camera_info(table: Any) -> Calibration:
     """Read the file that ROS's camera calibration writes."""
     colour = to_intrinsics(
         np.reshape(table["camera_matrix"]["data"], (3, 3)),
-        table["distortion_coefficients"]["data"],
+        read_distortion(
+            str(table.get("distortion_model", "")), table["distortion_coefficients"]["data"]
+        ),
         table["image_width"],
         table["image_height"],
     )
     return Calibration(colour=colour)
+
+
+def _from_matrix(text: str) -> Calibration:
+    """Read a camera matrix as ScanNet, 7-Scenes and Stray Scanner write it, 3x3 or 4x4."""
+    numbers = [float(word) for word in text.replace(",", " ").split()]
+    return Calibration(colour=to_intrinsics(_square(numbers)))
+
+
+def _square(numbers: Any) -> F64:
+    """Return a 3x3 camera matrix from 9 or 16 numbers, row by row or column by column."""
+    flat = np.ravel(np.asarray(numbers, np.float64))
+    if flat.size not in (9, 16):
+        raise ValueError(f"expected a matrix of 3x3 or 4x4, got {flat.size} numbers")
+    matrix = flat.reshape(-1, 3 if flat.size == 9 else 4)[:3, :3]
+    # The third row of a camera matrix is 0 0 1; where the third column is, it is the transpose.
+    matrix = matrix.T if not matrix[:2, 2].any() else matrix
+    if not np.array_equal(matrix[2], (0.0, 0.0, 1.0)):
+        raise ValueError(f"expected a camera matrix, got one with the third row {matrix[2]}")
+    return matrix
 
 
 def _from_npz(path: Path) -> Calibration:

@@ -1,8 +1,9 @@
 """Pairs of colour and depth files in a folder, and their times."""
 
+import itertools
 import re
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,15 @@ from people4d.messages import F64, Odometry
 from services.camera.folder.pairing import Pairing
 
 IMAGES = {".jpg", ".jpeg", ".png", ".bmp", ".ppm", ".pgm"}
-LAYOUTS = (("rgb/*", "depth/*"), ("color/*", "depth/*"), ("colour/*", "depth/*"), ("*", "*.mat"))
+DEPTHS = IMAGES | {".mat", ".npy"}
+COLOUR_FOLDERS = ("rgb", "color", "colour", "image", "images")
+LAYOUTS = (*((f"{folder}/*", "depth/*") for folder in COLOUR_FOLDERS), ("*", "*.mat"))
+# Images, depth and videos that are not read.
+UNREAD = {".tif", ".tiff", ".exr", ".pfm", ".raw", ".bin", ".depth", ".npz", ".webp", ".heic"}
+UNREAD |= {".mp4", ".mov", ".avi", ".mkv", ".svo", ".svo2", ".oni"}
+# Names that are times: seconds with a fraction, or whole milli-, micro- or nanoseconds since 1970.
+SECONDS = re.compile(r"(?:.*\D)?([1-9]\d{8,9})[._](\d{6}|\d{9})|(\d+)\.(\d+)")
+SINCE_1970 = re.compile(r"(?:.*\D)?(1\d{12}|1\d{15}|1\d{18})")
 LISTS = ("rgb.txt", "depth.txt")
 MAX_LIST_BYTES = 64 * 2**20  # of a list: half a million frames
 MAX_TIME_S = 2**33  # [s] the year 2242; beyond it nanoseconds do not fit 64 bits
@@ -37,44 +46,104 @@ class FolderLayout:
     unpaired: int
 
 
-def numbered(folder: Path, patterns: tuple[str, str], stamps: F64 | float) -> FolderLayout:
-    """Pair files by the last number in their names.
+def named(
+    folder: Path, patterns: tuple[str, str], stamps: F64 | float, slop_s: float
+) -> FolderLayout:
+    """Pair files by the times that are their names, else by the last number in their names.
 
     Args:
         folder: The folder.
         patterns: Of colour and of depth, relative to the folder; empty: the usual ones.
         stamps: Times of the frames in seconds, in the order of their numbers; or frames a second.
+        slop_s: Largest distance in time of a pair whose names are times [s].
 
     Raises:
-        SourceError: No pair was found, or there are fewer times than frames.
+        SourceError: No pair was found, two files have the same number, or there are fewer times
+            than frames.
     """
-    for colour, depth in [patterns] if any(patterns) else LAYOUTS:
-        colours = _by_number(_files(folder, colour, IMAGES))
-        depths = _by_number(_files(folder, depth, IMAGES | {".mat"}))
-        numbers = sorted(colours.keys() & depths.keys())
-        if numbers:
-            times_s = _times(stamps, len(numbers))
-            pairs = [
-                ImagePair(round(float(t) * 1e9), colours[n], depths[n])
-                for t, n in zip(times_s, numbers, strict=True)
-            ]
-            return FolderLayout(pairs, len(colours) + len(depths) - 2 * len(numbers))
     tried = [patterns] if any(patterns) else LAYOUTS
+    for colour, depth in tried:
+        colours, depths = _files(folder, colour, IMAGES), _files(folder, depth, DEPTHS)
+        times_ns = {path: _time_ns(path.stem) for path in (*colours, *depths)}
+        if colours and depths and None not in times_ns.values():
+            entries = [
+                (time_ns, stream, path)
+                for stream, paths in (("colour", colours), ("depth", depths))
+                for path in paths
+                if (time_ns := times_ns[path]) is not None
+            ]
+            return _retimed(_near(folder, entries, slop_s, (colour, depth)), stamps)
+        layout = _numbered(colours, depths, stamps)
+        if layout.pairs:
+            return layout
     raise SourceError(
         f"folder {folder} has no numbered pairs of colour and depth "
         f"({' or '.join(f'{c} with {d}' for c, d in tried)})",
-        "Set options.colour and options.depth to patterns such as 'rgb/*.jpg'.",
+        _unread(folder, tried)
+        or "Set options.colour and options.depth to patterns such as 'rgb/*.jpg'.",
     )
+
+
+def _numbered(colours: Sequence[Path], depths: Sequence[Path], stamps: F64 | float) -> FolderLayout:
+    colour_by_number, depth_by_number = _by_number(colours), _by_number(depths)
+    numbers = sorted(colour_by_number.keys() & depth_by_number.keys())
+    for paths in [colour_by_number, depth_by_number] if numbers else []:
+        twice = next((same for same in paths.values() if len(same) > 1), None)
+        if twice:
+            raise SourceError(
+                f"{twice[0]} and {twice[1].name} have the same number",
+                "Set options.colour and options.depth to patterns of one file for each frame.",
+            )
+    times_s = _times(stamps, len(numbers))
+    pairs = [
+        ImagePair(round(float(t) * 1e9), colour_by_number[n][0], depth_by_number[n][0])
+        for t, n in zip(times_s, numbers, strict=True)
+    ]
+    return FolderLayout(pairs, len(colours) + len(depths) - 2 * len(pairs))
+
+
+def _retimed(layout: FolderLayout, stamps: F64 | float) -> FolderLayout:
+    """Return pairs with the times of a track, if there is one, in place of their own."""
+    if isinstance(stamps, (int, float)):
+        return layout
+    times_s = _times(stamps, len(layout.pairs))
+    pairs = [
+        replace(pair, stamp_ns=round(float(t) * 1e9))
+        for t, pair in zip(times_s, layout.pairs, strict=True)
+    ]
+    return replace(layout, pairs=pairs)
+
+
+def _unread(folder: Path, patterns: Iterable[tuple[str, str]]) -> str:
+    """Return a remedy for files of a kind that is not read, empty if there are none."""
+    for pattern in dict.fromkeys(itertools.chain(*patterns)):
+        for path in sorted(folder.glob(pattern)):
+            if path.suffix.lower() in UNREAD:
+                return (
+                    f"{path.relative_to(folder)} is of a kind that is not read: write colour as "
+                    "JPEG or PNG, depth as PNG of 16 bits or .npy of uint16, in millimetres."
+                )
+    return ""
 
 
 def listed(folder: Path, slop_s: float) -> FolderLayout:
     """Pair files that TUM's rgb.txt and depth.txt list with times; SourceError if none pair."""
-    pairing = Pairing[tuple[int, Path]](round(slop_s * 1e9))
     entries = [
         (stamp_ns, stream, path)
         for stream, file in zip(("colour", "depth"), LISTS, strict=True)
         for stamp_ns, path in _read_list(folder, file)
     ]
+    return _near(folder, entries, slop_s)
+
+
+def _near(
+    folder: Path,
+    entries: Iterable[tuple[int, str, Path]],
+    slop_s: float,
+    names: tuple[str, str] = LISTS,
+) -> FolderLayout:
+    """Pair images of a time and a stream, each with the nearest of the other stream."""
+    pairing = Pairing[tuple[int, Path]](round(slop_s * 1e9))
     found: list[tuple[tuple[int, Path], tuple[int, Path]]] = []
     for stamp_ns, stream, path in sorted(entries):
         image = (stamp_ns, path)
@@ -82,7 +151,7 @@ def listed(folder: Path, slop_s: float) -> FolderLayout:
     found += pairing.flush()
     if not found:
         raise SourceError(
-            f"folder {folder}: no image of {LISTS[0]} is within {slop_s} s of one of {LISTS[1]}",
+            f"folder {folder}: no image of {names[0]} is within {slop_s} s of one of {names[1]}",
             "Set options.sync_slop_s.",
         )
     pairs = [ImagePair(stamp_ns, colour, depth) for (stamp_ns, colour), (_, depth) in found]
@@ -123,18 +192,36 @@ def _checked(times_s: F64) -> F64:
     return times_s
 
 
-def _files(folder: Path, pattern: str, suffixes: set[str]) -> Iterator[Path]:
+def _files(folder: Path, pattern: str, suffixes: set[str]) -> list[Path]:
     parts = Path(pattern).parts
     if not parts or Path(pattern).is_absolute() or ".." in parts or "\0" in pattern:
         raise SourceError(f"pattern: expected one below the folder, got {pattern!r}")
-    for path in sorted(folder.glob(pattern)):
-        if path.suffix.lower() in suffixes and path.is_file():
-            yield _inside(folder, str(path.relative_to(folder)))
+    return [
+        _inside(folder, str(path.relative_to(folder)))
+        for path in sorted(folder.glob(pattern))
+        if path.suffix.lower() in suffixes and path.is_file()
+    ]
 
 
-def _by_number(files: Iterable[Path]) -> dict[int, Path]:
-    numbers = ((re.findall(r"\d+", path.stem), path) for path in files)
-    return {int(found[-1]): path for found, path in numbers if found}
+def _by_number(files: Iterable[Path]) -> dict[int, list[Path]]:
+    by_number: dict[int, list[Path]] = {}
+    for path in files:
+        numbers = re.findall(r"\d+", path.stem)
+        if numbers:
+            by_number.setdefault(int(numbers[-1]), []).append(path)
+    return by_number
+
+
+def _time_ns(stem: str) -> int | None:
+    """Return the time that is the name of a file, None if it is none."""
+    if match := SECONDS.fullmatch(stem):
+        seconds, fraction = (match[1], match[2]) if match[1] else (match[3], match[4])
+        time_ns = int(seconds) * 10**9 + int(f"{fraction[:9]:0<9}")
+    elif match := SINCE_1970.fullmatch(stem):
+        time_ns = int(match[1]) * 10 ** (19 - len(match[1]))
+    else:
+        return None
+    return time_ns if time_ns <= MAX_TIME_S * 10**9 else None
 
 
 def _inside(folder: Path, name: str) -> Path:

@@ -14,7 +14,7 @@ from common.config import Config
 from common.io.files import read_bytes
 from common.io.image_header import MAX_FILE_BYTES
 from common.io.images import decode_image
-from common.io.npz import read_arrays
+from common.io.npz import read_array, read_arrays
 from people4d.errors import DecodeError, SourceError
 from people4d.messages import F64, U8, U16, Odometry
 from people4d.messages.base import NonNegative, Positive
@@ -31,15 +31,20 @@ from services.camera.folder.layout import (
     LISTS,
     ImagePair,
     listed,
-    numbered,
+    named,
     wheel_odometry,
 )
 from services.camera.folder.mat_file import read_mat
 from services.camera.source import Source, SourceFrame
 
 # Calibration files, the first in the folder counts, unless one is configured.
-CALIBRATIONS = ("camera.toml", "camera.json", "camera_info.yaml", "gt.npz", "CalibrationData.mat")
+CALIBRATIONS = (
+    *("camera.toml", "camera.json", "camera_info.yaml", "gt.npz", "CalibrationData.mat"),
+    *("camera_intrinsic.json", "intrinsic.json"),  # of Open3D's recorders
+    *("camera_matrix.csv", "camera-intrinsics.txt"),  # of Stray Scanner, and of 7-Scenes
+)
 TRACK = "gt.npz"
+HEADS = 9  # pairs of which the most common size counts
 
 
 class FolderOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -76,18 +81,19 @@ class FolderSource(Source):
             layout = listed(path, options.sync_slop_s)
         else:
             stamps = options.fps if times_s is None else times_s
-            layout = numbered(path, (options.colour, options.depth), stamps)
+            patterns = options.colour, options.depth
+            layout = named(path, patterns, stamps, options.sync_slop_s)
         self.pairs = layout.pairs
         self.counters["unpaired"] = layout.unpaired
-        rgb, depth = self._first()
+        size, depth_size = self._sizes()
         calibration = _calibration(path, options)
         if calibration.colour is None:
             raise SourceError(
                 f"folder {path} has no calibration ({', '.join(CALIBRATIONS)})",
                 "Set options.intrinsics.fx, fy, cx and cy, or options.calibration to a file.",
             )
-        self.info = camera_info(calibration.colour, (rgb.shape[0], rgb.shape[1]))
-        self.registration = registration(calibration, self.info, (depth.shape[0], depth.shape[1]))
+        self.info = camera_info(calibration.colour, size)
+        self.registration = registration(calibration, self.info, depth_size)
         if calibration.parent_from_optical is not None:
             matrix = np.array(calibration.parent_from_optical)
             parent = calibration.parent
@@ -110,24 +116,35 @@ class FolderSource(Source):
                 continue
             yield SourceFrame(rgb, depth_mm, pair.stamp_ns)
 
-    def _first(self) -> tuple[U8, U16]:
-        """Return the first readable pair, which determines the size."""
+    def _sizes(self) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Return the most common sizes of colour and depth in the first pairs that are readable."""
+        sizes, reason = Counter[Any](), SourceError("it has no pairs")
         for pair in self.pairs:
             try:
-                return self._read(pair)
+                rgb, depth = self._read(pair)
             except SourceError as error:
                 reason = error
-        raise reason
+                continue
+            sizes[rgb.shape[:2], depth.shape] += 1
+            if sizes.total() == HEADS:
+                break
+        if not sizes:
+            raise reason
+        (size, depth_size), _ = sizes.most_common(1)[0]
+        return size, depth_size
 
     def _read(self, pair: ImagePair) -> tuple[U8, U16]:
         rgb = _read_image(pair.colour, cv2.IMREAD_COLOR_RGB)
         if pair.depth.suffix == ".mat":
             depth = _read_mat(pair.depth, self._options.mat_array)
+        elif pair.depth.suffix == ".npy":
+            depth = _read_npy(pair.depth)
         else:
             depth = _read_image(pair.depth, cv2.IMREAD_UNCHANGED)
         if depth.ndim != 2 or depth.dtype != np.uint16:
             raise SourceError(
-                f"{pair.depth}: expected 16 bits grey, got {depth.dtype} of shape {depth.shape}"
+                f"{pair.depth}: expected 16 bits grey, got {depth.dtype} of shape {depth.shape}",
+                "Write depth as whole millimetres: uint16, one channel, without losses.",
             )
         return np.asarray(rgb, np.uint8), self._millimetres(depth)
 
@@ -182,3 +199,10 @@ def _read_mat(path: Path, name: str) -> npt.NDArray[Any]:
         return np.asarray(read_mat(path, [name])[name])
     except (OSError, KeyError, ValueError) as error:
         raise SourceError(f"{path} has no array {name!r} that can be read: {error}") from error
+
+
+def _read_npy(path: Path) -> npt.NDArray[Any]:
+    try:
+        return read_array(path)
+    except (OSError, ValueError) as error:
+        raise SourceError(f"{path} is not a readable array: {error}") from error

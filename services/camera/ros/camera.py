@@ -93,8 +93,6 @@ def make_camera(
         raise SourceError(f"calibration {options.calibration} has no colour camera")
     info = camera_info(calibration.colour, colour.size, colour.frame)
     register = registration(calibration, info, depth.size)
-    if register is None and depth.size != colour.size:
-        raise SourceError(f"depth is {depth.size}, colour {colour.size}: it cannot be aligned")
     path = _path(tree, colour.frame, base, options)
     moving = frozenset((parent, child) for parent, child, matrix in path if matrix is None)
     moving -= {base}
