@@ -28,6 +28,13 @@ from services.camera.pacing import RecordedPacing, SourceRate, is_jump, pacing_o
 from services.camera.playback import Selection, play
 from services.camera.prefetch import Prefetch, PrefetchedItem
 from services.camera.source import Source, SourceFrame, SourceItem, SourceSetup
+from services.camera.upright import (
+    quarter_turns,
+    turned_image,
+    turned_info,
+    turned_transforms,
+    turns_of,
+)
 
 if TYPE_CHECKING:
     from services.camera.ros.live_motion import LiveMotion
@@ -56,6 +63,7 @@ class CameraNode(Node):
         self.inputs = (ANSWERS[config.answer],) if self._lockstep else ()
         self._pacing = pacing_of(config, source.live)
         self._info: CameraInfo | None = None
+        self._turns = 0  # quarters by which images are turned clockwise
         self._transforms: Sequence[StaticTransform] = ()
         self._motion = _motion(config)
         self.foreign_inputs: Sequence[ForeignTopic] = self._motion.topics if self._motion else ()
@@ -219,17 +227,21 @@ class CameraNode(Node):
         self, info: CameraInfo, transforms: Sequence[StaticTransform], moves: bool
     ) -> list[Message]:
         """Take calibration and pose, and return them as they are to be published."""
-        self._info = _info(self._config, info)
+        named = _info(self._config, info)
+        poses = [_mount(self._config, named.frame_id)]
+        if transforms or moves:
+            poses = _renamed(transforms, info.frame_id, named.frame_id)
+        # The roll of a camera that pans and tilts is not that of its mount.
+        swings = moves or bool(self._config.motion.transforms)
+        turns = 0 if swings else turns_of(poses, named.frame_id)
         if self._config.transforms:
-            pose = read_pose(Path(self._config.transforms), self._info.camera)
-            self._transforms = [static_transform(MAP, self._info.frame_id, pose)]
-            return [self._info, *self._transforms]
-        mount = _mount(self._config, self._info.frame_id)
-        self._transforms = (
-            _renamed(transforms, info.frame_id, self._info.frame_id)
-            if transforms or moves
-            else [mount]
-        )
+            pose = read_pose(Path(self._config.transforms), named.camera)
+            of_turned = turns and not quarter_turns(pose)  # it was calibrated on turned images
+            child = turned_info(named, turns).frame_id if of_turned else named.frame_id
+            turns = quarter_turns(pose) or turns
+            poses = [static_transform(MAP, child, pose)]
+        self._turns, self._info = turns, turned_info(named, turns)
+        self._transforms = turned_transforms(poses, named.frame_id, self._info, turns)
         return [self._info, *self._transforms]
 
     def _frame(self, item: SourceFrame) -> RgbdFrame | None:
@@ -240,8 +252,8 @@ class CameraNode(Node):
             stamp_ns=item.stamp_ns,
             sequence=self._sequence,
             camera=self._info.camera,
-            rgb=item.rgb,
-            depth_mm=item.depth_mm,
+            rgb=turned_image(item.rgb, self._turns),
+            depth_mm=turned_image(item.depth_mm, self._turns),
             lockstep=self._lockstep,
         )
 
