@@ -1,20 +1,24 @@
 """Contents of a recording, a bag or a folder, without playing it."""
 
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
 
+from common.calibration.transforms_file import MAP
 from common.io.recording import open_recording
 from common.io.ros_bag import PEOPLE
 from people4d.errors import SourceError
-from people4d.messages import CameraInfo
+from people4d.messages import CameraInfo, Odometry
 from people4d.topics import prefix, topic_of_key
 from services.camera.folder.source import TRACK, FolderSource
+from services.camera.frame_check import FrameCheck
 from services.camera.ros.source import RosbagSource
 from services.camera.ros.topics import ODOMETRY, open_bag
-from services.camera.source import Source
+from services.camera.source import Source, SourceFrame
 from services.camera.sources import kind_of, open_source
+from services.camera.upright import turns_of
 
 FRAMES = ("CompressedRgbdFrame", "RgbdFrame")
 
@@ -38,7 +42,9 @@ class Description(msgspec.Struct, frozen=True, kw_only=True):
     calibration: CameraInfo | None = None  # of colour; None if it cannot be played
     registered: bool = False  # True: depth is moved into the view of colour while playing
     mounted_in: str = ""  # parent frame of the camera; empty if unknown
+    turned_deg: int = 0  # [deg] by which images are turned clockwise to be upright
     has_odometry: bool = False
+    unlinked_odometry: str = ""  # frame of odometry that no transform links to the map
     has_truth: bool = False  # motion capture, or the virtual lab's
     cut_short: bool = False  # True: it has no end mark; the messages before are readable
     problem: str = ""  # why it cannot be played; empty if it can
@@ -57,13 +63,34 @@ def describe(path: Path) -> Description:
     description = DESCRIBERS[kind](path, source)
     if source is None:
         return msgspec.structs.replace(description, problem=problem)
+    fault, odometry_frame = _try_out(source) if description.frames else ("it has no frames", "")
+    linked = {transform.child for transform in source.transforms if transform.parent == MAP}
     return msgspec.structs.replace(
         description,
         calibration=source.info,
         registered=source.registration is not None,
         mounted_in=next((transform.parent for transform in source.transforms), ""),
-        problem="" if description.frames else "it has no frames",
+        turned_deg=0 if source.moves else 90 * turns_of(source.transforms, source.info.frame_id),
+        unlinked_odometry="" if source.moves or odometry_frame in linked else odometry_frame,
+        problem=fault,
     )
+
+
+def _try_out(source: Source) -> tuple[str, str]:
+    """Return why no frame can be played, empty if one can, and the frame of odometry before it."""
+    check, odometry_frame = FrameCheck(source.info), ""
+    try:
+        for item in source:
+            if isinstance(item, Odometry):
+                odometry_frame = item.frame_id
+            elif isinstance(item, SourceFrame) and check.accept(item):
+                return "", odometry_frame
+    except SourceError as error:
+        return str(error), odometry_frame
+    dropped = Counter(check.counters) + Counter(source.counters)
+    listed = ", ".join(f"{name} {count}" for name, count in dropped.items())
+    fault = check.fault or "no frame of it can be played"
+    return f"{fault} ({listed})" if listed else fault, odometry_frame
 
 
 def _recording(path: Path, _: Source | None) -> Description:

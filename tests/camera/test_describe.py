@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 from common.io.recording import RecordingWriter
+from deploy.cli.data.info import camera_text, odometry_text
 from people4d.errors import SourceError
 from services.camera.calibration import Intrinsics, camera_info
 from services.camera.describe import describe
+from tests.builders import rgbd_frame
 from tests.camera.folder.test_folder import numbered
 from tests.camera.memory import SIZE
-from tests.camera.ros.bags import COLOUR, DEPTH, INFO, Ros, frames
+from tests.camera.ros.bags import COLOUR, DEPTH, FRAME, INFO, ODOMETRY, TF, Ros, frames
 from tests.camera.test_sources import recorded
 
 
@@ -84,3 +86,39 @@ def test_recording_without_frames_is_described_as_such(tmp_path: Path) -> None:
         writer.write(camera_info(Intrinsics(fx=10, fy=10, cx=4, cy=3), SIZE), 0)
     found = describe(path)
     assert (found.frames, found.problem) == (0, "it has no frames")
+
+
+def test_frames_that_never_pair_are_a_problem(tmp_path: Path) -> None:
+    # Depth is a minute later than colour: 30 of either, and no frame.
+    ros = Ros(2)
+    found = describe(ros.write(tmp_path / "a_mcap", frames(ros, shift_ns=60 * 10**9)))
+    assert found.problem == "no frame of it can be played (unpaired 6)"
+
+
+def test_images_of_another_size_than_the_calibration_are_a_problem(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    with RecordingWriter(path) as writer:
+        writer.write(camera_info(Intrinsics(fx=10, fy=10, cx=4, cy=3), (12, 16)), 0)
+        rgb, depth_mm = np.zeros((6, 8, 3), np.uint8), np.zeros((6, 8), np.uint16)
+        writer.write(rgbd_frame(camera="camera", stamp_ns=1, rgb=rgb, depth_mm=depth_mm), 1)
+    assert "expected uint8 (12, 16, 3) red first (wrong_size 1)" in describe(path).problem
+
+
+def test_odometry_that_nothing_links_to_the_map_is_named(tmp_path: Path) -> None:
+    ros = Ros(2)
+    odometry = (ODOMETRY, "nav_msgs/msg/Odometry", 1, ros.odometry(3, 4, 0.5, 999_000_000))
+    still = ros.transform("base_link", FRAME, (1, 0, 0), (-0.5, 0.5, -0.5, 0.5))
+    mount = (TF, "tf2_msgs/msg/TFMessage", 1, still)
+    found = describe(ros.write(tmp_path / "a_mcap", [mount, odometry, *frames(ros)]))
+    assert (found.mounted_in, found.unlinked_odometry, found.turned_deg) == ("base_link", "odom", 0)
+    assert "--set tracker.frame_id=odom" in odometry_text(found)
+
+
+def test_camera_upside_down_is_described_as_turned(tmp_path: Path) -> None:
+    # The optical frame of an upright camera, rolled by half a turn about its axis.
+    ros = Ros(2)
+    hangs = ros.transform("map", FRAME, (0, 0, 2), (0.5, 0.5, 0.5, 0.5))
+    entries = [(TF, "tf2_msgs/msg/TFMessage", 1, hangs), *frames(ros)]
+    found = describe(ros.write(tmp_path / "a_mcap", entries))
+    assert found.turned_deg == 180
+    assert "turned by 180 degrees" in camera_text(found)

@@ -55,9 +55,9 @@ def _facts(description: Info) -> Table:
         "kind": description.kind,
         "duration": f"{description.duration_s:.1f} s",
         "frames": f"{description.frames}{rate}" if description.frames else "none",
-        "camera": _camera(description),
+        "camera": camera_text(description),
         "mounted in": description.mounted_in or "unknown: set camera.mount_xyz_m, mount_rpy_rad",
-        "odometry": "yes" if description.has_odometry else "no",
+        "odometry": odometry_text(description),
         "truth": "yes" if description.has_truth else "no",
         "can be played": _playable(description),
     }
@@ -75,17 +75,31 @@ def _simulated(note: SimulationMetadata) -> str:
     return f"scenario {note.scenario}, seed {note.seed}; depth {depth}"
 
 
+def odometry_text(description: Description) -> str:
+    """Return whether there is odometry, and what it needs to be used."""
+    frame = description.unlinked_odometry
+    if frame and description.mounted_in:
+        return (
+            f"yes, in {frame}, which nothing links to the map: people are given relative to the "
+            f"camera unless --set tracker.frame_id={frame}"
+        )
+    return "yes" if description.has_odometry else "no"
+
+
 def _playable(description: Description) -> str:
     if description.problem:
         return f"no: {description.problem}"
     return "up to where it is cut short" if description.cut_short else "yes"
 
 
-def _camera(description: Description) -> str:
+def camera_text(description: Description) -> str:
+    """Return size and lens of the camera, and what is done with its images."""
     info = description.calibration
     if not info:
         return "unknown"
     moved = ", depth is moved into the view of colour" if description.registered else ""
+    if description.turned_deg:
+        moved += f", images are turned by {description.turned_deg} degrees to be upright"
     return (
         f"{info.width}x{info.height}, fx {info.fx:.1f} fy {info.fy:.1f} cx {info.cx:.1f} "
         f"cy {info.cy:.1f}, distortion {info.distortion_model}{moved}"
