@@ -15,7 +15,7 @@ UNREADABLE = (
     ),
     (
         *("no_attachment", "messages come on keys of rmw_zenoh without its attachment"),
-        "Is ros2.transport right? zenoh-bridge-ros2dds needs ros2dds.",
+        "Run the nodes with rmw_zenoh, or set ros2.transport to dds.",
     ),
 )
 

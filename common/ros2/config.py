@@ -10,8 +10,8 @@ from common.config import Config
 class Ros2Config(Config, frozen=True, kw_only=True):
     """Transport of ROS 2 topics, and the name of the node that they belong to."""
 
-    # zenoh: nodes with RMW_IMPLEMENTATION=rmw_zenoh_cpp; ros2dds: zenoh-bridge-ros2dds beside the
-    # nodes; dds: nodes with the other middlewares, needs people4d[dds]; or module:Class of your own
+    # zenoh: nodes with RMW_IMPLEMENTATION=rmw_zenoh_cpp; dds: nodes with the other middlewares,
+    # needs the extra dds; or module:Class of your own
     transport: str = "zenoh"
     domain_id: Annotated[int, Meta(ge=0, le=232)] = 0  # ROS_DOMAIN_ID of the nodes
     # release of ROS 2 of the nodes; Humble has no hashes of types

@@ -22,7 +22,7 @@ from common.ros2.transport import (
     Ros2Sample,
     Ros2Transport,
 )
-from common.ros2.zenoh_link import ZenohLink, ZenohPublisher
+from common.ros2.zenoh_link import ZenohLink
 
 # Sequence number, wall clock [ns], length of the publisher's identity, identity.
 ATTACHMENT = struct.Struct("<qqB16s")
@@ -71,8 +71,8 @@ class RmwZenoh(Ros2Transport):
         self._link.close()
 
 
-class RmwZenohPublisher(ZenohPublisher):
-    """Publisher of one topic, which numbers its messages."""
+class RmwZenohPublisher(Ros2Publisher):
+    """Publisher of one topic, announced by a token; it numbers its messages."""
 
     def __init__(
         self,
@@ -81,10 +81,20 @@ class RmwZenohPublisher(ZenohPublisher):
         withdraw: Callable[[], None],
         counters: Counter[str],
     ) -> None:
-        super().__init__(publisher, withdraw, counters)
+        self._publisher, self._withdraw, self._counters = publisher, withdraw, counters
         # rmw_zenoh derives it from the token, too; it must only be the publisher's own.
         self._identity = hashlib.blake2b(token.encode(), digest_size=16).digest()
         self._numbers = itertools.count(1)
 
-    def _attachment(self) -> bytes:
-        return ATTACHMENT.pack(next(self._numbers), time.time_ns(), 16, self._identity)
+    def send(self, cdr: bytes) -> None:
+        """Publish a message, see `Ros2Publisher.send`."""
+        attachment = ATTACHMENT.pack(next(self._numbers), time.time_ns(), 16, self._identity)
+        try:
+            self._publisher.put(cdr, attachment=attachment)
+        except Exception:  # for example of a closed session
+            self._counters["send_errors"] += 1
+
+    def close(self) -> None:
+        """Leave the topic."""
+        self._withdraw()
+        self._publisher.undeclare()

@@ -10,7 +10,6 @@ from people4d.errors import ConfigError
 # Imported on use: each needs another library.
 TRANSPORTS = {
     "zenoh": "common.ros2.rmw_zenoh:RmwZenoh",
-    "ros2dds": "common.ros2.ros2dds:Ros2Dds",
     "dds": "common.ros2.dds:Dds",
 }
 

@@ -1,7 +1,6 @@
-"""Zenoh session on the keys of ROS 2, of which `rmw_zenoh` and `ros2dds` make a transport."""
+"""Zenoh session on the keys of ROS 2, from which `rmw_zenoh` makes a transport."""
 
 import os
-from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
@@ -9,7 +8,7 @@ import zenoh
 import zenoh.ext
 
 from common.ros2.config import Ros2Config
-from common.ros2.transport import Qos, Ros2Publisher
+from common.ros2.transport import Qos
 from people4d import session
 from people4d.errors import ConfigError
 from people4d.session import ZenohSession
@@ -37,31 +36,6 @@ def read_config(config: Ros2Config) -> zenoh.Config:
     local = all(any(host in endpoint for host in LOCAL) for endpoint in config.endpoints)
     environment = {"PEOPLE4D_CONNECT": ",".join(config.endpoints)}
     return session.read_config(session.CONFIGS, "peer" if local else "client", environment)
-
-
-class ZenohPublisher(Ros2Publisher):
-    """Publisher of one key, announced by a token."""
-
-    def __init__(
-        self, publisher: Any, withdraw: Callable[[], None], counters: Counter[str]
-    ) -> None:
-        self._publisher, self._withdraw, self._counters = publisher, withdraw, counters
-
-    def send(self, cdr: bytes) -> None:
-        """Publish a message, see `Ros2Publisher.send`."""
-        try:
-            self._publisher.put(cdr, attachment=self._attachment())
-        except Exception:  # for example of a closed session
-            self._counters["send_errors"] += 1
-
-    def close(self) -> None:
-        """Leave the topic."""
-        self._withdraw()
-        self._publisher.undeclare()
-
-    def _attachment(self) -> bytes | None:
-        """Return what accompanies the next message; None: nothing."""
-        return None
 
 
 class ZenohLink(ZenohSession):

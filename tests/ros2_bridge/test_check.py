@@ -23,7 +23,7 @@ def test_name_that_ros_refuses_is_refused() -> None:
 
 
 def test_unknown_transport_is_refused() -> None:
-    with pytest.raises(ConfigError, match="zenoh, ros2dds, dds"):
+    with pytest.raises(ConfigError, match="zenoh, dds"):
         check_outputs(Ros2BridgeConfig(ros2=Ros2Config(transport="udp")))
 
 

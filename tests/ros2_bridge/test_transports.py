@@ -20,7 +20,7 @@ pytestmark = pytest.mark.network
 DOMAIN = 83
 
 
-@pytest.mark.parametrize("transport", ["zenoh", "ros2dds", "dds"])
+@pytest.mark.parametrize("transport", ["zenoh", "dds"])
 def test_people_reach_another_node(network: Network, transport: str) -> None:
     ros2 = Ros2Config(transport=transport, endpoints=(network.endpoint,), domain_id=DOMAIN)
     reader, received = open_transport(ros2), Received()

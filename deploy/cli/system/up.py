@@ -74,8 +74,8 @@ def up(
         bool, typer.Option("--dashboard", help="Serve a page that shows everything; see open.")
     ] = False,
     ros2: Annotated[
-        Literal["", "zenoh", "ros2dds", "dds"],
-        typer.Option(help="Publish to ROS 2: nodes on rmw_zenoh, zenoh-bridge-ros2dds, or DDS."),
+        Literal["", "zenoh", "dds"],
+        typer.Option(help="Publish to ROS 2: nodes on rmw_zenoh or DDS."),
     ] = "",
     privacy: Annotated[
         bool, typer.Option("--privacy", help="No pixel leaves this host; people do.")

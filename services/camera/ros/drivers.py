@@ -8,7 +8,7 @@ from people4d.errors import ConfigError
 from services.camera.ros.topics import TRANSPORTS
 
 SOURCE = re.compile(r"ros2(\+(?P<transport>\w+))?:(?P<name>.*)")
-TRANSPORT_NAMES = ("zenoh", "ros2dds", "dds")
+TRANSPORT_NAMES = ("zenoh", "dds")
 RGBD_TOPIC = "rgbd"
 
 
@@ -56,7 +56,7 @@ def candidates(source: str, namespace: str, colour: str, depth: str) -> Candidat
     """Return the topics that a source may mean.
 
     Args:
-        source: `ros2:DRIVER` or `ros2:/NAMESPACE`, with +zenoh, +ros2dds or +dds after ros2.
+        source: `ros2:DRIVER` or `ros2:/NAMESPACE`, with +zenoh or +dds after ros2.
         namespace: Namespace of the driver; empty: its usual one.
         colour: Topic of colour; empty: any of the driver.
         depth: Topic of depth; empty: any of the driver.
