@@ -129,15 +129,17 @@ def test_the_odometry_paper_s_variants_differ_in_two_settings() -> None:
 def test_best_settings_of_sort_are_those_that_the_benchmark_chose() -> None:
     table = (ROOT / "benchmarks" / "trackers.md").read_text(encoding="utf-8")
     (row,) = (line for line in table.splitlines() if line.startswith("| ours, chosen |"))
-    settings = row.rstrip(" |").rpartition("| ")[2]
-    chosen = dict(words.rsplit(" ", 1) for words in settings.split(", "))
-    best = config_of(TrackerConfig, "tracker", "image-sort-best").image_sort
-    assert chosen["min_hits"] == str(best.min_hits)
-    assert chosen["confirm"] == best.confirm
-    assert chosen["survival"] == best.lifetime
-    assert (float(chosen["r"]), float(chosen["max_age"])) == (best.r, best.max_age)
-    # Least scores are of a detector: those of MOT15 would refuse all people of MoveNet.
-    assert (best.score_high, best.score_new) == (0.0, 0.0)
+    words = dict(words.rsplit(" ", 1) for words in row.rstrip(" |").rpartition("| ")[2].split(", "))
+    chosen = load(
+        ImageSortConfig,
+        "image_sort",
+        None,
+        [f"{name.replace('survival', 'lifetime')}={value}" for name, value in words.items()],
+        {},
+    )
+    assert config_of(TrackerConfig, "tracker", "image-sort-best").image_sort == chosen
+    # Least scores are probabilities: a network's own scores would all be too low.
+    assert config_of(DetectorConfig, "detector", "image-sort-best").scores == "probability"
 
 
 def test_a_later_setting_wins_over_the_preset() -> None:
