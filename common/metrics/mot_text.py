@@ -3,6 +3,7 @@
 frame, id, left, top, width, height, confidence, x, y, z: frames count from 1, boxes are in pixels,
 id is -1 in detections. In ground truth, confidence 0 marks a box that is not evaluated. The 3D
 benchmarks give x, y, z in metres on the ground; -1, -1, -1 or nothing means that none is known.
+If all x are whole numbers and all y from 0 to 1, they are class and visibility, as in MOT16.
 """
 
 import configparser
@@ -27,6 +28,7 @@ from people4d.messages import F64
 
 MAX_BYTES = 256 * 2**20  # of a text: three hours of thirty people
 MAX_NUMBER = 2**53  # of a frame or an identity
+CLASSES_MAX = 1000  # number of a class
 LAYOUT = "frame,id,left,top,width,height,confidence and up to three more numbers"
 
 
@@ -89,7 +91,16 @@ def read_rows(path: Path) -> MotRows:
     corners = np.hstack([table[:, 2:4], table[:, 2:4] + table[:, 4:6]])
     frames, ids = table[:, :2].astype(np.int64).T
     positions = np.where(np.all(table[:, 7:] == -1, axis=1, keepdims=True), np.nan, table[:, 7:])
+    if _are_classes(positions):
+        positions = np.full_like(positions, np.nan)
     return MotRows(frames, ids, corners, table[:, 6], positions)
+
+
+def _are_classes(columns: F64) -> bool:
+    """Check whether columns 8 and 9 are class and visibility, as in MOT16, and no metres."""
+    classes, visibility, _ = columns[~np.isnan(columns[:, 0])].T
+    whole = (classes >= 1) & (classes <= CLASSES_MAX) & (classes % 1 == 0)
+    return bool(np.all(whole & (visibility >= 0) & (visibility <= 1)))
 
 
 def read_info(path: Path) -> MotInfo:

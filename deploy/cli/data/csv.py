@@ -2,8 +2,9 @@
 
 import csv as csv_files
 import importlib
+import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from heapq import merge
 from operator import attrgetter
 from pathlib import Path
@@ -69,16 +70,22 @@ def write(file: Path, messages: Iterable[Truth | Tracks]) -> int:
     if file.suffix not in writers:
         raise ConfigError(f"{file} is of no known kind", f"Write {' or '.join(writers)}.")
     start_ns, count = None, 0
+    part = file.with_name(f".{file.name}.{os.getpid()}.part")  # a table is never there by half
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        with writers[file.suffix](file) as put:
+        with writers[file.suffix](part) as put:
             for message in messages:
                 for row in rows_of(message, message.stamp_ns if start_ns is None else start_ns):
                     start_ns = message.stamp_ns if start_ns is None else start_ns
                     put(row)
                     count += 1
+        if count:
+            part.replace(file)
     except OSError as error:
         raise SourceError(f"table {file} cannot be written: {error.strerror or error}") from error
+    finally:
+        with suppress(OSError):
+            part.unlink()
     return count
 
 

@@ -24,6 +24,8 @@ MAX_COLUMNS = 256
 class CsvTruth:
     """The rows of kind truth, or all rows if there is no column `kind`; stamps must not fall.
 
+    People without a position are left out.
+
     Raises:
         SourceError: The file cannot be read, or lacks a column that is needed.
     """
@@ -55,7 +57,7 @@ class CsvTruth:
                 stamp_ns=stamp_ns,
                 sequence=sequence,
                 frame_id=rows[0].get("frame_id") or "map",
-                people=tuple(_person(row) for row in rows),
+                people=tuple(person for person in map(_person, rows) if person is not None),
             )
         except ValueError as error:
             raise self._wrong(rows[0], str(error)) from error
@@ -97,11 +99,15 @@ def _lines(file: TextIO) -> Iterator[str]:
         yield line
 
 
-def _person(row: Row) -> TruthPerson:
+def _person(row: Row) -> TruthPerson | None:
+    """Return the person of a row, None without a position: motion capture loses people."""
+    position = _vector(row, ("x_m", "y_m", "z_m"))
+    if np.isnan(position).any():
+        return None
     velocity = _vector(row, ("vx_mps", "vy_mps", "vz_mps"))
     return TruthPerson(
         id=row["id"],
-        position_m=_vector(row, ("x_m", "y_m", "z_m")),
+        position_m=position,
         velocity_mps=velocity if np.isfinite(velocity).all() else None,
         yaw_rad=_angle(row, "yaw_rad"),
         path_yaw_rad=_angle(row, "path_yaw_rad"),

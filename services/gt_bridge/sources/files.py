@@ -24,11 +24,14 @@ class RecordingTruth:
     """The Truth messages of a recording.
 
     Raises:
-        SourceError: The file is absent or is no recording.
+        SourceError: The file is absent, is no recording, or holds no truth.
     """
 
     def __init__(self, config: GtBridgeConfig) -> None:
         self._recording = open_recording(Path(config.truth))
+        if not any(True for _ in self):
+            topics = ", ".join(self._recording.summary.topics) or "nothing"
+            raise SourceError(f"truth {config.truth} holds no truth", f"It holds {topics}.")
 
     def __iter__(self) -> Iterator[Truth]:
         """Yield the messages in the order in which they were recorded."""
@@ -38,7 +41,7 @@ class RecordingTruth:
 
 
 class NpzTruth:
-    """K people at N times: ids "0" to K-1.
+    """K people at N times: ids "0" to K-1; people whose position is NaN are left out.
 
     Raises:
         SourceError: The file is absent, is no NPZ, or lacks an array.
@@ -66,9 +69,13 @@ class NpzTruth:
                 frame_id="map",
                 people=tuple(
                     TruthPerson(
-                        id=str(k), position_m=pos[k], velocity_mps=vel[k], yaw_rad=float(yaw[k])
+                        id=str(k),
+                        position_m=pos[k],
+                        velocity_mps=vel[k] if np.isfinite(vel[k]).all() else None,
+                        yaw_rad=float(yaw[k]) if np.isfinite(yaw[k]) else None,
                     )
                     for k in range(len(pos))
+                    if not np.isnan(pos[k]).any()
                 ),
             )
 
@@ -80,9 +87,7 @@ def _check(t: F64, pos: F64, vel: F64, yaw: F64) -> None:
         raise ValueError(f"expected arrays of N, NxKx3, NxKx3 and NxK, got {shapes}")
     if people > MAX_ITEMS:
         raise ValueError(f"expected at most {MAX_ITEMS} people, got {people}")
-    if not all(np.all(np.isfinite(array)) for array in (t, pos, vel, yaw)):
-        raise ValueError("expected finite numbers, got NaN or infinity")
-    if np.any(np.abs(t) > MAX_TIME_S):
+    if not np.all(np.abs(t) <= MAX_TIME_S):
         raise ValueError(f"expected times of at most {MAX_TIME_S} s")
 
 
@@ -114,7 +119,8 @@ class MotTruth:
         if not self._known.any():
             raise SourceError(
                 f"truth {path} has no position of a person, only boxes in the image",
-                "Columns 8 to 10 must be x, y, z in metres, as in the 3D benchmarks of MOT.",
+                "Columns 8 to 10 must be x, y, z in metres, as in the 3D benchmarks of MOT; class "
+                "and visibility are no positions.",
             )
 
     def __iter__(self) -> Iterator[Truth]:

@@ -15,6 +15,8 @@ from people4d.messages import F64, Truth, TruthPerson
 from people4d.topics import ForeignTopic
 from services.gt_bridge.config import GtBridgeConfig
 
+SHOWN = 8  # topics that an error names
+
 
 class RosbagTruth:
     """The People messages of one topic of a bag.
@@ -45,19 +47,24 @@ class RosbagTruth:
                 raise SourceError(f"truth {self._path}: {bag.bad_messages} messages cannot be read")
 
     def _choose(self, wanted: str, types: Mapping[str, str]) -> str:
-        """Return the wanted topic; empty where the bag holds no truth."""
         topics = sorted(topic for topic, kind in types.items() if kind == PEOPLE)
+        if not topics:
+            found = [f"{t} ({kind.replace('/msg/', '/')})" for t, kind in sorted(types.items())]
+            raise SourceError(
+                f"truth {self._path} has no people_msgs/People",
+                f"It has {', '.join(found[:SHOWN]) or 'no topics'}. Poses are read live only.",
+            )
         if wanted and wanted not in topics:
             raise SourceError(
                 f"truth {self._path} has no topic {wanted} of people_msgs/People",
-                f"It has {', '.join(topics) or 'none of that type'}.",
+                f"It has {', '.join(topics)}.",
             )
         if not wanted and len(topics) > 1:
             raise SourceError(
                 f"truth {self._path} has {len(topics)} topics of people_msgs/People",
                 f"Set topic to one of {', '.join(topics)}.",
             )
-        return wanted or (topics[0] if topics else "")
+        return wanted or topics[0]
 
 
 class LiveTruth:
@@ -101,7 +108,9 @@ def people_typestore(version: int = 2) -> Typestore:
 
 
 def truth_of(message: Any, sequence: int) -> Truth:
-    """Turn a People message, as rosbags deserialises it, to Truth; people with NaN are left out.
+    """Turn a People message, as rosbags deserialises it, to Truth.
+
+    People without a position are left out.
 
     Raises:
         ValueError: The frame has a name that cannot be used.
@@ -115,12 +124,12 @@ def truth_of(message: Any, sequence: int) -> Truth:
             TruthPerson(
                 id=person.name,
                 position_m=_vector(person.position),
-                velocity_mps=_vector(person.velocity),
+                velocity_mps=_known(_vector(person.velocity)),
                 yaw_rad=_angle(person, "yaw_rad"),
                 path_yaw_rad=_angle(person, "path_yaw_rad"),
             )
             for person in message.people
-            if np.all(np.isfinite([_vector(person.position), _vector(person.velocity)]))
+            if _known(_vector(person.position)) is not None
         ),
     )
 
@@ -133,6 +142,10 @@ def _angle(person: Any, tag: str) -> float | None:
     except ValueError:
         return None
     return angle_rad if math.isfinite(angle_rad) else None
+
+
+def _known(vector: F64) -> F64 | None:
+    return vector if np.all(np.isfinite(vector)) else None
 
 
 def _vector(point: Any) -> F64:

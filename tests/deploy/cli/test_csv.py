@@ -134,3 +134,14 @@ def test_every_column_is_documented() -> None:
     _, tables = DOCS.read_text(encoding="utf-8").split("## Tables")
     rows = re.findall(r"^\| `(\w+)` \| (.*?) \|$", tables, re.MULTILINE)
     assert rows == [(column.name, column.meaning) for column in COLUMNS]
+
+
+def test_table_of_damaged_truth_is_not_left_by_half(tmp_path: Path) -> None:
+    file = tmp_path / "truth.csv"
+    file.write_text("stamp_ns,id,x_m,y_m,z_m\n1,a,1,2,3\n2,a,1,2,up\n")
+    table = tmp_path / "x.csv"
+    table.write_text("as before")
+    status, output = run(example(tmp_path), table, "--truth", file)
+    assert (status, "line 3: z_m" in output) == (1, True)
+    assert table.read_text() == "as before"
+    assert not list(tmp_path.glob(".*"))

@@ -110,6 +110,36 @@ def test_csv_needs_five_columns_only(tmp_path: Path) -> None:
     assert (got.stamp_ns, got.frame_id, got.people[0].id) == (5, "map", "a")
 
 
+@pytest.mark.parametrize("gap", [",,", "nan,nan,nan", "1,2,"])
+def test_person_without_a_position_is_left_out_at_that_stamp(gap: str, tmp_path: Path) -> None:
+    # Motion capture loses anna for one stamp; ben, and anna later, stay.
+    text = "stamp_ns,id,x_m,y_m,z_m\n"
+    text += "1,anna,1,2,3\n1,ben,4,5,6\n" + f"2,anna,{gap}\n2,ben,4,5,6\n" + "3,anna,1,2,3\n"
+    got = read(csv(tmp_path, text))
+    assert [[p.id for p in m.people] for m in got] == [["anna", "ben"], ["ben"], ["anna"]]
+
+
+def test_person_with_nan_is_left_out_of_arrays_at_that_time(tmp_path: Path) -> None:
+    pos, vel, yaw = np.ones((2, 2, 3)), np.zeros((2, 2, 3)), np.zeros((2, 2))
+    pos[0, 0], vel[1, 0], yaw[1, 1] = np.nan, np.nan, np.nan
+    np.savez(tmp_path / "gt.npz", t=np.array([1.0, 2.0]), pos=pos, vel=vel, yaw=yaw)
+    first, second = read(tmp_path)
+    assert [p.id for p in first.people] == ["1"]
+    assert [(p.id, p.velocity_mps is None, p.yaw_rad) for p in second.people] == [
+        ("0", True, 0.0),
+        ("1", False, None),
+    ]
+
+
+def test_class_and_visibility_of_mot_text_are_no_positions(tmp_path: Path) -> None:
+    # Ten columns as py-motmetrics names them, and as MOT16 has them with one more.
+    path = mot(tmp_path, "1,1,10,20,30,40,1,1,0.86,-1\n2,1,10,20,30,40,1,7,1,-1\n")
+    with pytest.raises(SourceError, match=r"only boxes.*class and visibility are no positions"):
+        read(path)
+    path.write_text("1,1,10,20,30,40,1,1,0.86,-1\n2,1,10,20,30,40,1,1.25,0.86,-1\n")
+    assert len(read(path)) == 2  # a person in metres
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -117,7 +147,7 @@ def test_csv_needs_five_columns_only(tmp_path: Path) -> None:
         ("id,stamp_ns,x_m,y_m\n", "lacks the column z_m"),
         ("id,stamp_ns,x_m,y_m,z_m\na,soon,1,2,3\n", "line 2: expected stamp_ns, got 'soon'"),
         ("id,stamp_ns,x_m,y_m,z_m\na,1,1,2,up\n", "line 2: z_m: expected a number, got 'up'"),
-        ("id,stamp_ns,x_m,y_m,z_m\na,1,1,2,\n", "line 2: position_m.*finite"),
+        ("id,stamp_ns,x_m,y_m,z_m\na,1,1,2,inf\n", "line 2: position_m.*finite"),
         ("id,stamp_ns,x_m,y_m,z_m\na,2,1,2,3\nb,1,1,2,3\n", "line 3: expected rising stamps"),
         ("id,stamp_ns,x_m,y_m,z_m\na\n", "line 2: expected stamp_ns, got ''"),
         ("id,stamp_ns,x_m,y_m,z_m\na,99999999999999999999,1,2,3\n", "line 2: stamp_ns"),

@@ -90,13 +90,21 @@ def test_a_bag_with_two_topics_wants_one_named(tmp_path: Path) -> None:
         read(path, topic="/other")
 
 
-def test_a_bag_without_people_holds_no_truth(tmp_path: Path) -> None:
+def test_bag_without_people_is_refused_with_its_topics(tmp_path: Path) -> None:
     store = people_typestore()
     with rosbag2.Writer(tmp_path / "bag", version=9) as writer:
         connection = writer.add_connection("/text", "std_msgs/msg/String", typestore=store)
         text = store.types["std_msgs/msg/String"](data="hello")
         writer.write(connection, 1, store.serialize_cdr(text, "std_msgs/msg/String"))
-    assert read(tmp_path / "bag") == []
+    with pytest.raises(SourceError, match=r"no people_msgs/People.*/text \(std_msgs/String\)"):
+        read(tmp_path / "bag")
+
+
+def test_recording_without_truth_is_refused_with_its_topics(tmp_path: Path) -> None:
+    with RecordingWriter(tmp_path / "x.mcap") as writer:
+        writer.write(builders.odometry(stamp_ns=1), 1)
+    with pytest.raises(SourceError, match=r"holds no truth. It holds odometry"):
+        read(tmp_path / "x.mcap")
 
 
 def test_truth_of_a_recording(tmp_path: Path) -> None:
