@@ -9,7 +9,7 @@ import typer.core
 from rich.console import Console
 
 from common.runtime.threads import THREADS
-from deploy.cli.terminal import shown
+from deploy.cli.terminal import Command, CommandGroup, shown
 from people4d.errors import People4dError
 
 # Command, its module below this package, its line in the help. A module is imported on use, so
@@ -61,11 +61,12 @@ class LazyCommand(typer.core.TyperCommand):
             return typer.main.get_command(module.group()).make_context(*args, **kwargs)
         app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
         settings = getattr(module, "CONTEXT_SETTINGS", {}).get(self.name)
-        app.command(self.name, context_settings=settings)(getattr(module, str(self.name)))
+        real = getattr(module, str(self.name))
+        app.command(self.name, cls=Command, context_settings=settings)(real)
         return typer.main.get_command(app).make_context(*args, **kwargs)
 
 
-class Commands(typer.core.TyperGroup):
+class Commands(CommandGroup):
     """All commands; People4dError is printed in one sentence."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:

@@ -15,6 +15,7 @@ from people4d.topics import BY_NAME
 from services.presets import PRESETS
 
 CONNECT_S = 3.0
+NETWORK = "Network"  # panel of the help
 
 SILENCE_S = 2.0  # without any message, after which the robots and services found are printed
 
@@ -33,7 +34,12 @@ def _endpoints(value: str) -> str:
 
 
 NewRobot = Annotated[
-    str, typer.Option(envvar="PEOPLE4D_ROBOT", help="Name of the robot, part of every key.")
+    str,
+    typer.Option(
+        envvar="PEOPLE4D_ROBOT",
+        help="Name of the robot, part of every key.",
+        rich_help_panel=NETWORK,
+    ),
 ]
 Robot = Annotated[
     str,
@@ -42,6 +48,7 @@ Robot = Annotated[
         callback=_running_robot,
         help="Name of the robot; default: the one that runs on this machine, if it is alone.",
         show_default=False,
+        rich_help_panel=NETWORK,
     ),
 ]
 Connect = Annotated[
@@ -52,6 +59,7 @@ Connect = Annotated[
         callback=_endpoints,
         is_eager=True,  # before the robot, whose default is of this machine
         help="Router, for example tcp/192.168.1.7:7447; default: the one on this machine.",
+        rich_help_panel=NETWORK,
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
@@ -63,9 +71,8 @@ Timeout = Annotated[
 ReadyTimeout = Annotated[
     float, typer.Option("--timeout", help="Longest wait in seconds until a process is ready.")
 ]
-Preset = Annotated[
-    str, typer.Option(help=f"Method with its settings: {', '.join(PRESETS)}, or a TOML file.")
-]
+PRESET_HELP = f"Method with its settings: {', '.join(PRESETS)}, or a TOML file."
+Preset = Annotated[str, typer.Option(help=PRESET_HELP)]
 Settings = Annotated[
     list[str],
     typer.Option(

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import msgspec
 import typer
+import typer.core
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import Progress, TaskID, TimeElapsedColumn
@@ -19,6 +20,26 @@ COLOURS = {"ready": "green", "degraded": "yellow", "starting": "cyan", "exited":
 console = Console(highlight=False, soft_wrap=True)
 
 Report = Callable[[str, float], None]  # takes the name of a piece of work, and the share done
+
+
+class _UntypedFlags:
+    """Shows an option that takes no value without a type."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Return the parameters for the help."""
+        parameters: list[Any] = super().get_params(ctx)  # type: ignore[misc]
+        for parameter in parameters:
+            if getattr(parameter, "is_flag", False):
+                parameter.metavar = ""
+        return parameters
+
+
+class Command(_UntypedFlags, typer.core.TyperCommand):
+    """A command."""
+
+
+class CommandGroup(_UntypedFlags, typer.core.TyperGroup):
+    """A command with commands of its own."""
 
 
 def plain_table(*titles: str, title: str | None = None, **column: Any) -> Table:

@@ -77,7 +77,7 @@ def working(system: System) -> System:
 
 def doctor(system: System, robot: str) -> tuple[int, dict[str, str]]:
     """Run people4d doctor; return its exit code and what it finds that is not good, by check."""
-    command = ["doctor", "--json", "--for", "2", "--robot", robot, "--connect", system.connect]
+    command = ["doctor", "--json", "--seconds", "2", "--robot", robot, "--connect", system.connect]
     result = CliRunner().invoke(app, command)
     diagnostics = msgspec.json.decode(result.stdout, type=list[Diagnostic])
     return result.exit_code, {f.check: f.what for f in diagnostics if f.level != "ok"}

@@ -130,7 +130,7 @@ def heard(run: Callable[[str, str], str], folder: Path, router: str, wanted: set
     found = set[str]()
     for attempt in range(10):  # frames come once a second and camera
         file = f"people{attempt}-{len(wanted)}.mcap"
-        run("tracker", f"people4d record {file} {router} --topics people --for 3")
+        run("tracker", f"people4d record {file} {router} --topics people --seconds 3")
         recording = open_recording(folder / file)
         found = {m.camera for _, m in recording.messages(Tracks) if isinstance(m, Tracks)}
         if found >= wanted:

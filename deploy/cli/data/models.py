@@ -8,25 +8,27 @@ import typer
 from common.io.weights import ModelFile, find, folders, load_manifest, verify
 from deploy.cli.data.model_times import benchmark
 from deploy.cli.data.quantize import quantize
-from deploy.cli.terminal import console, plain_table
+from deploy.cli.terminal import Command, CommandGroup, console, plain_table
 from people4d.errors import ModelError
 
 State = Literal["present", "verified", "any export", "altered", "absent"]
+Verify = Annotated[
+    bool,
+    typer.Option(
+        "--verify", help="Compare files with known checksums; exit with 1 if one differs."
+    ),
+]
 COLOURS = {"altered": "red", "absent": "yellow"}  # else green
 
 
-def models(
-    context: typer.Context,
-    verify_: Annotated[
-        bool,
-        typer.Option(
-            "--verify", help="Compare files with known checksums; exit with 1 if one differs."
-        ),
-    ] = False,
-) -> None:
+def models(context: typer.Context, verify_: Verify = False) -> None:
     """List the models: presence, licence, input and source; quantize one, measure all."""
-    if context.invoked_subcommand:
-        return
+    if not context.invoked_subcommand:
+        list_(verify_)
+
+
+def list_(verify_: Verify = False) -> None:
+    """List the models: presence, licence, input and source."""
     folders_ = folders()
     manifest = load_manifest()
     states = {name: state_of(model, folders_, verify_) for name, model in manifest.items()}
@@ -69,8 +71,9 @@ def state_of(model: ModelFile, folders_: tuple[Path, ...], check: bool) -> State
 
 def group() -> typer.Typer:
     """Return the command with its sub-commands."""
-    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    app = typer.Typer(cls=CommandGroup, add_completion=False, pretty_exceptions_enable=False)
     app.callback(invoke_without_command=True)(models)
+    app.command("list", cls=Command)(list_)
     for command in (quantize, benchmark):
-        app.command()(command)
+        app.command(cls=Command)(command)
     return app

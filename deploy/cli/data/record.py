@@ -35,7 +35,7 @@ def record(
         str, typer.Option(help=f"Topics, separated by commas: {', '.join(BY_NAME)}.")
     ] = ",".join(USUAL),
     seconds: Annotated[
-        float | None, typer.Option("--for", help="Seconds to record; default: until Ctrl-C.")
+        float | None, typer.Option("--seconds", help="Seconds to record; default: until Ctrl-C.")
     ] = None,
     limit_mb: Annotated[
         float | None,

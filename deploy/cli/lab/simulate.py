@@ -10,7 +10,16 @@ import typer
 
 from common.config import load
 from deploy.cli.options import Fidelity, Jobs
-from deploy.cli.terminal import console, cores, interruptible, plain_table, progress, shown
+from deploy.cli.terminal import (
+    Command,
+    CommandGroup,
+    console,
+    cores,
+    interruptible,
+    plain_table,
+    progress,
+    shown,
+)
 from lab.catalogue import load_scenario, scenario_names
 from lab.depth.config import SENSORS
 from lab.scenario import Scenario
@@ -192,8 +201,13 @@ def _stem(plan: Scenario, seed: int | None) -> str:
 
 def group() -> typer.Typer:
     """Return the command with its sub-commands."""
-    app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
-    app.command("list")(list_)
+    app = typer.Typer(
+        cls=CommandGroup,
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+    )
+    app.command("list", cls=Command)(list_)
     for command in (render, preview, export):
-        app.command()(command)
+        app.command(cls=Command)(command)
     return app

@@ -57,7 +57,7 @@ def calibrate(
         str, typer.Option(help="Camera that the others are relative to; default: the first.")
     ] = "",
     seconds: Annotated[
-        float, typer.Option("--for", min=10, help="Longest time to listen, in seconds.")
+        float, typer.Option("--seconds", min=10, help="Longest time to listen, in seconds.")
     ] = 180.0,
     tags: Annotated[
         Path | None,

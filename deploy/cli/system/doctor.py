@@ -24,7 +24,7 @@ def doctor(
     robot: Robot = "robot",
     connect: Connect = "",
     seconds: Annotated[
-        float, typer.Option("--for", min=0.5, max=60.0, help="Seconds to listen.")
+        float, typer.Option("--seconds", min=0.5, max=60.0, help="Seconds to listen.")
     ] = 3.0,
     config: Annotated[
         Path | None, typer.Option(help="TOML file whose settings are checked.")

@@ -8,7 +8,8 @@ from typing import Annotated, Literal
 import typer
 
 from common.config import setting
-from deploy.cli.options import NewRobot, Preset, ReadyTimeout, Settings, VisualOdometry
+from deploy.cli.options import NETWORK, PRESET_HELP, NewRobot, ReadyTimeout, Settings
+from deploy.cli.system.demo import DEMO
 from deploy.cli.system.launch import LOCKSTEP_WAITS, SIMULATED, START_TIMEOUT_S, launch
 from deploy.launcher.plan import CAMERA, COMPOSE_FILE, HOST, PORT, REPORT, LaunchRequest
 from lab import catalogue as scenarios
@@ -19,67 +20,136 @@ from services.presets import preset_settings
 
 # A camera whose place its source does not know hangs on the base, not in the map.
 ON_BASE = f"{CAMERA}.mount_parent=base_link"
+# Panels of the help, with NETWORK
+SOURCE, METHODS, EXTRAS = "Source", "Methods", "Extras"
 PLUGIN = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 
 
 def up(
+    source_: Annotated[
+        str, typer.Argument(metavar="SOURCE", help="The source, as with --source.")
+    ] = "",
     source: Annotated[
         str,
         typer.Option(
-            help="Recording, ROS bag, image folder, lab:SCENARIO, ros2:/camera or ros2:realsense "
-            "(live), or module:Class of a camera."
+            help="Recording, ROS bag, image folder, demo, lab:SCENARIO, ros2:/camera or "
+            "ros2:realsense (live), or module:Class of a camera.",
+            rich_help_panel=SOURCE,
         ),
     ] = "",
     truth: Annotated[
         str,
         typer.Option(
-            help="Ground truth: recording, bag, CSV, MOT text, gt.npz, or ros2:/TOPIC (live)."
+            help="Ground truth: recording, bag, CSV, MOT text, gt.npz, or ros2:/TOPIC (live).",
+            rich_help_panel=SOURCE,
         ),
     ] = "",
     transforms: Annotated[
-        Path | None, typer.Option(help="Poses of cameras, a file of people4d calibrate.")
+        Path | None,
+        typer.Option(
+            help="Poses of cameras, a file of people4d calibrate.", rich_help_panel=SOURCE
+        ),
     ] = None,
-    preset: Preset = "",
-    model: Annotated[str, typer.Option(help="Detection model, see people4d models.")] = "",
-    tracker: Annotated[str, typer.Option(help="Tracking method.")] = "",
-    embedder: Annotated[str, typer.Option(help="Appearance model.")] = "",
     playback: Annotated[
-        Literal["", "recorded", "lockstep"],
-        typer.Option(help="At the recorded rate, or as fast as possible without losing a frame."),
+        Literal["recorded", "lockstep"] | None,
+        typer.Option(
+            help="At the recorded rate, or as fast as possible without losing a frame.",
+            rich_help_panel=SOURCE,
+        ),
+    ] = None,
+    loop: Annotated[
+        bool,
+        typer.Option("--loop", help="Play the source repeatedly.", rich_help_panel=SOURCE),
+    ] = False,
+    preset: Annotated[str, typer.Option(help=PRESET_HELP, rich_help_panel=METHODS)] = "",
+    model: Annotated[
+        str,
+        typer.Option(help="Detection model, see people4d models.", rich_help_panel=METHODS),
     ] = "",
-    loop: Annotated[bool, typer.Option("--loop", help="Play the source repeatedly.")] = False,
+    tracker: Annotated[str, typer.Option(help="Tracking method.", rich_help_panel=METHODS)] = "",
+    embedder: Annotated[str, typer.Option(help="Appearance model.", rich_help_panel=METHODS)] = "",
+    visual_odometry: Annotated[
+        bool,
+        typer.Option(
+            "--visual-odometry",
+            help="Motion of the base from images, not wheels.",
+            rich_help_panel=METHODS,
+        ),
+    ] = False,
+    gait: Annotated[
+        bool,
+        typer.Option(
+            "--gait", help="Track heads, hands and feet, and measure gait.", rich_help_panel=EXTRAS
+        ),
+    ] = False,
+    predict: Annotated[
+        bool,
+        typer.Option(
+            "--predict",
+            help="Predict where people will be, and who is together.",
+            rich_help_panel=EXTRAS,
+        ),
+    ] = False,
+    skeletons: Annotated[
+        bool,
+        typer.Option(
+            "--skeletons",
+            help="Estimate the joints of each person in 3D.",
+            rich_help_panel=EXTRAS,
+        ),
+    ] = False,
+    events: Annotated[
+        bool,
+        typer.Option(
+            "--events",
+            help="Publish events and zones; --dashboard does, too.",
+            rich_help_panel=EXTRAS,
+        ),
+    ] = False,
+    dashboard: Annotated[
+        bool,
+        typer.Option(
+            "--dashboard",
+            help="Serve a page that shows everything; see open.",
+            rich_help_panel=EXTRAS,
+        ),
+    ] = False,
+    report: Annotated[
+        Path | None,
+        typer.Option(
+            help="Run to the end of the source, write a report to this folder, stop.",
+            rich_help_panel=EXTRAS,
+        ),
+    ] = None,
+    ros2: Annotated[
+        Literal["zenoh", "dds"] | None,
+        typer.Option(
+            help="Publish to ROS 2: nodes on rmw_zenoh or DDS.",
+            rich_help_panel=NETWORK,
+        ),
+    ] = None,
+    robot: NewRobot = "robot",
+    host: Annotated[
+        str,
+        typer.Option(
+            help="Address of the router; 0.0.0.0 lets other machines connect.",
+            rich_help_panel=NETWORK,
+        ),
+    ] = HOST,
+    port: Annotated[
+        int, typer.Option(min=1, max=65535, help="Port of the router.", rich_help_panel=NETWORK)
+    ] = PORT,
+    privacy: Annotated[
+        bool,
+        typer.Option(
+            "--privacy", help="No pixel leaves this host; people do.", rich_help_panel=NETWORK
+        ),
+    ] = False,
     set_: Settings = [],  # noqa: B006 (typer copies it)
-    scale: Annotated[list[str], typer.Option(metavar="SERVICE=N", help="Number of replicas.")] = [],  # noqa: B006
     config: Annotated[
         Path | None, typer.Option(help="TOML file with a table for each service.")
     ] = None,
-    report: Annotated[
-        Path | None,
-        typer.Option(help="Run to the end of the source, write a report to this folder, stop."),
-    ] = None,
-    gait: Annotated[
-        bool, typer.Option("--gait", help="Track heads, hands and feet, and measure gait.")
-    ] = False,
-    visual_odometry: VisualOdometry = False,
-    predict: Annotated[
-        bool, typer.Option("--predict", help="Predict where people will be, and who is together.")
-    ] = False,
-    skeletons: Annotated[
-        bool, typer.Option("--skeletons", help="Estimate the joints of each person in 3D.")
-    ] = False,
-    events: Annotated[
-        bool, typer.Option("--events", help="Publish events and zones; --dashboard does, too.")
-    ] = False,
-    dashboard: Annotated[
-        bool, typer.Option("--dashboard", help="Serve a page that shows everything; see open.")
-    ] = False,
-    ros2: Annotated[
-        Literal["", "zenoh", "dds"],
-        typer.Option(help="Publish to ROS 2: nodes on rmw_zenoh or DDS."),
-    ] = "",
-    privacy: Annotated[
-        bool, typer.Option("--privacy", help="No pixel leaves this host; people do.")
-    ] = False,
+    scale: Annotated[list[str], typer.Option(metavar="SERVICE=N", help="Number of replicas.")] = [],  # noqa: B006
     together: Annotated[
         str,
         typer.Option(
@@ -90,27 +160,27 @@ def up(
     profile: Annotated[
         list[str], typer.Option(help="Profile of the compose file; its services run, too.")
     ] = [],  # noqa: B006
-    robot: NewRobot = "robot",
-    host: Annotated[
-        str, typer.Option(help="Address of the router; 0.0.0.0 lets other machines connect.")
-    ] = HOST,
-    port: Annotated[int, typer.Option(min=1, max=65535, help="Port of the router.")] = PORT,
+    compose: Annotated[
+        Path, typer.Option(help="Another compose file.", show_default=False)
+    ] = COMPOSE_FILE,
     detach: Annotated[
         bool, typer.Option("--detach", "-d", help="Return once all services are ready.")
     ] = False,
     timeout_s: ReadyTimeout = START_TIMEOUT_S,
-    compose: Annotated[Path, typer.Option(help="Another compose file.")] = COMPOSE_FILE,
 ) -> None:
     """Start the system on this machine and supervise it; Ctrl-C stops it.
 
     Settings come from the configuration file, then PEOPLE4D_<SERVICE>_<FIELD> in the environment,
     then the preset, then the other options.
     """
+    if source and source_:
+        raise typer.BadParameter(f"two sources: {source_} and --source {source}")
+    source = source or source_
     if privacy:  # the environment of the router and of all processes
         os.environ |= {"PEOPLE4D_PRIVACY": "on", "PEOPLE4D_DASHBOARD_PRIVACY": "true"}
     if detach and report:
         raise typer.BadParameter("a report needs the terminal until it is written; leave out -d")
-    if scenarios.is_scenario(source):
+    if scenarios.is_scenario(source) or _is_demo(source):
         truth = truth or source
         set_ = [setting(f"{REPORT}.note", SIMULATED), *set_] if report else set_
     texts = {
@@ -119,9 +189,9 @@ def up(
         "detector.model": model,
         "tracker.tracker": tracker,
         "reid.embedder": embedder,
-        f"{CAMERA}.playback": playback,
+        f"{CAMERA}.playback": playback or "",
         f"{CAMERA}.transforms": str(transforms.absolute()) if transforms else "",
-        "ros2_bridge.ros2.transport": ros2,
+        "ros2_bridge.ros2.transport": ros2 or "",
     }
     settings = preset_settings(preset)
     settings += [setting(name, text) for name, text in texts.items() if text]
@@ -159,10 +229,16 @@ def up(
     launch(request, timeout_s, detach)
 
 
+def _is_demo(source: str) -> bool:
+    return source == "demo" and not Path(source).exists()
+
+
 def _resolve(source: str) -> str:
     """Make a path absolute; a scenario by name and a camera of one's own stay as they are."""
     if scenarios.is_scenario(source):
         return scenarios.resolve(source)
+    if _is_demo(source):
+        return str(DEMO)
     path = Path(source)
     if not source or (not path.exists() and (PLUGIN.fullmatch(source) or ROS2.fullmatch(source))):
         return source

@@ -202,7 +202,7 @@ def test_ctrl_c_ends_the_walk_with_a_last_attempt() -> None:
 def test_live_messages_of_a_system_are_taken(network: Network, tmp_path: Path) -> None:
     robot, out = network.robot(), tmp_path / "poses.toml"
     bus = network.open(robot)
-    command = ["calibrate", "--robot", robot, "--connect", network.endpoint, "--for", "10"]
+    command = ["calibrate", "--robot", robot, "--connect", network.endpoint, "--seconds", "10"]
     ended = threading.Event()
 
     def publish() -> None:
@@ -245,7 +245,15 @@ def test_cameras_of_two_hosts_with_a_router_each_are_heard(tmp_path: Path) -> No
         thread = threading.Thread(target=publish)
         thread.start()
         endpoints = ",".join(host.endpoint for host in hosts)
-        command = ["calibrate", "--hosts", ",".join(names), "--connect", endpoints, "--for", "10"]
+        command = [
+            "calibrate",
+            "--hosts",
+            ",".join(names),
+            "--connect",
+            endpoints,
+            "--seconds",
+            "10",
+        ]
         result = CliRunner().invoke(app, [*command, "--out", str(tmp_path / "poses.toml")])
         ended.set()
         thread.join()

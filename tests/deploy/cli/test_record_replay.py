@@ -81,7 +81,7 @@ def test_record_around_an_event(network: Network, tmp_path: Path) -> None:
     thread.start()
     try:
         file = tmp_path / "x.mcap"
-        command = ["record", str(file), "--last", "0.3", "--for", "2", "--topics", "odometry"]
+        command = ["record", str(file), "--last", "0.3", "--seconds", "2", "--topics", "odometry"]
         command += ["--robot", robot, "--connect", network.endpoint]
         result = CliRunner().invoke(app, command)
     finally:

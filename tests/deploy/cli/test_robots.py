@@ -18,7 +18,7 @@ pytestmark = [pytest.mark.processes, pytest.mark.network]
 COMMANDS = (
     ["listen", "--once", "--timeout", "3"],
     ["score", "--once", "--timeout", "3"],
-    ["record", "--for", "3", "FILE"],
+    ["record", "--seconds", "3", "FILE"],
     ["trace", "--seconds", "3"],
     ["health", "tracker"],
     ["view", "--foxglove", "--port", "0"],

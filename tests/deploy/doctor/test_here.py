@@ -23,7 +23,7 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def doctor(folder: Path, *arguments: str, **environment: str) -> tuple[int, list[Diagnostic]]:
     """Run people4d doctor --json; return its exit code and diagnostics."""
-    command = ["doctor", "--json", "--for", "0.5", *arguments]
+    command = ["doctor", "--json", "--seconds", "0.5", *arguments]
     result = CliRunner().invoke(app, command, env={"PEOPLE4D_STATE": str(folder), **environment})
     assert result.stdout, result.stderr
     return result.exit_code, msgspec.json.decode(result.stdout, type=list[Diagnostic])

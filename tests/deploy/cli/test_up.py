@@ -1,0 +1,52 @@
+"""Options of people4d up: its source, its help."""
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from deploy.cli import app
+from deploy.cli.system import up
+from deploy.launcher.plan import LaunchRequest
+from tests import DEMO
+
+
+@pytest.fixture
+def requested(monkeypatch: pytest.MonkeyPatch) -> list[LaunchRequest]:
+    requests: list[LaunchRequest] = []
+    monkeypatch.setattr(up, "launch", lambda request, *_: requests.append(request))
+    return requests
+
+
+def settings(requests: list[LaunchRequest], *arguments: str) -> set[str]:
+    result = CliRunner().invoke(app, ["up", *arguments])
+    assert result.exit_code == 0, result.stderr
+    return set(requests[-1].settings)
+
+
+def test_demo_is_the_shipped_recording_with_its_truth(requested: list[LaunchRequest]) -> None:
+    found = settings(requested, "demo", "--loop")
+    assert f"camera.source='{DEMO}'" in {text.replace('"', "'") for text in found}
+    assert "camera.loop=true" in found
+    assert any(text.startswith("gt_bridge.truth=") and str(DEMO) in text for text in found)
+
+
+def test_file_without_option_is_the_source(requested: list[LaunchRequest], tmp_path: Path) -> None:
+    file = tmp_path / "my.bag"
+    file.touch()
+    assert settings(requested, str(file)) == settings(requested, "--source", str(file))
+
+
+def test_two_sources_are_rejected(requested: list[LaunchRequest]) -> None:
+    result = CliRunner().invoke(app, ["up", "demo", "--source", "lab:two_crossing"])
+    assert result.exit_code == 2
+    assert "two sources" in result.stderr
+
+
+def test_help_of_up_has_panels_and_flags_without_a_type() -> None:
+    output = CliRunner().invoke(app, ["up", "--help"], env={"COLUMNS": "140"}).stdout
+    panels = ("Source", "Methods", "Extras", "Network")
+    places = [output.index(f"─ {panel} ─") for panel in panels]
+    assert places == sorted(places)
+    assert "<bool>" not in output
+    assert "BOOLEAN" not in output
