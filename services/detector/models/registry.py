@@ -78,6 +78,11 @@ def recognise(session: Session, settings: ModelSettings, path: str) -> str:
     kind = kind_of(outputs)
     if not kind:
         got = ", ".join(f"{name} {array.shape}" for name, array in outputs.items())
+        if any(_has_boxes_only(array) for array in outputs.values()):
+            raise ModelError(
+                f"model file {path} finds boxes only: its outputs are {got}",
+                "A position needs keypoints or a mask: export a pose or a segmentation model.",
+            )
         hint = f"Set kind to one of {', '.join(MODELS)}, or to module:Class of your own."
         raise ModelError(f"model file {path} is of no known kind: its outputs are {got}", hint)
     return kind
@@ -89,7 +94,14 @@ def kind_of(outputs: Mapping[str, Array]) -> str:
         maps <= outputs.keys() for maps in ({"center_map", "kpt_map"}, {"center", "kpt_heatmap"})
     ):
         return "movenet"
-    rows = {array.ndim: array.shape[1] for array in outputs.values() if array.ndim in (3, 4)}
-    if rows == {3: 56}:
+    shapes = {array.ndim: array.shape for array in outputs.values() if array.ndim in (3, 4)}
+    if shapes.keys() == {3} and (shapes[3][1] == 56 or shapes[3][2] == 57):  # 57: with NMS inside
         return "yolov8-pose"
-    return "yolov8-seg" if rows == {3: 116, 4: 32} else ""
+    masks = shapes.keys() == {3, 4} and shapes[4][1] == 32
+    return "yolov8-seg" if masks and (shapes[3][1] == 116 or shapes[3][2] == 38) else ""
+
+
+def _has_boxes_only(output: Array) -> bool:
+    """Check for the boxes of a detection network: 1x(4+classes)xN, or with NMS inside 1xNx6."""
+    shape = output.shape
+    return output.ndim == 3 and (shape[2] == 6 or shape[1] in (5, 84))

@@ -1,7 +1,8 @@
 """YOLOv8 in the layout that Ultralytics exports: picking people from the boxes, and the pose model.
 
 One column per box, in pixels of the network's input: centre x, y, width, height, the classes'
-scores, then 17 keypoints (x, y, confidence) or 32 mask coefficients.
+scores, then 17 keypoints (x, y, confidence) or 32 mask coefficients. Networks with NMS inside
+(nms=True, or YOLO26) have one row per box: left, top, right, bottom, score, class, then the same.
 """
 
 from dataclasses import dataclass
@@ -23,8 +24,11 @@ IOU_MAX = 0.6  # in crowded frames, pairs of boxes above it shared their keypoin
 POSE_CALIBRATION = ScoreCalibration(midpoint=0.212, slope=2.7)
 BOXES_PER_PERSON = 30  # columns that one person may fill before the best are taken
 
-POSE_ROWS = 4 + 1 + 17 * 3
 BOX_ROWS = 4
+KEYPOINT_ROWS = 17 * 3
+POSE_ROWS = BOX_ROWS + 1 + KEYPOINT_ROWS
+SELECTED_COLUMNS = BOX_ROWS + 2  # before keypoints or coefficients of networks with NMS inside
+PERSON = 0  # class
 
 
 @dataclass(frozen=True)
@@ -47,11 +51,29 @@ class YoloPose(NetworkModel):
 
     def _check(self, outputs: Outputs) -> None:
         self._output = next(iter(outputs), "")
-        check_output(outputs, self._output, (1, POSE_ROWS, None), self.name)
+        if not is_selected(outputs.get(self._output), KEYPOINT_ROWS):
+            check_output(outputs, self._output, (1, POSE_ROWS, None), self.name)
 
     def _people(self, outputs: Outputs, letterbox: Letterbox) -> list[DetectedPerson]:
-        found = decode(outputs[self._output][0], 1, self._limits)
+        boxes = outputs[self._output]
+        selected = is_selected(boxes, KEYPOINT_ROWS)
+        columns: Array = columns_of(boxes[0]) if selected else boxes[0]
+        found = decode(columns, 1, self._limits)
         return [pose_person(found, index, letterbox) for index in range(len(found.scores))]
+
+
+def is_selected(output: Array | None, extras: int) -> bool:
+    """Check for the output of a network with NMS inside: 1xNx(6 + extras)."""
+    return output is not None and output.ndim == 3 and output.shape[2] == SELECTED_COLUMNS + extras
+
+
+def columns_of(rows: Array) -> F32:
+    """Return rows of a network with NMS inside as columns of one without, of one class."""
+    numbers = rows.astype(np.float32)
+    first, last, extras = numbers[:, :2], numbers[:, 2:BOX_ROWS], numbers[:, SELECTED_COLUMNS:]
+    score = numbers[:, BOX_ROWS] * (numbers[:, BOX_ROWS + 1] == PERSON)
+    columns: F32 = np.column_stack([(first + last) / 2, last - first, score, extras]).T
+    return columns
 
 
 def decode(columns: Array, classes: int, limits: Limits) -> YoloCandidates:

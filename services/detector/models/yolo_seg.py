@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from common.inference.session import Array
 from people4d.errors import ModelError
 from people4d.messages import F32, F64
 from services.detector.models.base import DetectedPerson, InstanceMask
@@ -23,7 +24,9 @@ from services.detector.models.yolo import (
     IOU_MAX,
     SCORE_MIN,
     YoloCandidates,
+    columns_of,
     decode,
+    is_selected,
 )
 
 SEG_CALIBRATION = ScoreCalibration(midpoint=0.119, slope=3.1)
@@ -47,12 +50,16 @@ class YoloSeg(NetworkModel):
         self._boxes, self._prototypes = output_names(outputs, self.name)
         check_output(outputs, self._boxes, (1, None, None), self.name)
         check_output(outputs, self._prototypes, (1, MASK_ROWS, None, None), self.name)
-        self._classes = outputs[self._boxes].shape[1] - BOX_ROWS - MASK_ROWS
+        self._selected = is_selected(outputs[self._boxes], MASK_ROWS)
+        classes = outputs[self._boxes].shape[1] - BOX_ROWS - MASK_ROWS
+        self._classes = 1 if self._selected else classes
         if self._classes < 1:
             raise ModelError(f"{self.name}: expected {self._boxes} of 1x(4+classes+32)xN")
 
     def _people(self, outputs: Outputs, letterbox: Letterbox) -> list[DetectedPerson]:
-        found = decode(outputs[self._boxes][0], self._classes, self._limits)
+        boxes = outputs[self._boxes][0]
+        columns: Array = columns_of(boxes) if self._selected else boxes
+        found = decode(columns, self._classes, self._limits)
         prototypes = outputs[self._prototypes][0].astype(np.float32, copy=False)
         view = MaskView(letterbox, *letterbox.image_size, prototypes)
         return each_once([mask_person(found, index, view) for index in range(len(found.scores))])

@@ -9,7 +9,8 @@ from people4d.errors import ConfigError, ModelError
 from people4d.messages import U8
 from services.detector.config import ModelSettings, shipped_model
 from services.detector.models.base import DetectedPerson
-from services.detector.models.registry import MODELS, find_factory, kind_of, load_model
+from services.detector.models.registry import MODELS, find_factory, kind_of, load_model, recognise
+from tests.detector.array_session import ArraySession
 
 
 class NoPeople:
@@ -76,9 +77,18 @@ def test_kind_is_recognised_by_the_outputs() -> None:
 
     assert kind_of({"output0": zeros(1, 56, 8400)}) == "yolov8-pose"
     assert kind_of({"a": zeros(1, 116, 5), "b": zeros(1, 32, 16, 16)}) == "yolov8-seg"
+    assert kind_of({"output0": zeros(1, 300, 57)}) == "yolov8-pose"  # with NMS inside
+    assert kind_of({"a": zeros(1, 300, 38), "b": zeros(1, 32, 16, 16)}) == "yolov8-seg"
     assert kind_of({"center": zeros(1, 1, 4, 4), "kpt_heatmap": zeros(1, 17, 4, 4)}) == "movenet"
     assert kind_of({"output0": zeros(1, 84, 8400)}) == ""
     assert kind_of({"output": zeros(1, 512)}) == ""
+
+
+@pytest.mark.parametrize("shape", [(1, 300, 6), (1, 84, 8400), (1, 5, 8400)])
+def test_network_that_finds_boxes_only_is_refused_by_name(shape: tuple[int, ...]) -> None:
+    session = ArraySession({"output0": np.zeros(shape, np.float32)}, (1, 3, 64, 64))
+    with pytest.raises(ModelError, match=r"boxes only.*export a pose or a segmentation model"):
+        recognise(session, ModelSettings(), "a.onnx")
 
 
 @pytest.mark.slow

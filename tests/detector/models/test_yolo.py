@@ -77,6 +77,38 @@ def test_pose_comes_back_in_image_pixels() -> None:
     assert person.mask is None
 
 
+def selected(*people: tuple[float, float, float, float, float, float], extras: int) -> F32:
+    """1x300x(6 + extras) of (left, top, right, bottom, score, class), as with NMS inside."""
+    rows = np.zeros((1, 300, 6 + extras), np.float32)
+    for index, person in enumerate(people):
+        rows[0, index, :6] = person
+        rows[0, index, 6::3] = person[0] + np.arange(len(rows[0, index, 6::3]))
+    return rows
+
+
+def test_pose_of_a_network_with_nms_inside_is_read() -> None:
+    # The person of the test before, by its corners; the second row is of class 16.
+    rows = selected((150, 200, 250, 400, 0.9, 0), (300, 200, 400, 400, 0.8, DOG), extras=51)
+    session = ArraySession({"output0": rows}, (1, 3, 640, 640))
+    (person,) = YoloPose(session, ModelSettings(scores="network")).detect(image(480, 640))
+    assert person.score == pytest.approx(0.9)
+    np.testing.assert_allclose(person.box_xyxy_px, [150, 120, 250, 320])
+    assert person.keypoints is not None
+    assert person.keypoints[3, 0] == 153
+
+
+def test_masks_of_a_network_with_nms_inside_are_read() -> None:
+    rows = selected((10, 12, 30, 52, 0.9, 0), (40, 12, 60, 52, 0.8, DOG), extras=32)
+    rows[0, 0, 6:] = 0.0
+    rows[0, 0, 6] = 1.0  # the first prototype
+    outputs = {"output0": rows, "output1": left_half(16, 16)[None]}
+    model = YoloSeg(ArraySession(outputs, (1, 3, 64, 64)), ModelSettings(scores="network"))
+    (person,) = model.detect(image(64, 64))
+    np.testing.assert_allclose(person.box_xyxy_px, [10, 12, 30, 52])
+    assert person.mask is not None
+    assert person.mask.window.sum() > 0
+
+
 def test_image_of_twice_the_size_gives_twice_the_pixels() -> None:
     # 1280x960: halved to 640x480, so (203, 300 - 80) becomes (406, 440).
     session = ArraySession({"output0": pose_output((200, 300, 100, 200, 0.9))}, (1, 3, 640, 640))
