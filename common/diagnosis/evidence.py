@@ -2,6 +2,7 @@
 
 import time
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -12,6 +13,7 @@ from people4d.client import Client
 from people4d.messages import CameraInfo, Detections, Health, Message, StaticTransform, Tracks
 
 Level = Literal["ok", "warning", "problem"]
+NAMES_MAX = 256  # cameras and frames, each; the page keeps them over all its diagnoses
 HEARD = (Health, CameraInfo, StaticTransform, Detections, Tracks)
 
 
@@ -92,9 +94,11 @@ class Evidence:
         if isinstance(message, Health):
             self._hear_health(message, now_ns - message.stamp_ns)
         elif isinstance(message, CameraInfo):
-            self.infos[message.camera] = message
+            if _has_room(self.infos, message.camera):
+                self.infos[message.camera] = message
         elif isinstance(message, StaticTransform):
-            self.transforms[message.child] = message
+            if _has_room(self.transforms, message.child):
+                self.transforms[message.child] = message
         elif isinstance(message, Detections):
             self.detections.append(message)
         elif isinstance(message, Tracks):
@@ -107,6 +111,10 @@ class Evidence:
         vitals = self.vitals.setdefault(health.instance, Vitals(health, health, late_ns))
         vitals.last, vitals.late_ns = health, min(vitals.late_ns, late_ns)
         vitals.pids.add((health.host, health.pid))
+
+
+def _has_room(known: Mapping[str, object], name: str) -> bool:
+    return name in known or len(known) < NAMES_MAX
 
 
 def listen(client: Client, seconds: float) -> Evidence:

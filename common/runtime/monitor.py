@@ -25,6 +25,7 @@ from people4d.queue import Arrival
 FRESH_S = 3.0  # a process that has been silent for longer is gone
 MAX_PROCESSES = 256
 MAX_STAGES = 2048
+FORGET_PERIOD_S = 1.0
 MAX_WAITING = 256  # frames whose detections came and tracks did not
 
 
@@ -102,6 +103,7 @@ class Monitor:
         self._health: dict[str, tuple[float, Health]] = {}
         self._stages: dict[tuple[str, str, bool], _Stage] = {}
         self._detections: dict[tuple[str, int], tuple[Span, ...]] = {}  # traces by camera, stamp
+        self._forgot_s = -FORGET_PERIOD_S
         self._end_to_end = _Stage(seconds)
         self.clocks: dict[str, HostOffset] = {}
 
@@ -125,9 +127,7 @@ class Monitor:
         """
         message = arrival.message
         if isinstance(message, Health):
-            if message.instance in self._health or len(self._health) < MAX_PROCESSES:
-                self._health[message.instance] = (now_s, message)
-                self.clocks |= clocks_of(self.healths(now_s))
+            self._add_health(message, now_s)
         elif isinstance(message, Detections):
             self._detections[message.camera, message.stamp_ns] = message.trace
             while len(self._detections) > MAX_WAITING:
@@ -138,6 +138,23 @@ class Monitor:
             self._add_frame_path(path, now_s)
             return path
         return None
+
+    def _add_health(self, health: Health, now_s: float) -> None:
+        if health.instance not in self._health and len(self._health) >= MAX_PROCESSES:
+            self._forget(now_s)
+            if len(self._health) >= MAX_PROCESSES:
+                return
+        self._health[health.instance] = (now_s, health)
+        clocks = clocks_of(self.healths(now_s))
+        self.clocks = clocks if len(self.clocks) > MAX_PROCESSES else self.clocks | clocks
+
+    def _forget(self, now_s: float) -> None:
+        """Make room in place of processes and stages that are silent, once a second at most."""
+        if now_s - self._forgot_s < FORGET_PERIOD_S:
+            return
+        self._forgot_s = now_s
+        self._health = {k: v for k, v in self._health.items() if now_s - v[0] < FRESH_S}
+        self._stages = {k: v for k, v in self._stages.items() if v.durations(now_s)}
 
     def healths(self, now_s: float) -> list[Health]:
         """Return the fresh heartbeats, sorted by instance."""
@@ -188,6 +205,8 @@ class Monitor:
         stages += [(part, True) for part in merge_stages(path.beside)]
         for part, beside in stages:
             key = (part.process, part.stage, beside)
+            if key not in self._stages and len(self._stages) >= MAX_STAGES:
+                self._forget(now_s)
             if key in self._stages or len(self._stages) < MAX_STAGES:
                 stage = self._stages.setdefault(key, _Stage(self._seconds, beside))
                 stage.add(part, now_s, part.start_ns - path.end_to_end.start_ns)

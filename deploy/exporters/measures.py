@@ -10,6 +10,10 @@ from common.runtime.throughput import losses
 from people4d.messages import Health
 from people4d.messages.status import State
 
+# Names come from messages, which anybody may send where there are no keys. A robot has about a
+# thousand sets of labels; libraries keep each set that they were given.
+SAMPLES_MAX, STAGES_MAX, CAMERAS_MAX = 4096, 512, 64
+LENGTH_MAX = 128  # characters of a label
 # [s] upper bounds of the classes of durations
 BUCKETS_S = (1e-4, 2.5e-4, 5e-4, 1e-3, 2.5e-3, 5e-3, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5)
 STAGE_TEXT = "Time that a frame spent in one stage of one process"
@@ -34,6 +38,7 @@ MEASURES = {
     "memory": Measure("gauge", "By", "Resident memory of a process"),
     "clock_offset": Measure("gauge", "s", "How far a host's clock is ahead of the router's"),
     "clock_error": Measure("gauge", "s", "Bound of the error of clock_offset"),
+    "left_out": Measure("counter", "1", "Values left out: too many names, or too long ones"),
 }
 
 
@@ -46,10 +51,37 @@ class Sample:
     labels: Mapping[str, str]  # what it belongs to; the same names for all samples of a measure
 
 
+class LabelSets:
+    """Bounded number of sets of labels; counts what is left out.
+
+    Args:
+        most: Sets that are admitted, the first that come.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._known: set[tuple[str, ...]] = set()
+        self.left_out = 0
+
+    def admits(self, *labels: str) -> bool:
+        """Check that a value with these labels may be passed on."""
+        if labels in self._known:
+            return True
+        if len(self._known) >= self._most or any(len(label) > LENGTH_MAX for label in labels):
+            self.left_out += 1
+            return False
+        self._known.add(labels)
+        return True
+
+
 class Exporter(ABC):
     """Sends on the latency and health of a system."""
 
     healths: Sequence[Health] = ()  # fresh heartbeats of all processes; those not in it are gone
+
+    def __init__(self) -> None:
+        self._limits = LabelSets(SAMPLES_MAX), LabelSets(STAGES_MAX), LabelSets(CAMERAS_MAX)
+        self._sample_sets, self._stage_sets, self._camera_sets = self._limits
 
     @abstractmethod
     def add_frame_path(self, path: FramePath) -> None:
@@ -58,6 +90,16 @@ class Exporter(ABC):
     @abstractmethod
     def close(self) -> None:
         """Send what is left, and end."""
+
+    def samples(self, *names: str) -> Iterator[Sample]:
+        """Yield the values of measures."""
+        for sample in samples(self.healths):
+            if sample.name in names and self._sample_sets.admits(
+                sample.name, *sample.labels.values()
+            ):
+                yield sample
+        if "left_out" in names:
+            yield Sample("left_out", sum(limit.left_out for limit in self._limits), {})
 
 
 def samples(healths: Iterable[Health]) -> Iterator[Sample]:

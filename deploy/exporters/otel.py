@@ -17,7 +17,6 @@ from deploy.exporters.measures import (
     MEASURES,
     STAGE_TEXT,
     Exporter,
-    samples,
 )
 
 MAX_PROCESSES = 256
@@ -28,6 +27,7 @@ class OtelExporter(Exporter):
     """Makes spans and metrics, and gives them to the SDK; the robot is their namespace."""
 
     def __init__(self, robot: str, spans: SpanProcessor, metrics: MetricReader) -> None:
+        super().__init__()
         self._robot = robot
         self._spans = spans
         self._tracers: dict[str, trace.Tracer] = {}
@@ -75,9 +75,9 @@ class OtelExporter(Exporter):
         frame.end(max(end_to_end.end_ns, end_to_end.start_ns))
         for part in path.stages:
             labels = {"service": part.service, "instance": part.instance, "stage": part.stage}
-            if part.ms >= 0:
+            if part.ms >= 0 and self._stage_sets.admits(*labels.values()):
                 self._stage.record(part.ms / 1e3, labels)
-        if end_to_end.ms >= 0:
+        if end_to_end.ms >= 0 and self._camera_sets.admits(tracks.camera):
             self._latency.record(end_to_end.ms / 1e3, {"camera": tracks.camera})
 
     def close(self) -> None:
@@ -87,8 +87,7 @@ class OtelExporter(Exporter):
 
     def _observe(self, name: str) -> Callable[[CallbackOptions], Iterable[Observation]]:
         def observe(_: CallbackOptions) -> Iterable[Observation]:
-            found = (sample for sample in samples(self.healths) if sample.name == name)
-            return [Observation(sample.value, sample.labels) for sample in found]
+            return [Observation(sample.value, sample.labels) for sample in self.samples(name)]
 
         return observe
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from itertools import groupby
 
-from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, start_http_server
+from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
@@ -15,8 +15,8 @@ from deploy.exporters.measures import (
     STAGE_TEXT,
     Exporter,
     Sample,
-    samples,
 )
+from deploy.exporters.metrics_server import MetricsServer
 from people4d.errors import People4dError
 
 UNITS = {"s": "_seconds", "By": "_bytes", "1": ""}
@@ -31,6 +31,7 @@ class PrometheusExporter(Exporter, Collector):
     """
 
     def __init__(self, address: str, port: int) -> None:
+        super().__init__()
         registry = CollectorRegistry()
         self._stages = Histogram(
             "people4d_stage_seconds", STAGE_TEXT, PIECE, buckets=BUCKETS_S, registry=registry
@@ -52,7 +53,7 @@ class PrometheusExporter(Exporter, Collector):
         self._people = Gauge("people4d_people", text, ("camera",), registry=registry)
         registry.register(self)
         try:
-            self._server, self._thread = start_http_server(port, address, registry)
+            self._server = MetricsServer(address, port, registry)
         except OSError as error:
             raise People4dError(
                 f"nothing can listen at {address}:{port}: {error.strerror}",
@@ -62,30 +63,32 @@ class PrometheusExporter(Exporter, Collector):
     @property
     def port(self) -> int:
         """Port that it listens at."""
-        return self._server.server_port
+        return self._server.port
 
     def add_frame_path(self, path: FramePath) -> None:
         """Take the path of a frame."""
         for part in path.stages:
             labels = (part.service, part.instance, part.stage)
+            if not self._stage_sets.admits(*labels):
+                continue
             if part.ms < 0:
                 self._negative.labels(*labels).inc()
             else:
                 self._stages.labels(*labels).observe(part.ms / 1e3)
         camera = path.tracks.camera
+        if not self._camera_sets.admits(camera):
+            return
         self._end_to_end.labels(camera).observe(path.end_to_end.ms / 1e3)
         confirmed = sum(person.state == "confirmed" for person in path.tracks.tracks)
         self._people.labels(camera).set(confirmed)
 
     def close(self) -> None:
         """Send what is left, and end."""
-        self._server.shutdown()
-        self._server.server_close()
-        self._thread.join()
+        self._server.close()
 
     def collect(self) -> Iterator[Metric]:
         """Yield a metric for each measure that has a value."""
-        found = sorted(samples(self.healths), key=lambda sample: sample.name)
+        found = sorted(self.samples(*MEASURES), key=lambda sample: sample.name)
         for name, group in groupby(found, lambda sample: sample.name):
             yield _metric(name, list(group))
 

@@ -129,7 +129,7 @@ class EventsNode(Node):
 
     def status(self) -> Status:
         """Return state, reason and counters."""
-        counters = dict(self._counters)
+        counters = {**self._counters, "people_left_out": self._rules.left_out}
         problem = self._problem
         for delivery in self._deliveries:
             counters |= delivery.counters

@@ -5,6 +5,7 @@ the journal of the one before, and no event is made twice.
 """
 
 import math
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -15,6 +16,8 @@ from people4d.messages import F64, Event, Track, Tracks, Zone
 from services.events.config import EventsConfig
 
 GONE_MAX = 10_000  # identities that may return
+# New people: so many at once, then so many a second. Invented tracks shall not fill the journal.
+NEW_MAX, NEW_HZ = 256, 16.0
 
 
 @dataclass(slots=True)
@@ -40,6 +43,8 @@ class EventRules:
         self._zones: Sequence[Zone] = ()
         self._next = 0
         self._frame_id = "map"
+        self._budget, self._budget_s = float(NEW_MAX), time.monotonic()
+        self.left_out = 0  # tracks of new people beyond the limit, in all messages
         self._made: list[Event] = []
 
     @property
@@ -106,7 +111,7 @@ class EventRules:
             if track.state == "tentative":
                 continue
             if track.id not in self._people:
-                if track.state == "lost":
+                if track.state == "lost" or not self._has_room():
                     continue
                 self._begin(track, stamp_ns)
             person = self._people[track.id]
@@ -140,6 +145,17 @@ class EventRules:
         )
         self.apply(event)
         self._made.append(event)
+
+    def _has_room(self) -> bool:
+        """Check that one more new person makes events."""
+        now_s = time.monotonic()
+        self._budget = min(NEW_MAX, self._budget + NEW_HZ * (now_s - self._budget_s))
+        self._budget_s = now_s
+        if self._budget < 1:
+            self.left_out += 1
+            return False
+        self._budget -= 1
+        return True
 
     def _begin(self, track: Track, stamp_ns: int) -> None:
         person = _Person(stamp_ns, track.position_m)

@@ -1,14 +1,17 @@
 """Metrics for Prometheus and traces for OpenTelemetry, read by their own libraries."""
 
+import socket
 import sys
 import threading
 import time
 import urllib.request
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import closing
+from contextlib import ExitStack, closing
+from dataclasses import replace
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from typing import Any, ClassVar
 
+import msgspec
 import pytest
 from opentelemetry.sdk.metrics.export import InMemoryMetricReader
 from opentelemetry.sdk.trace.export import SimpleSpanProcessor
@@ -21,7 +24,8 @@ from common.runtime.monitor import FramePath, clocks_of
 from common.transport.clock import HostOffset
 from deploy.cli import app
 from deploy.cli.live.export import feed, otlp_exporter, prometheus_exporter
-from deploy.exporters.measures import Exporter
+from deploy.exporters.measures import CAMERAS_MAX, SAMPLES_MAX, STAGES_MAX, Exporter
+from deploy.exporters.metrics_server import CONNECTIONS_MAX
 from deploy.exporters.otel import OtelExporter
 from deploy.exporters.prometheus import PrometheusExporter
 from people4d.client import Client
@@ -116,6 +120,76 @@ def test_negative_durations_are_counted(prometheus: PrometheusExporter) -> None:
     got = fetched(prometheus)
     assert got["people4d_stage_negative_total", labels] == 1
     assert ("people4d_stage_seconds_count", labels) not in got
+
+
+def forge(exporter: Exporter, number: int) -> None:
+    """Give an exporter heartbeats and a frame with names that nobody has used before."""
+    health = healths()[0]
+    counters = {f"received_{number}_{k}": 1 for k in range(50)} | {
+        f"bad_{number}_{k}": 1 for k in range(50)
+    }
+    names = {"instance": f"detector-{number}", "host": f"host{number}"}
+    exporter.healths = [*healths(), msgspec.structs.replace(health, counters=counters, **names)]
+    forged = [span(f"s{number}.x{k}", 0, 1, f"p{k}@{number}") for k in range(20)]
+    frame = path(number, forged, {})
+    camera = msgspec.structs.replace(frame.tracks, camera=f"camera{number}")
+    exporter.add_frame_path(replace(frame, tracks=camera))
+
+
+def test_invented_names_are_bounded_and_counted_for_prometheus(
+    prometheus: PrometheusExporter,
+) -> None:
+    give(prometheus, 4)
+    got = fetched(prometheus)
+    for number in range(200):
+        forge(prometheus, number)
+        if number % 40 == 39:
+            got = fetched(prometheus)
+    assert len(got) < SAMPLES_MAX + 18 * (STAGES_MAX + CAMERAS_MAX) + 10
+    assert got["people4d_left_out_total", frozenset()] > 500
+    assert got["people4d_latency_seconds_count", frozenset({"camera=front"})] == 4
+    assert (
+        "people4d_cpu",
+        frozenset({"service=detector", "instance=detector-1", "host=nuc"}),
+    ) in got
+
+
+def test_invented_names_are_bounded_and_counted_for_opentelemetry() -> None:
+    metrics = InMemoryMetricReader()
+    exporter = OtelExporter("robot", SimpleSpanProcessor(InMemorySpanExporter()), metrics)
+    data = None
+    for number in range(200):
+        forge(exporter, number)
+        if number % 40 == 39:
+            data = metrics.get_metrics_data()
+    exporter.close()
+    assert data is not None
+    points: dict[str, list[Any]] = {
+        metric.name: list(metric.data.data_points)
+        for metric in data.resource_metrics[0].scope_metrics[0].metrics
+    }
+    assert sum(map(len, points.values())) <= SAMPLES_MAX + STAGES_MAX + CAMERAS_MAX + 1
+    assert points["people4d.left_out"][0].value > 500
+
+
+def test_long_name_is_left_out(prometheus: PrometheusExporter) -> None:
+    health = healths()[0]
+    prometheus.healths = [msgspec.structs.replace(health, host="x" * 60_000)]
+    got = fetched(prometheus)
+    assert {name for name, _ in got} == {"people4d_left_out_total"}
+
+
+def test_metrics_are_served_beside_many_connections_that_ask_nothing(
+    prometheus: PrometheusExporter,
+) -> None:
+    threads = threading.active_count()
+    with ExitStack() as stack:
+        for _ in range(200):
+            address = ("127.0.0.1", prometheus.port)
+            one = stack.enter_context(socket.create_connection(address, WAIT_S))
+            one.sendall(b"GET /met")
+        assert fetched(prometheus) is not None
+        assert threading.active_count() < threads + 2 * CONNECTIONS_MAX
 
 
 def test_taken_port_is_reported(prometheus: PrometheusExporter) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from people4d.messages import Event, Zone
 from services.events.config import EventsConfig
-from services.events.rules import EventRules, distance_inside
+from services.events.rules import NEW_MAX, EventRules, distance_inside
 from tests.builders import track, tracks
 
 SQUARE = Zone(name="door", corners_m=np.array([[0.0, 0], [2, 0], [2, 2], [0, 2]]))
@@ -155,3 +155,15 @@ def test_distance_to_the_edge_of_a_zone() -> None:
     assert distance_inside(corners, np.array([0.5, 0.25])) == pytest.approx(0.25)
     assert distance_inside(corners, np.array([1.5, 1.5])) == pytest.approx(-0.5)
     assert distance_inside(corners, np.array([3.0, 0.5])) == pytest.approx(-1.0)
+
+
+def test_invented_people_make_a_bounded_number_of_events_and_are_counted() -> None:
+    rules = rules_of()
+    made = rules.update(at(0, (1, 5, 5)), None)
+    for second in range(1, 21):
+        invented = [(1000 * second + number, 5.0, 5.0) for number in range(1000)]
+        made += rules.update(at(2 * second, (1, 5, 5), *invented), None)
+    appeared = [event for event in made if event.kind != "disappeared"]
+    assert NEW_MAX <= len(appeared) < 2 * NEW_MAX  # of 20,000
+    assert rules.left_out > 15_000
+    assert not [event for event in made if event.id == 1 and event.sequence]

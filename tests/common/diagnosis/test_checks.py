@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from common.diagnosis.checks import examine
-from common.diagnosis.evidence import Diagnostic, Evidence
+from common.diagnosis.evidence import NAMES_MAX, Diagnostic, Evidence
 from people4d.messages import Detection, Detections, Health, Track
 from tests import builders
 
@@ -385,3 +385,11 @@ def test_process_that_stops_properly_is_no_problem(heard: Heard) -> None:
     heard.evidence.hear(health("report-1"), 0)
     heard.evidence.hear(health("report-1", state="stopping"), 0)
     assert {f.level for f in heard.diagnostics()} == {"ok"}
+
+
+def test_invented_cameras_and_frames_are_bounded() -> None:
+    evidence = Evidence(robot="robot")
+    for number in range(2000):
+        evidence.hear(builders.camera_info(camera=f"c{number}"), 0)
+        evidence.hear(builders.static_transform(np.eye(4), child=f"f{number}"), 0)
+    assert len(evidence.infos) == len(evidence.transforms) == NAMES_MAX

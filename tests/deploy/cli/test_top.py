@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from common.runtime.monitor import Monitor, SystemSnapshot
+from common.runtime.monitor import MAX_PROCESSES, Monitor, SystemSnapshot
 from common.transport.trace import ProcessId
 from deploy.cli import app
 from deploy.cli.live.top import drawn
@@ -100,6 +100,24 @@ def test_old_frames_leave_the_window() -> None:
     assert snapshot.end_to_end is None
     assert snapshot.processes == []
     assert "no frame came through in the last 10 s" in text(snapshot)
+
+
+def test_invented_processes_make_room_once_they_are_silent() -> None:
+    found = Monitor(HERE, 1.0)
+    for number in range(3000):
+        health = msgspec.structs.replace(healths()[0], instance=f"x-{number}", host=f"h{number}")
+        found.add(arrival(health), BEGIN_NS, 0.0)
+        trace = (span(f"x.s{number}", 0, 1, "x@h"),)
+        found.add(arrival(msgspec.structs.replace(tracks(number), trace=trace)), BEGIN_NS, 0.0)
+    assert len(found.healths(0.0)) == MAX_PROCESSES
+    assert len(found.clocks) <= MAX_PROCESSES + 1
+    for health in healths():
+        found.add(arrival(health), BEGIN_NS, 5.0)
+    found.add(arrival(tracks(0), 50), BEGIN_NS + 52 * MS, 5.0)
+    snapshot = found.snapshot(5.0)
+    names = {process.instance for process in snapshot.processes}
+    assert {"camera-1", "detector-1", "tracker-1", "reid-1"} <= names
+    assert not [name for name in names if name.startswith("x-")]
 
 
 def text(snapshot: SystemSnapshot) -> str:
