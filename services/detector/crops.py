@@ -1,8 +1,8 @@
 """Crops of the people of a frame, small enough to publish.
 
-What stands before a person is blanked, so that its looks are not taken for the person's. The
-background is not: networks for re-identification know people with one, and without it they
-recognised fewer (docs/method.md section 21).
+Occluders in front of a person are blanked, so that their appearance is not confused with the
+person's. The background is not: networks for re-identification learned people with one, and
+recognised fewer without it (docs/method.md section 21).
 """
 
 import math
@@ -13,6 +13,10 @@ import numpy.typing as npt
 
 from people4d.messages import F32, HIDDEN_RGB, U8, U16, Crop
 from services.detector.models.base import DetectedPerson
+
+Flags = npt.NDArray[np.bool_]
+FRONT_M = 0.4  # minimum distance of blanked pixels in front of the person's layer [m]
+HIDDEN_MAX = 0.7  # maximum blanked share of a crop: with more the depth must be wrong
 
 
 def cut_box(box_xyxy_px: F32, shape: tuple[int, ...]) -> tuple[int, int, int, int]:
@@ -27,20 +31,16 @@ def cut_box(box_xyxy_px: F32, shape: tuple[int, ...]) -> tuple[int, int, int, in
     )
 
 
-Flags = npt.NDArray[np.bool_]
-HIDDEN_MAX = 0.7  # share of a crop: if more were before the person, the depth would be wrong
-
-
 def hidden_pixels(box_xyxy_px: F32, depth_mm: U16, nearest_m: float) -> Flags | None:
-    """Return which pixels of a box, cut to the image, are nearer than a depth; None if none.
+    """Return flags of the pixels of a box, cut to the image, nearer than a depth; None without any.
 
-    Pixels without a reading are not. None if so many are nearer that the depth must be wrong.
+    Pixels without a reading are not nearer. None if too many are nearer: the depth must be wrong.
     """
     left, top, right, bottom = cut_box(box_xyxy_px, depth_mm.shape)
     if left >= right or top >= bottom or not 0 < nearest_m < math.inf:
         return None
     window_mm = depth_mm[top:bottom, left:right]
-    # Less 1, no reading wraps to the farthest: one comparison for both.
+    # Minus 1, a missing reading wraps to the farthest: one comparison for both.
     nearest_mm = min(round(nearest_m * 1000) - 1, 65535)
     hidden = (window_mm - np.uint16(1)) < max(nearest_mm, 0)
     count = np.count_nonzero(hidden)
@@ -52,7 +52,7 @@ def crop_person(
 ) -> Crop | None:
     """Cut one person out of an image (HxWx3), with mask and keypoints in the crop's pixels.
 
-    The box is cut to the image, and a crop higher than `height_max_px` is scaled down to that; its
+    The box is cut to the image, and a crop higher than `height_max_px` is scaled down to it; its
     hidden pixels get the colour HIDDEN_RGB. None if the box misses the image.
     """
     left, top, right, bottom = cut_box(person.box_xyxy_px, rgb.shape)

@@ -10,6 +10,9 @@ from services.detector.config import NearInputConfig
 from services.detector.models.base import DetectedPerson
 from services.detector.models.letterbox import Letterbox
 
+PERSON_MIN_PX = 100.0  # minimum height of a near person in the smaller input [px]
+FULL_EVERY = 4  # frames between two at the full size, the second included
+
 
 class _View(NamedTuple):
     """People in the last frame of a camera at the full size."""
@@ -20,11 +23,11 @@ class _View(NamedTuple):
 
 
 class InputSizeChoice:
-    """Chooses for each camera whether the smaller input will do.
+    """Chooses the input size of each camera's frames.
 
-    It will while the last frame at the full size showed people, all of them near and apart from
-    each other, and the frames after it as many. Every n-th frame is at the full size, so that it
-    finds who is far or new.
+    The smaller one is enough while the last frame at the full size showed people, all of them near
+    and apart from each other, and the later frames as many. Every n-th frame is at the full size,
+    in which far and new people are found.
     """
 
     def __init__(self, config: NearInputConfig) -> None:
@@ -34,16 +37,16 @@ class InputSizeChoice:
     def is_near(self, camera: str) -> bool:
         """Return whether the next frame of a camera gets the smaller input."""
         view = self._views.get(camera)
-        return view is not None and view.are_near and view.frames < self._config.full_every - 1
+        return view is not None and view.are_near and view.frames < FULL_EVERY - 1
 
-    def note(
+    def add_frame(
         self, camera: str, near: bool, people: Sequence[DetectedPerson], size: tuple[int, int]
     ) -> None:
-        """Note the people of a frame.
+        """Add the people of a frame.
 
         Args:
             camera: Its camera.
-            near: It had the smaller input.
+            near: True if it had the smaller input.
             people: People found in it.
             size: Height and width of the image [px].
         """
@@ -58,4 +61,4 @@ class InputSizeChoice:
         boxes = np.array([person.box_xyxy_px for person in people], np.float64)
         heights_px = scale * (boxes[:, 3] - boxes[:, 1])
         overlaps = iou_xyxy(boxes, boxes) - np.eye(len(boxes))
-        return bool(heights_px.min() >= self._config.person_min_px and overlaps.max() <= 0.0)
+        return bool(heights_px.min() >= PERSON_MIN_PX and overlaps.max() <= 0.0)

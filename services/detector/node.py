@@ -21,14 +21,19 @@ from people4d.messages import (
 )
 from people4d.messages.base import MAX_CAMERAS
 from services.detector.config import DetectorConfig
-from services.detector.crops import crop_person, hidden_pixels
+from services.detector.crops import FRONT_M, crop_person, hidden_pixels
 from services.detector.input_size import InputSizeChoice
 from services.detector.models.base import DetectedPerson, PersonModel
 from services.detector.orientation.angle import YawEstimate, heading_vector
 from services.detector.orientation.estimator import OrientationEstimator
 from services.detector.orientation.network import OrientationNetwork
 from services.detector.position.estimator import PositionEstimator
-from services.detector.position.scene_flow import FlowFrame, SceneFlow, VelocityEstimate
+from services.detector.position.scene_flow import (
+    FrameHistory,
+    FramePair,
+    VelocityEstimate,
+    measure_velocities,
+)
 from services.detector.position.silhouette import grow_mask
 from services.detector.position.surface import DepthImage, PositionEstimate, keypoint_surfaces
 from services.detector.position.torso import LayeredTorso
@@ -39,15 +44,14 @@ log = logging.getLogger("people4d")
 class DetectorNode(Node):
     """Detects people in each frame and estimates their positions and headings from depth.
 
-    Cameras may be several; each frame needs the CameraInfo of its camera before it. `handle` may be
-    called from several threads at once if the model may.
+    Each frame needs the CameraInfo of its camera before it. Several threads may call `handle` at
+    once if the model allows that.
 
     Args:
         model: Finds people in each image.
         config: Configuration of the service.
-        near_model: The same with a smaller input, for frames in which all people are near; None:
-            there is none.
-        orientation_network: Yaws by images of people; None: they are by keypoints and depth alone.
+        near_model: The same with a smaller input, for frames in which all people are near, or None.
+        orientation_network: Yaws by images of people; None: yaws by keypoints and depth alone.
     """
 
     inputs: tuple[type[Message], ...] = (CameraInfo, RgbdFrame)
@@ -66,7 +70,7 @@ class DetectorNode(Node):
         self._sizes = InputSizeChoice(config.near_input) if near_model else None
         self._config = config
         self._positions = PositionEstimator(config, model.name)
-        self._flow = SceneFlow(config.velocity)
+        self._history = FrameHistory()
         self._orientation = OrientationEstimator(config, model.name, orientation_network)
         self._lock = threading.Lock()
         self._calibrations: dict[str, CameraInfo] = {}
@@ -101,7 +105,7 @@ class DetectorNode(Node):
         return Status(state="degraded" if reason else "ready", reason=reason, counters=counters)
 
     def _calibration(self, frame: RgbdFrame) -> CameraInfo | None:
-        """Return the calibration of a frame; None, counted, if there is none that fits."""
+        """Return the calibration of a frame; None, counted, if none fits."""
         with self._lock:
             self._counters["frames"] += 1
             info = self._calibrations.get(frame.camera)
@@ -117,15 +121,15 @@ class DetectorNode(Node):
 
     def _detect(self, frame: RgbdFrame, info: CameraInfo) -> Sequence[Message]:
         # Before the model, so that frames are stored in their order.
-        flow = self._flow.next(frame) if self._config.velocity.enabled else None
-        people, image = self._find(frame), DepthImage(frame.depth_mm, info)
+        before = self._history.swap_frame(frame) if self._config.velocity else None
+        people, image = self._find_people(frame), DepthImage(frame.depth_mm, info)
         with span("hand_over"):
             self._loop.release()
         if self._config.position == "grown":
             with span("locate"):
                 people = [self._with_mask(person, image) for person in people]
         with span("locate"):
-            torsos = self._torsos(people, image)
+            torsos = self._find_torsos(people, image)
         outputs: list[Message] = []
         if self._config.crops:
             # Crops first: the tracker waits longest for their embeddings.
@@ -133,16 +137,14 @@ class DetectorNode(Node):
         observed = self._orientation.observe(people, torsos, frame.rgb, image)
         with span("locate"):
             yaws = self._orientation.estimate(people, image, observed)
-            moving = self._velocities(torsos, flow, info)
-            detections = self._detections(people, torsos, image, yaws, moving)
+            pair = None if before is None else FramePair(frame, before, info)
+            velocities = measure_velocities(pair, torsos) if pair else [None] * len(torsos)
+            detections = self._detections(people, torsos, image, yaws, velocities)
         with self._lock:
             self._counters["people"] += len(people)
             self._counters["with_position"] += sum(d.position_m is not None for d in detections)
             self._counters["with_heading"] += sum(d.heading is not None for d in detections)
         detector, replicas = self._loop.replicas()
-        interval_s = None
-        if flow and flow[1] and any(moving):
-            interval_s = (flow[0].stamp_ns - flow[1].stamp_ns) / 1e9
         result = Detections(
             stamp_ns=frame.stamp_ns,
             sequence=frame.sequence,
@@ -155,11 +157,11 @@ class DetectorNode(Node):
             width=info.width,
             height=info.height,
             detections=detections,
-            velocity_interval_s=interval_s,
+            velocity_interval_s=pair.interval_s if pair and any(velocities) else None,
         )
         return [*outputs, result]
 
-    def _find(self, frame: RgbdFrame) -> list[DetectedPerson]:
+    def _find_people(self, frame: RgbdFrame) -> list[DetectedPerson]:
         """Return the people in the colour image; none, counted, if the model fails."""
         with self._lock:
             is_near = self._sizes is not None and self._sizes.is_near(frame.camera)
@@ -172,7 +174,7 @@ class DetectorNode(Node):
             return []
         if self._sizes is not None:
             with self._lock:
-                self._sizes.note(frame.camera, is_near, people, frame.depth_mm.shape)
+                self._sizes.add_frame(frame.camera, is_near, people, frame.depth_mm.shape)
                 self._counters["near_inputs"] += is_near
         if frame.depth_mm.any():
             with self._lock:
@@ -185,14 +187,14 @@ class DetectorNode(Node):
         """Return the person with a mask grown in depth."""
         if person.keypoints is None:
             return person
-        return replace(person, mask=grow_mask(person, image, self._config.growth))
+        return replace(person, mask=grow_mask(person, image))
 
-    def _torsos(
+    def _find_torsos(
         self, people: Sequence[DetectedPerson], image: DepthImage
     ) -> Sequence[LayeredTorso | None]:
-        """Return the torsos where positions or yaws need them, else None each."""
-        if self._orientation.config.method == "joint" or self._config.position == "torso":
-            return self._positions.torsos(people, image)
+        """Return the torsos if positions or yaws need them, else None each."""
+        if self._orientation.method == "joint" or self._config.position == "torso":
+            return self._positions.find_torsos(people, image)
         return [None] * len(people)
 
     def _detections(
@@ -208,29 +210,18 @@ class DetectorNode(Node):
         depths_m = keypoint_surfaces(people, image)
         return tuple(map(_detection, people, yaws, positions, depths_m, velocities))
 
-    def _velocities(
-        self,
-        torsos: Sequence[LayeredTorso | None],
-        flow: tuple[FlowFrame, FlowFrame | None] | None,
-        info: CameraInfo,
-    ) -> Sequence[VelocityEstimate | None]:
-        if flow is None or flow[1] is None:
-            return [None] * len(torsos)
-        return self._flow.velocities(flow[0], flow[1], torsos, info)
-
     def _crops(
         self,
         people: Sequence[DetectedPerson],
         torsos: Sequence[LayeredTorso | None],
         frame: RgbdFrame,
     ) -> Crops:
-        height_px, front_m = self._config.crop_height_max_px, self._config.crop_front_m
-        crops = []
+        height_px, crops = self._config.crop_height_max_px, []
         with span("crops"):
             for k, (person, torso) in enumerate(zip(people, torsos, strict=True)):
                 hidden = None
                 if torso is not None:
-                    nearest_m = torso[1].depth_m - front_m
+                    nearest_m = torso[1].depth_m - FRONT_M
                     hidden = hidden_pixels(person.box_xyxy_px, frame.depth_mm, nearest_m)
                 crops.append(crop_person(k, person, frame.rgb, height_px, hidden))
         return Crops(

@@ -9,8 +9,8 @@ from services.detector.node import DetectorNode
 from tests.detector.cameras import INFO
 from tests.detector.test_node import FixedModel, frame, person
 
-CONFIG = NearInputConfig(height=160, width=224, person_min_px=84.0, full_every=4)
-SIZE = (480, 640)  # a third of it is the smaller input: 84 px there are 252 px here
+CONFIG = NearInputConfig(height=160, width=224)
+SIZE = (480, 640)  # a third of it is the smaller input: 100 px there are 300 px here
 
 
 def of_height(height_px: float, left_px: float = 0.0) -> DetectedPerson:
@@ -22,13 +22,13 @@ def played(*views: list[DetectedPerson]) -> str:
     choice, sizes = InputSizeChoice(CONFIG), ""
     for people in views:
         near = choice.is_near("front")
-        choice.note("front", near, people, SIZE)
+        choice.add_frame("front", near, people, SIZE)
         sizes += "n" if near else "F"
     return sizes
 
 
 def test_of_near_people_every_fourth_frame_is_full() -> None:
-    assert played(*[[of_height(260), of_height(400, 100)]] * 9) == "FnnnFnnnF"
+    assert played(*[[of_height(310), of_height(400, 100)]] * 9) == "FnnnFnnnF"
 
 
 def test_frames_are_full_while_somebody_is_far() -> None:
@@ -44,21 +44,21 @@ def test_frames_are_full_while_no_one_is_in_view() -> None:
 
 
 def test_the_frame_after_someone_came_or_went_is_full() -> None:
-    one, two = [of_height(300)], [of_height(300), of_height(300, 100)]
+    one, two = [of_height(310)], [of_height(310), of_height(310, 100)]
     assert played(one, one, two, two, two) == "FnnFn"
     assert played(two, two, one, one, one) == "FnnFn"
 
 
 def test_cameras_are_apart() -> None:
     choice = InputSizeChoice(CONFIG)
-    choice.note("front", False, [of_height(300)], SIZE)
+    choice.add_frame("front", False, [of_height(310)], SIZE)
     assert choice.is_near("front")
     assert not choice.is_near("back")
 
 
 def node_of_two() -> tuple[DetectorNode, FixedModel, FixedModel]:
     """Return a calibrated detector, its model and that with the smaller input."""
-    config = DetectorConfig(near_input=NearInputConfig(height=32, width=32, person_min_px=20.0))
+    config = DetectorConfig(near_input=NearInputConfig(height=160, width=224))
     full, near = FixedModel([person()]), FixedModel([person()])
     made = DetectorNode(full, config, near)
     made.handle(INFO, 0)

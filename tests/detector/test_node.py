@@ -16,7 +16,7 @@ from people4d.errors import ConfigError, ModelError
 from people4d.messages import HIDDEN_RGB, U8, Crops, Detection, Detections, Message, RgbdFrame, Span
 from people4d.messages.base import MAX_CAMERAS
 from services.detector.build import build
-from services.detector.config import DetectorConfig, KeypointConfig
+from services.detector.config import DetectorConfig
 from services.detector.models.base import DetectedPerson, InstanceMask
 from services.detector.node import DetectorNode
 from tests import builders
@@ -67,11 +67,10 @@ def frame(sequence: int = 0, depth_mm: int = 2000, white: bool = False) -> RgbdF
 
 # The methods of docs/method.md sections 2 and 6, which can be worked by hand.
 BY_HAND = {
-    "position": "auto",
+    "position": "keypoints",
     "to_axis": "false",
     "covariance": "false",
     "orientation.method": "separate",
-    "orientation.weighted": "false",
 }
 
 
@@ -120,25 +119,22 @@ def test_heading_by_keypoints() -> None:
     assert found.heading_sigma_rad > 0
 
 
-def test_heading_needs_keypoints_and_a_method() -> None:
-    masked = person(mask=True, keypoints=False)
-    off = {"orientation.vector": "false", "orientation.ratio": "false"}
-    for detector in (node(masked), node(person(), **off)):
-        found = only(Detections, MemoryBus([detector]).publish(INFO, frame())).detections[0]
-        assert (found.heading, found.heading_sigma_rad) == (None, None)
-        assert found.position_m is not None
+def test_heading_needs_keypoints() -> None:
+    masked = node(person(mask=True, keypoints=False), position="mask")
+    found = only(Detections, MemoryBus([masked]).publish(INFO, frame())).detections[0]
+    assert (found.heading, found.heading_sigma_rad) == (None, None)
+    assert found.position_m is not None
 
 
-def test_position_by_mask_goes_before_keypoints() -> None:
+def test_position_by_mask() -> None:
     # Centroid of columns 10 to 20 is 15, of rows 10 to 49 is 29.5: X = -5 * 2 / 50 = -0.2,
     # Y = -0.5 * 2 / 50 = -0.02.
-    for settings in ({}, {"position": "mask"}):
-        published = MemoryBus([node(person(mask=True), **settings)]).publish(INFO, frame())
-        found = only(Detections, published).detections[0]
-        assert found.position_m is not None
-        assert found.mask is not None
-        np.testing.assert_allclose(found.position_m, [-0.2, -0.02, 2.0], atol=1e-12)
-        assert found.mask.window().sum() == 440
+    published = MemoryBus([node(person(mask=True), position="mask")]).publish(INFO, frame())
+    found = only(Detections, published).detections[0]
+    assert found.position_m is not None
+    assert found.mask is not None
+    np.testing.assert_allclose(found.position_m, [-0.2, -0.02, 2.0], atol=1e-12)
+    assert found.mask.window().sum() == 440
 
 
 def test_position_method_is_used_alone() -> None:
@@ -269,22 +265,20 @@ def test_threads_may_share_the_node() -> None:
     }
 
 
-def test_keypoint_config_suits_the_model_unless_set() -> None:
+def test_confidence_of_keypoints_suits_the_model_unless_set() -> None:
     config = DetectorConfig()
-    assert config.keypoints_for("yolov8n-pose") == KeypointConfig()
-    assert config.keypoints_for("movenet-multipose").confidence_min == 0.3
-    chosen = DetectorConfig(keypoint_confidence_min=0.45)
-    assert chosen.keypoints_for("movenet-multipose").confidence_min == 0.45
-    assert chosen.keypoints_for("movenet-multipose").window_px == 5
+    assert config.confidence_for("yolov8n-pose") == 0.6
+    assert config.confidence_for("movenet-multipose") == 0.3
+    assert DetectorConfig(keypoint_confidence_min=0.45).confidence_for("movenet-multipose") == 0.45
 
 
 @pytest.mark.parametrize(
     ("setting", "problem"),
     [
         ("keypoint_confidence_min=2", "keypoint_confidence_min: expected .* < 1"),
-        ("keypoint_window_px=4", "keypoint_window_px: expected an odd number"),
-        ("growth.reach_m=0", "reach_m: expected .* > 0"),
-        ("growth.reach=1", "Did you mean reach_m"),
+        ("input_height=100", "input_height: expected a multiple of 32"),
+        ("depth_error_per_m=0", "depth_error_per_m: expected .* > 0"),
+        ("near_input.heigth=32", "Did you mean height"),
         ("position=guess", "position"),
         ("crop_height_max_px=3", "crop_height_max_px: expected .* >= 16"),
         ("threads=0", "threads: expected .*>= 1"),
@@ -297,9 +291,9 @@ def test_wrong_settings_are_reported(setting: str, problem: str) -> None:
 
 def test_settings_come_from_the_environment_too() -> None:
     environment = {"PEOPLE4D_DETECTOR_MODEL": "yolov8n-pose", "PEOPLE4D_DETECTOR_POSITION": "grown"}
-    config = load(DetectorConfig, "detector", None, ["growth.reach_m=0.3"], environment)
+    config = load(DetectorConfig, "detector", None, ["depth_error_per_m=0.01"], environment)
     assert (config.model, config.position) == ("yolov8n-pose", "grown")
-    assert config.growth.reach_m == 0.3
+    assert config.depth_error_per_m == 0.01
 
 
 def test_a_missing_model_is_reported_at_the_start() -> None:
@@ -365,20 +359,19 @@ def test_person_without_keypoints_and_mask_has_no_torso() -> None:
 
 @pytest.mark.parametrize("method", ["keypoints", "mask", "torso"])
 def test_positions_move_to_the_axis_if_configured(method: str) -> None:
-    # Each by half a cylinder of 0.15 m along its line of sight, at any yaw.
-    size = {"ellipse.half_depth_m": 0.15, "ellipse.half_width_m": 0.15}
+    # Along the line of sight, between half the depth and half the width of the torso.
     someone = person(mask=method == "mask")
     surface = detected(someone, position=method)[0].position_m
-    axis = detected(someone, position=method, to_axis="true", **size)[0].position_m
+    axis = detected(someone, position=method, to_axis="true")[0].position_m
     assert surface is not None
     assert axis is not None
     moved = axis - surface
-    # Off the middle of the torso a cylinder is less deep.
-    assert (0.09 if method == "torso" else 0.149) < np.hypot(moved[0], moved[2]) < 0.151
+    # Off the middle of the torso the ellipse is less deep.
+    assert (0.09 if method == "torso" else 0.125) < np.hypot(moved[0], moved[2]) < 0.205
     np.testing.assert_allclose(axis / axis[2], surface / surface[2], atol=1e-9)
 
 
-@pytest.mark.parametrize("method", ["auto", "keypoints", "mask", "grown", "torso"])
+@pytest.mark.parametrize("method", ["keypoints", "mask", "grown", "torso"])
 def test_every_method_gives_a_covariance_if_configured(method: str) -> None:
     found = detected(person(mask=method == "mask"), position=method, covariance="true")[0]
     assert found.position_m is not None
@@ -395,9 +388,8 @@ def test_crop_is_without_who_stands_before_the_person() -> None:
     left, _, right, _ = person().box_xyxy_px.astype(int)
     depth_mm[:, : left + (right - left) // 3] = 1000
     message = msgspec.structs.replace(behind, depth_mm=depth_mm)
-    for front_m, is_blanked in (("0.4", True), ("inf", False)):
-        made = node(person(), position="torso", crop_front_m=front_m)
-        crops = only(Crops, MemoryBus([made]).publish(INFO, message))
+    for seen, is_blanked in ((message, True), (behind, False)):
+        crops = only(Crops, MemoryBus([node(person(), position="torso")]).publish(INFO, seen))
         assert (crops.crops[0].rgb == HIDDEN_RGB).all(axis=2).any() == is_blanked
 
 
@@ -414,5 +406,5 @@ def test_velocities_are_published_from_the_second_frame_on() -> None:
 
     torso = {"position": "torso", "orientation.method": "joint"}
     assert intervals(**torso) == [(None, False), (0.1, True)]
-    off = {**torso, "velocity.enabled": "false"}
+    off = {**torso, "velocity": "false"}
     assert intervals(**off) == [(None, False), (None, False)]

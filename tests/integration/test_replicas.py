@@ -121,7 +121,7 @@ def test_work_is_divided_among_replicas_and_taken_over_on_failure(reids: Reids) 
 
 def test_two_detectors_give_the_same_tracks_as_one(network: Network, tmp_path: Path) -> None:
     # Velocities are relative to the frame before that the same detector had.
-    by_frame = "velocity.enabled=false"
+    by_frame = "velocity=false"
     one, two, apart = (
         tracks_of(network, count, tmp_path / f"{count}{len(settings)}", *settings)
         for count, settings in ((1, [by_frame]), (2, [by_frame]), (2, []))

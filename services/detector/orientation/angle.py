@@ -1,9 +1,9 @@
 """Angles about the vertical of the camera (docs/method.md section 6).
 
 Angles are taken in the camera's body frame: x forward along the optical axis, y left, z up. 0 is
-facing away along the axis, pi facing the camera, +pi/2 facing image-left. Published is not the
-angle but its unit vector in the optical frame, because a vector is rotated by any transform, an
-angle only by one about the same axis.
+facing away along the axis, pi facing the camera, +pi/2 facing image-left. Its unit vector in the
+optical frame is published, because any transform rotates a vector, but only one about the same axis
+an angle.
 """
 
 import math
@@ -49,10 +49,9 @@ def bearings(pixels: F64, info: CameraInfo) -> F64:
 def heading_vector(yaw_rad: float) -> F64:
     """Return the unit vector (3, optical frame) of an angle in the camera's body frame.
 
-    It is d (eq. 4.12) rotated about the camera's upward axis. If d is level, then the horizontal
-    part of that vector has the direction of the person at any tilt and roll of the camera: the part
-    that the tilt adds is vertical. psi_2 ignores tilt: from 20 deg above, the torso appears 6 %
-    shorter, which costs about 2 deg in general and up to 20 deg near 0 and pi, where arccos is
-    steep.
+    It is d (eq. 4.12) rotated about the camera's upward axis. If d is level, the horizontal part of
+    that vector has the person's direction at any tilt and roll of the camera: the tilt adds a
+    vertical part only. psi_2 ignores tilt: from 20 deg above, the torso appears 6 % shorter, which
+    costs about 2 deg in general and up to 20 deg near 0 and pi, where arccos is steep.
     """
     return np.array([-math.sin(yaw_rad), 0.0, math.cos(yaw_rad)])

@@ -1,4 +1,4 @@
-"""Yaw by the joint likelihood of all that one frame shows (docs/method.md section 11).
+"""Yaw by the joint likelihood of all cues of one frame (docs/method.md section 11).
 
 At every angle a body has a known appearance: the distances of shoulders and hips across the line of
 sight and along it, and the nose between the ears. The yaw is the angle under which the observation
@@ -11,34 +11,63 @@ choice between them is needed: an uninformative likelihood is flat.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
 from common.geometry.transforms import wrap, wrap_each
 from people4d.messages import F32, F64
 from services.detector.orientation.angle import YawEstimate
-from services.detector.orientation.config import BodyModelConfig, JointPairConfig
 from services.detector.orientation.observation import YawObservations, observe_bodies
 from services.detector.position.surface import DepthImage
 
-STEP_DEG = 3
+
+class JointPair(NamedTuple):
+    """Appearance of the shoulders or the hips."""
+
+    width_m: float  # [m] distance of both, as a network marks them
+    ahead_m: float  # [m] in profile, the nearer one is marked ahead of the farther one
+    gain_front: float  # difference in depth of the surface over the joints', from the front
+    gain_back: float  # the same from behind
+    sigma_along_m: float  # [m] standard deviation of the difference in depth
+
+
+# Fitted to renders of the simulated room. Shoulder joints are about 0.19 of stature apart; hips are
+# marked on the outside of their joints, which are 0.1 of stature apart
+PAIRS: Mapping[str, JointPair] = {
+    "shoulders": JointPair(0.32, 0.01, gain_front=0.87, gain_back=0.63, sigma_along_m=0.04),
+    "hips": JointPair(0.21, 0.04, gain_front=0.83, gain_back=0.67, sigma_along_m=0.035),
+}
+# Distance of two joints across the line of sight, below which the nearer arm or thigh hides the
+# farther joint, whose pixel then shows the nearer depth [m]
+HIDING_M = 0.145
+SIGMA_ACROSS_M = 0.04  # standard deviation of a distance across the line of sight [m]
+SIGMA_WIDTH = 0.07  # standard deviation of people's widths, relative
+JOINT_PX = 2.1  # standard deviation of a joint in the image [px]
+DEPTH_PER_M = 0.0025  # standard deviation of a difference in depth, over z^2 [1/m]
+NOSE_M, EARS_M = 0.08, 0.125  # nose ahead of the ears, and distance of the ears, as marked [m]
+SIGMA_FACE = 0.3  # standard deviation of the nose, over NOSE_M
+SIGMA_HEAD_RAD = 0.3  # standard deviation of the head's yaw on the chest [rad]
+SIDE_CONFIDENCE = 0.6  # mean confidence of a side's keypoints below which sigma grows
+SWAPPED, SWAPPED_MAX = 0.03, 0.5  # probability that left and right are confused, and its maximum
+# Outlier probabilities: joints of another person, guessed joints
+OUTLIERS_ACROSS, OUTLIERS_ALONG, OUTLIERS_HEAD = 0.05, 0.08, 0.1
+STEP_DEG = 3  # step of the angles [deg]
 ANGLES: F64 = np.radians(np.arange(-180, 180, STEP_DEG))
 SINE, COSINE = np.sin(ANGLES), np.cos(ANGLES)
 FROM_BEHIND = (1 + COSINE) / 2
-NEAR_RAD = math.radians(60)  # mean and variance are those of the angles so near to the best
-FAR_MAX = 0.1  # probability that may lie elsewhere
-SPAN_M = 1.0  # [m] range of distances between joints that are outliers
-SWAPPED_MAX = 0.5  # probability that left and right are taken for each other, at most
-SIGMA_MAX_RAD = math.pi / 2  # a less certain angle is not estimated
+NEAR_RAD = math.radians(60)  # half the range of angles of mean and variance, about the best [rad]
+FAR_MAX = 0.1  # maximum probability of the other angles
+SPAN_M = 1.0  # range of distances between joints that are outliers [m]
+SIGMA_MAX_RAD = math.pi / 2  # maximum standard deviation of an estimated angle [rad]
 
 
 def joint_yaws(
     keypoints: F32,
     layers_m: F64,
     image: DepthImage,
-    config: BodyModelConfig,
     by_image: F64 | None = None,
 ) -> list[YawEstimate | None]:
     """Estimate the yaws of N people from all cues at once.
@@ -46,12 +75,12 @@ def joint_yaws(
     Arguments are as of `observe_bodies`; `by_image` is the log likelihood of `ANGLES` by the images
     of the people, NxA, see `OrientationNetwork`.
     """
-    observations = observe_bodies(keypoints, layers_m, image, config)
-    log_p = log_likelihood(observations, image.info.fx, config)
+    observations = observe_bodies(keypoints, layers_m, image)
+    log_p = log_likelihood(observations, image.info.fx)
     if by_image is not None:
         log_p += by_image
     best_rad, sigma_rad = best_angles(log_p)
-    sigma_rad *= sigma_factors(observations, config)
+    sigma_rad *= sigma_factors(observations)
     yaws_rad = best_rad + observations.ray_rad
     return [
         YawEstimate(wrap(yaw), sigma) if sigma < SIGMA_MAX_RAD else None
@@ -59,84 +88,68 @@ def joint_yaws(
     ]
 
 
-def log_likelihood(observations: YawObservations, fx: float, config: BodyModelConfig) -> F64:
+def log_likelihood(observations: YawObservations, fx: float) -> F64:
     """Return the logarithm of the likelihood of each of `ANGLES`, NxA; fx in pixels."""
     flat = np.zeros((len(observations.z_m), len(ANGLES)))
-    total: F64 = sum(_cues(observations, fx, config), flat)
-    # A network that is less confident of the joints of a side takes it for the other more often
-    factors = sigma_factors(observations, config)[:, None]
-    swapped = np.minimum(config.swapped * factors**2, SWAPPED_MAX)
+    total: F64 = sum(_cues(observations, fx), flat)
+    # A network that is less confident of the joints of a side confuses the sides more often.
+    factors = sigma_factors(observations)[:, None]
+    swapped = np.minimum(SWAPPED * factors**2, SWAPPED_MAX)
     turned = np.roll(total, len(ANGLES) // 2, axis=1)
-    total = np.logaddexp(np.log1p(-swapped) + total, np.log(swapped) + turned)
-    if config.use_confidence:
-        total += _face_confidence(observations, config)
-    return total
+    return np.logaddexp(np.log1p(-swapped) + total, np.log(swapped) + turned)
 
 
 @cache
-def across(pair: JointPairConfig) -> F64:
+def expected_across(name: str) -> F64:
     """Return the expected distance from the left joint to the right one, to the right, by angle.
 
     w cos(psi), less in profile, where the nearer joint is marked ahead of the other.
     """
+    pair = PAIRS[name]
     expected_m: F64 = pair.width_m * COSINE - pair.ahead_m * SINE**2
     return expected_m
 
 
-def across_sigma(pair: JointPairConfig, z_m: F64, fx: float, config: BodyModelConfig) -> F64:
-    """Return the standard deviation of `across`, NxA: of joints, pixels and widths of people."""
-    joints_m = np.hypot(pair.sigma_across_m, math.sqrt(2) * config.joint_px * z_m / fx)
-    return np.hypot(joints_m[:, None], config.sigma_width * pair.width_m * COSINE)
-
-
 @cache
-def along(pair: JointPairConfig, hiding_m: float) -> F64:
-    """Return the expected depth of the surface at the right joint, less that at the left, by angle.
+def expected_along(name: str) -> F64:
+    """Return the expected depth of the surface at the right joint, less the left one's, by angle.
 
-    Joints differ by w sin(psi). That is measured as far as the joints are apart across the line of
+    Joints differ by w sin(psi). The measured part grows with their distance across the line of
     sight: in profile, both pixels show the nearer arm.
     """
+    pair = PAIRS[name]
     gain = pair.gain_front + (pair.gain_back - pair.gain_front) * FROM_BEHIND
-    hidden = np.exp(-((pair.width_m * COSINE / hiding_m) ** 2))
+    hidden = np.exp(-((pair.width_m * COSINE / HIDING_M) ** 2))
     expected_m: F64 = gain * pair.width_m * SINE * (1 - hidden)
     return expected_m
 
 
-def _cues(observations: YawObservations, fx: float, config: BodyModelConfig) -> Iterator[F64]:
+def _cues(observations: YawObservations, fx: float) -> Iterator[F64]:
     """Yield the log likelihoods by shoulders, hips and head, NxA."""
     z_m = observations.z_m
-    pairs = {"shoulders": config.shoulders} if config.use_shoulders else {}
-    pairs |= {"hips": config.hips} if config.use_hips else {}
-    for name, pair in pairs.items():
+    for name, pair in PAIRS.items():
         offsets = observations.pairs[name]
-        sigma_m = across_sigma(pair, z_m, fx, config)
-        error_m = offsets.across_m[:, None] - across(pair)
-        yield _log(error_m, sigma_m, config.outliers_across, SPAN_M)
-        if config.use_depth:
-            noise_m = np.hypot(pair.sigma_along_m, config.depth_per_m * z_m**2)
-            error_m = offsets.along_m[:, None] - along(pair, config.hiding_m)
-            yield _log(error_m, noise_m[:, None], config.outliers_along, SPAN_M)
-    if config.use_head:
-        yield _head(observations, config)
+        # Of joints, pixels and widths of people
+        joints_m = np.hypot(SIGMA_ACROSS_M, math.sqrt(2) * JOINT_PX * z_m / fx)
+        sigma_m = np.hypot(joints_m[:, None], SIGMA_WIDTH * pair.width_m * COSINE)
+        error_m = offsets.across_m[:, None] - expected_across(name)
+        yield _log_density(error_m, sigma_m, OUTLIERS_ACROSS, SPAN_M)
+        noise_m = np.hypot(pair.sigma_along_m, DEPTH_PER_M * z_m**2)[:, None]
+        error_m = offsets.along_m[:, None] - expected_along(name)
+        yield _log_density(error_m, noise_m, OUTLIERS_ALONG, SPAN_M)
+    yield _head(observations)
 
 
-def _head(observations: YawObservations, config: BodyModelConfig) -> F64:
-    """Return the log likelihood by the head, which is turned on the chest at times."""
-    forward, left = observations.ears_m / config.ears_m, observations.nose_m / config.nose_m
+def _head(observations: YawObservations) -> F64:
+    """Return the log likelihood by the head, which may be turned on the chest."""
+    forward, left = observations.ears_m / EARS_M, observations.nose_m / NOSE_M
     size = np.maximum(np.hypot(forward, left), 0.3)
-    sigma_rad = np.hypot(config.sigma_head_rad, config.sigma_face / size)
+    sigma_rad = np.hypot(SIGMA_HEAD_RAD, SIGMA_FACE / size)
     error_rad = wrap_each(np.arctan2(left, forward)[:, None] - ANGLES)
-    return _log(error_rad, sigma_rad[:, None], config.outliers_head, 2 * math.pi)
+    return _log_density(error_rad, sigma_rad[:, None], OUTLIERS_HEAD, 2 * math.pi)
 
 
-def _face_confidence(observations: YawObservations, config: BodyModelConfig) -> F64:
-    """Return the log likelihood by the network's confidence of the face."""
-    expected = config.face_front + (config.face_back - config.face_front) * FROM_BEHIND
-    error, sigma = observations.face[:, None] - expected, np.array(config.sigma_confidence)
-    return _log(error, sigma, config.outliers_confidence, 1.0)
-
-
-def _log(error: F64, sigma: F64, outliers: float, span: float) -> F64:
+def _log_density(error: F64, sigma: F64, outliers: float, span: float) -> F64:
     """Return the log density of errors: normal, a fraction of outliers uniform; 0 if unknown."""
     normal = np.exp(-np.square(error / sigma) / 2) * ((1 - outliers) / math.sqrt(2 * math.pi))
     density = np.log(normal / sigma + outliers / span)
@@ -144,10 +157,10 @@ def _log(error: F64, sigma: F64, outliers: float, span: float) -> F64:
 
 
 def best_angles(log_p: F64) -> tuple[F64, F64]:
-    """Return the most likely angle of each row and its standard deviation, infinite of a flat one.
+    """Return the most likely angle of each row and its standard deviation, infinite for a flat row.
 
-    Both are those of the angles around the best one. A small probability elsewhere, the other way
-    round for example, is left to the filter over time; more than that increases the variance.
+    Both are of the angles around the best one. A small probability elsewhere, for example of the
+    opposite direction, is left to the filter over time; more increases the variance.
     """
     p = np.exp(log_p - log_p.max(axis=1, keepdims=True))
     p /= p.sum(axis=1, keepdims=True)
@@ -163,8 +176,8 @@ def best_angles(log_p: F64) -> tuple[F64, F64]:
     return best_rad + mean, np.where(np.ptp(log_p, axis=1) < 1e-9, np.inf, sigma_rad)
 
 
-def sigma_factors(observations: YawObservations, config: BodyModelConfig) -> F64:
-    """Return the factors by which sigma grows where the network is not confident of the joints."""
-    least, side = config.side_confidence_min, observations.side
-    unsure = (side > 0) & (side < least)
-    return np.where(unsure, (least / np.where(unsure, side, 1.0)) ** config.side_power, 1.0)
+def sigma_factors(observations: YawObservations) -> F64:
+    """Return the factors by which sigma grows if the network is not confident of the joints."""
+    side = observations.side
+    unsure = (side > 0) & (side < SIDE_CONFIDENCE)
+    return np.where(unsure, SIDE_CONFIDENCE / np.where(unsure, side, 1.0), 1.0)

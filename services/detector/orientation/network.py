@@ -1,6 +1,6 @@
 """The orientation network: yaws by images, trained on simulated people (scripts/train_orientation).
 
-It sees what keypoints do not tell: hair or a face, the back or the front of clothes.
+It sees features that keypoints do not show: hair or a face, the back or the front of clothes.
 """
 
 import math
@@ -14,16 +14,16 @@ from common.inference.session import Session
 from people4d.errors import ModelError
 from people4d.messages import F32, F64, HIDDEN_RGB, U8, U16
 from services.detector.orientation.angle import SHOULDERS
-from services.detector.orientation.config import OrientationNetworkConfig
 from services.detector.orientation.joint import ANGLES
 from services.detector.position.surface import DepthImage
 
-SIZE_PX = (64, 48)  # of the input
-SIZE_M = (1.1, 0.827)  # height and width of what it shows, at the person's depth
-ABOVE_M = 0.5  # of it above the shoulders
-LAYER_M = (-0.4, 0.5)  # depths of the person's mask, relative to the person's depth
-LOG_MIN = -50.0
-OUTSIDE_MM = 1  # depth of what lies out of the image
+SIZE_PX = (64, 48)  # height and width of the input [px]
+SIZE_M = (1.1, 0.827)  # height and width of the window, at the person's depth [m]
+ABOVE_M = 0.5  # part of the window above the shoulders [m]
+LAYER_M = (-0.4, 0.5)  # depths of the person's mask, relative to the person's depth [m]
+OUTLIERS = 0.05  # probability of an image that shows something else
+LOG_MIN = -50.0  # minimum log probability
+OUTSIDE_MM = 1  # depth outside of the image [mm]
 
 Image = TypeVar("Image", U8, U16)
 
@@ -53,13 +53,13 @@ class OrientationNetwork:
             found = list(output.shape)
             raise ModelError(f"orientation network: expected an output of NxS, got {found}")
 
-    def log_likelihood(self, images: F32, config: OrientationNetworkConfig) -> F64:
+    def log_likelihood(self, images: F32) -> F64:
         """Return the logarithm of the likelihood of `ANGLES` by N images (Nx4x64x48), NxA."""
-        log_p = config.weight * np.clip(self._run(images), LOG_MIN, 0.0)
+        log_p = np.clip(self._run(images), LOG_MIN, 0.0)
         sectors = np.exp(log_p - log_p.max(axis=1, keepdims=True))
         sectors /= sectors.sum(axis=1, keepdims=True)
         count = sectors.shape[1]
-        sectors = (1 - config.outliers) * sectors + config.outliers / count
+        sectors = (1 - OUTLIERS) * sectors + OUTLIERS / count
         by_image: F64 = np.log(sectors) @ between(count)
         return by_image
 
@@ -96,7 +96,7 @@ def upper_bodies(rgb: U8, image: DepthImage, keypoints: F32, depths_m: F64) -> F
 def upper_body(rgb: U8, image: DepthImage, corner_px: F64, size_px: F64, depth_m: float) -> F32:
     """Return one window (4x64x48): its corner and size in pixels are of rows and columns.
 
-    What is nearer than the person, and what lies out of the image, is blanked.
+    Pixels nearer than the person, and outside of the image, are blanked.
     """
     shape = np.array(rgb.shape[:2])
     low = np.rint(np.clip(corner_px, -shape, 2 * shape)).astype(int)
@@ -121,14 +121,14 @@ def upper_body(rgb: U8, image: DepthImage, corner_px: F64, size_px: F64, depth_m
 
 
 def _bordered(window: Image, edges: tuple[int, int, int, int], value: tuple[int, ...]) -> Image:
-    """Return a window with edges of a value about it."""
+    """Return a window with a border of a value."""
     if not any(edges):
         return window
     return cast(Image, cv2.copyMakeBorder(window, *edges, cv2.BORDER_CONSTANT, value=value))
 
 
 def _reduced(rgb: U8) -> U8:
-    """Return an image at the network's size: halves first, which are fast."""
+    """Return an image at the network's size: first by halves, which is fast."""
     height, width = SIZE_PX
     while rgb.shape[0] >= 2 * height and rgb.shape[1] >= 2 * width:
         even = rgb[: rgb.shape[0] // 2 * 2, : rgb.shape[1] // 2 * 2]

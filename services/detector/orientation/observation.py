@@ -19,14 +19,17 @@ from services.detector.orientation.angle import (
     bearings,
     confident_pixels,
 )
-from services.detector.orientation.config import BodyModelConfig
 from services.detector.position.surface import DepthImage, read_windows
 from services.detector.position.visible_area import in_image
 
-FACE = [0, 1, 2, 3, 4]  # COCO
-SIDES = [[1, 3, 5, 7, 9, 11, 13, 15], [2, 4, 6, 8, 10, 12, 14, 16]]  # left, right
-WINDOW_MIN_PX = 5
-VISIBLE_MIN = 0.2  # of a joint's window in the person's own layer: else others hide the joint
+SIDES = [[1, 3, 5, 7, 9, 11, 13, 15], [2, 4, 6, 8, 10, 12, 14, 16]]  # COCO: left, right
+# Minimum confidence of a keypoint; positions need more. Keypoints of little confidence are mostly
+# right, and the yaw is less certain with them
+CONFIDENCE_MIN = 0.1
+WINDOW_MIN_PX = 5  # minimum side of a joint's window [px]
+WINDOWS_M = (0.1, 0.1, 0.2, 0.2)  # sides of the windows of shoulders and hips [m]
+REACH_M = 0.35  # maximum distance of a reading from the person's layer [m]
+VISIBLE_MIN = 0.2  # minimum share of a visible joint's window in the person's own layer
 JOINTS = {"shoulders": SHOULDERS, "hips": HIPS}
 
 
@@ -46,27 +49,20 @@ class YawObservations:
     pairs: Mapping[str, JointOffsets]  # "shoulders" and "hips"
     nose_m: F64  # [m] N, nose to the left of the ears' middle; NaN if unknown
     ears_m: F64  # [m] N, right ear to the right of the left one; NaN if unknown
-    face: F64  # N, mean confidence of nose, eyes and ears
     side: F64  # N, mean confidence of the keypoints of the less confident side
     ray_rad: F64  # [rad] N, direction of the line of sight, 0 = optical axis, + to the left
 
 
-def observe_bodies(
-    keypoints: F32,
-    layers_m: F64,
-    image: DepthImage,
-    config: BodyModelConfig,
-) -> YawObservations:
+def observe_bodies(keypoints: F32, layers_m: F64, image: DepthImage) -> YawObservations:
     """Measure the bodies of N people, each in a layer of depth.
 
-    Keypoints are Nx17x3, u and v in pixels and confidence, which must be more than
-    `confidence_min`; layers N in metres.
+    Keypoints are Nx17x3, u and v in pixels and confidence; layers N in metres.
     """
-    pixels = confident_pixels(keypoints, config.confidence_min)
+    pixels = confident_pixels(keypoints, CONFIDENCE_MIN)
     rays_rad = bearings(pixels, image.info)
     points_m = deproject(pixels.reshape(-1, 2), np.repeat(layers_m, 17), image.info)
     across_m = points_m[:, 0].reshape(-1, 17) * np.cos(rays_rad)[:, None]
-    depths_m = _joint_depths(pixels, layers_m, image, config)
+    depths_m = _joint_depths(pixels, layers_m, image)
     pairs = {}
     for k, (name, (left, right)) in enumerate(JOINTS.items()):
         deep_m = depths_m[:, 2 * k + 1] - depths_m[:, 2 * k]
@@ -80,16 +76,14 @@ def observe_bodies(
         pairs=pairs,
         nose_m=(left_m + right_m) / 2 - across_m[:, NOSE],
         ears_m=right_m - left_m,
-        face=confidence[:, FACE].mean(axis=1),
         side=confidence[:, SIDES].mean(axis=2).min(axis=1),
         ray_rad=rays_rad,
     )
 
 
-def _joint_depths(pixels: F64, layers_m: F64, image: DepthImage, config: BodyModelConfig) -> F64:
-    """Return the depths at shoulders and hips, Nx4 in metres; NaN where others fill the window."""
-    windows_m = np.repeat([config.shoulders.window_m, config.hips.window_m], 2)
-    half_px = np.rint(windows_m / 2 * image.info.fx / layers_m[:, None]).astype(int)
+def _joint_depths(pixels: F64, layers_m: F64, image: DepthImage) -> F64:
+    """Return the depths at shoulders and hips, Nx4 in metres; NaN if others fill the window."""
+    half_px = np.rint(np.array(WINDOWS_M) / 2 * image.info.fx / layers_m[:, None]).astype(int)
     sides_px = 2 * np.maximum(half_px, WINDOW_MIN_PX // 2) + 1
     joints_px = pixels[:, [*SHOULDERS, *HIPS]].reshape(-1, 2)
     inside = in_image(joints_px, image.info)
@@ -98,8 +92,8 @@ def _joint_depths(pixels: F64, layers_m: F64, image: DepthImage, config: BodyMod
         np.where(inside[:, None], joints_px, 0.0),
         image,
         sides_px.ravel(),
-        middle_m - config.reach_m,
-        middle_m + config.reach_m,
+        middle_m - REACH_M,
+        middle_m + REACH_M,
     )
     depths_m[~inside | (share < VISIBLE_MIN)] = np.nan  # a joint at NaN is not inside
     return depths_m.reshape(-1, 4)

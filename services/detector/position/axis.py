@@ -3,20 +3,37 @@
 Depth is read on the side of a person that faces the camera. The axis of the torso, an upright
 ellipse, lies behind it: little from the front, more from the side, where arm and shoulder come
 first. A stereo camera measures disparity, so its error in depth grows with the square of the
-distance; to that come the error of the ellipse and that of the joints (docs/method.md section 10).
+distance; the errors of the ellipse and of the joints are added (docs/method.md section 10).
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from people4d.messages import F64, CameraInfo
-from services.detector.config import EllipseConfig, UncertaintyConfig
-
-RIM = 0.9  # of the half width: nearer to the outline the surface falls away too steeply to be used
 
 
-def surface_to_axis(right_m: F64, relative_rad: float | None, config: EllipseConfig) -> F64:
+class Ellipse(NamedTuple):
+    """Cross section of a torso."""
+
+    half_depth_m: float  # [m] axis to chest
+    half_width_m: float  # [m] axis to side, arms included
+
+
+# Half the chest depth, and half the mean of shoulder and hip breadth, of adults, without clothes
+BODY = Ellipse(half_depth_m=0.125, half_width_m=0.205)
+RIM = 0.9  # used part of the half width: near the outline the surface is too steep
+# Standard deviations of positions, from simulated people
+BODY_M = 0.035  # differences of bodies, clothes and arms, along the line of sight [m]
+JOINT_M = 0.04  # joint of a near person, across the line of sight [m]
+JOINT_PX = 2.0  # joint of a far person, across the line of sight [px]
+CENTROID_M = 0.04  # centroid of a mask or mean of keypoints from the torso, to the right [m]
+CENTROID_DOWN_M = 0.2  # the same, downward [m]
+SURFACE_M = 0.16  # surface that is not moved to the axis, along the line of sight [m]
+
+
+def surface_to_axis(right_m: F64, relative_rad: float | None, ellipse: Ellipse) -> F64:
     """Return the distance from the surface to the axis, along the line of sight.
 
     The ellipse (p.f)^2 / a^2 + (p.l)^2 / b^2 = 1, f and l the unit vectors forward and to the left
@@ -26,9 +43,9 @@ def surface_to_axis(right_m: F64, relative_rad: float | None, config: EllipseCon
         right_m: N points on the surface, to the right of the axis, in metres.
         relative_rad: Yaw from the line of sight, 0 = facing away, + to the left; None if it is
             unknown: then the torso is taken to be as deep as wide, of the same area.
-        config: Cross section.
+        ellipse: Cross section.
     """
-    a, b = config.half_depth_m, config.half_width_m
+    a, b = ellipse
     if relative_rad is None:
         relative_rad, a, b = 0.0, math.sqrt(a * b), math.sqrt(a * b)
     sine, cosine = math.sin(relative_rad), math.cos(relative_rad)
@@ -41,9 +58,9 @@ def surface_to_axis(right_m: F64, relative_rad: float | None, config: EllipseCon
     return depth_m
 
 
-def move_to_axis(position_m: F64, yaw_rad: float | None, config: EllipseConfig) -> F64:
+def move_to_axis(position_m: F64, yaw_rad: float | None, ellipse: Ellipse) -> F64:
     """Return the position on the axis behind a point on the surface; yaw in the camera's frame."""
-    behind_m = surface_to_axis(np.zeros(1), relative_yaw(position_m, yaw_rad), config)[0]
+    behind_m = surface_to_axis(np.zeros(1), relative_yaw(position_m, yaw_rad), ellipse)[0]
     moved: F64 = position_m * (1 + behind_m / math.hypot(position_m[0], position_m[2]))
     return moved
 
@@ -53,41 +70,45 @@ def relative_yaw(position_m: F64, yaw_rad: float | None) -> float | None:
     return None if yaw_rad is None else yaw_rad - math.atan2(-position_m[0], position_m[2])
 
 
-def axis_sigma(
-    ellipse: EllipseConfig | None, yaw_rad: float | None, config: UncertaintyConfig
-) -> float:
+def axis_sigma(ellipse: Ellipse | None, yaw_rad: float | None) -> float:
     """Return the standard deviation, in metres, of the distance from the surface to the axis.
 
-    With the yaw unknown that goes from a to b and back like a sine: (b - a) / sqrt(8). Without an
-    ellipse positions stay on the surface.
+    If the yaw is unknown the distance varies from a to b and back like a sine: (b - a) / sqrt(8).
+    Without an ellipse positions stay on the surface.
     """
     if ellipse is None:
-        return config.surface_m
+        return SURFACE_M
     return 0.0 if yaw_rad is not None else abs(ellipse.half_width_m - ellipse.half_depth_m) / 8**0.5
 
 
-def joint_sigma(z_m: F64, info: CameraInfo, config: UncertaintyConfig) -> F64:
+def joint_sigma(z_m: F64, info: CameraInfo) -> F64:
     """Return the standard deviations, in metres, of joints across the line of sight."""
-    return np.hypot(config.joint_m, config.joint_px * z_m / info.fx)
+    return np.hypot(JOINT_M, JOINT_PX * z_m / info.fx)
 
 
-def variance_along(z_m: float, readings_m: F64, sigma_m: float, config: UncertaintyConfig) -> float:
+def variance_along(z_m: float, readings_m: F64, sigma_m: float, depth_error_per_m: float) -> float:
     """Return the variance, in m^2, of the mean of N readings along the line of sight.
 
-    All share `sigma_m`.
+    All share `sigma_m`; the error of a single reading is `depth_error_per_m` z^2.
     """
     count = len(readings_m)
-    sensor_m2 = (config.depth_per_m * z_m**2) ** 2 / count
+    sensor_m2 = (depth_error_per_m * z_m**2) ** 2 / count
     spread_m2 = float(readings_m.var(ddof=1)) / count if count > 1 else 0.0
-    return sensor_m2 + spread_m2 + config.body_m**2 + sigma_m**2
+    return sensor_m2 + spread_m2 + BODY_M**2 + sigma_m**2
+
+
+def variances_across(z_m: float, info: CameraInfo) -> tuple[float, float]:
+    """Return the variances, in m^2, of a centroid to the right and downward."""
+    pixel_m2 = (JOINT_PX * z_m / info.fx) ** 2
+    return CENTROID_M**2 + pixel_m2, CENTROID_DOWN_M**2 + pixel_m2
 
 
 def covariance(position_m: F64, right_m2: float, down_m2: float, along_m2: float) -> F64:
     """Return the 3x3 covariance of a position from variances across and along its line of sight.
 
-    All in the optical frame; `right_m2` and `down_m2` are those across it.
+    All in the optical frame; `right_m2` and `down_m2` are across the line of sight.
     """
-    # Numbers of Python: np.cross takes ten times as long for one vector.
+    # Plain floats: np.cross takes ten times as long for one vector.
     x, y, z = (position_m / np.linalg.norm(position_m)).tolist()
     level = math.hypot(x, z)
     right_x, right_z = z / level, -x / level

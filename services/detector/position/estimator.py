@@ -8,7 +8,14 @@ import numpy as np
 from people4d.messages import F64
 from services.detector.config import DetectorConfig
 from services.detector.models.base import DetectedPerson
-from services.detector.position.axis import axis_sigma, covariance, move_to_axis, variance_along
+from services.detector.position.axis import (
+    BODY,
+    axis_sigma,
+    covariance,
+    move_to_axis,
+    variance_along,
+    variances_across,
+)
 from services.detector.position.surface import (
     DepthImage,
     PositionEstimate,
@@ -24,15 +31,15 @@ class PositionEstimator:
 
     def __init__(self, config: DetectorConfig, model: str) -> None:
         self._config = config
-        self._keypoints = config.keypoints_for(model)
-        self._ellipse = config.ellipse if config.to_axis else None
-        self._torso = TorsoEstimator(config.torso, self._ellipse, config.uncertainty)
+        self._confidence_min = config.confidence_for(model)
+        self._ellipse = BODY if config.to_axis else None
+        self._torso = TorsoEstimator(self._ellipse, config.depth_error_per_m)
 
-    def torsos(
+    def find_torsos(
         self, people: Sequence[DetectedPerson], image: DepthImage
     ) -> list[LayeredTorso | None]:
-        """Return the torsos of people, or None, see `TorsoEstimator.find`."""
-        return self._torso.find(people, self._keypoints.confidence_min, image)
+        """Return the torsos of people, or None, see `TorsoEstimator.find_torsos`."""
+        return self._torso.find_torsos(people, self._confidence_min, image)
 
     def estimate(
         self,
@@ -43,15 +50,16 @@ class PositionEstimator:
     ) -> list[PositionEstimate | None]:
         """Return the positions of people, yaws in the camera's frame; None without valid depth.
 
-        The torsos, from `torsos`, are needed for the method "torso" only.
+        The torsos, from `find_torsos`, are needed for the method "torso" only.
         """
         if self._config.position != "torso":
             pairs = zip(people, yaws_rad, strict=True)
-            return [self._from_surface(person, image, yaw_rad) for person, yaw_rad in pairs]
-        positions = self._torso.estimate(torsos, image, yaws_rad)
-        for k, (person, yaw_rad) in enumerate(zip(people, yaws_rad, strict=True)):
-            if person.keypoints is None and person.mask is not None:
-                positions[k] = self._torso.estimate_from_mask(person.mask, image, yaw_rad)
+            positions = [self._from_surface(person, image, yaw_rad) for person, yaw_rad in pairs]
+        else:
+            positions = self._torso.estimate(torsos, image, yaws_rad)
+            for k, (person, yaw_rad) in enumerate(zip(people, yaws_rad, strict=True)):
+                if person.keypoints is None and person.mask is not None:
+                    positions[k] = self._torso.estimate_from_mask(person.mask, image, yaw_rad)
         if self._config.covariance:
             return positions
         return [position and replace(position, covariance_m2=None) for position in positions]
@@ -60,29 +68,23 @@ class PositionEstimator:
         self, person: DetectedPerson, image: DepthImage, yaw_rad: float | None
     ) -> PositionEstimate | None:
         """Return the position by the methods of [PIC4SeR], which take each person alone."""
-        method, mask, keypoints = self._config.position, person.mask, person.keypoints
+        mask, keypoints = person.mask, person.keypoints
         point_m, readings_m = None, np.zeros(1)
-        if method != "keypoints" and mask is not None:
-            point_m = mask_centroid(mask, image)
-        elif method in ("auto", "keypoints") and keypoints is not None:
-            point_m = keypoint_mean(keypoints, image, self._keypoints)
-            if self._config.covariance:
-                depth_m = keypoint_depth(keypoints, image, self._keypoints)
-                readings_m = depth_m[np.isfinite(depth_m)]
+        if self._config.position != "keypoints":
+            point_m = None if mask is None else mask_centroid(mask, image)
+        elif keypoints is not None:
+            point_m = keypoint_mean(keypoints, image, self._confidence_min)
+            depth_m = keypoint_depth(keypoints, image, self._confidence_min)
+            readings_m = depth_m[np.isfinite(depth_m)]
         if point_m is None:
             return None
         if self._ellipse:
             point_m = move_to_axis(point_m, yaw_rad, self._ellipse)
-        if not self._config.covariance:
-            return PositionEstimate(point_m)
         return PositionEstimate(point_m, self._covariance(point_m, readings_m, image, yaw_rad))
 
     def _covariance(
         self, point_m: F64, readings_m: F64, image: DepthImage, yaw_rad: float | None
     ) -> F64:
-        config, z_m = self._config.uncertainty, float(point_m[2])
-        pixel_m2 = (config.joint_px * z_m / image.info.fx) ** 2
-        sigma_m = axis_sigma(self._ellipse, yaw_rad, config)
-        along_m2 = variance_along(z_m, readings_m, sigma_m, config)
-        right_m2, down_m2 = config.centroid_m**2 + pixel_m2, config.centroid_down_m**2 + pixel_m2
-        return covariance(point_m, right_m2, down_m2, along_m2)
+        z_m, sigma_m = float(point_m[2]), axis_sigma(self._ellipse, yaw_rad)
+        along_m2 = variance_along(z_m, readings_m, sigma_m, self._config.depth_error_per_m)
+        return covariance(point_m, *variances_across(z_m, image.info), along_m2)

@@ -7,16 +7,28 @@ Joints are in the order left shoulder, right shoulder, left hip, right hip; docs
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
-import numpy.typing as npt
 
 from people4d.messages import F64, CameraInfo
-from services.detector.config import ProportionConfig
+from services.detector.position.surface import Flags
 
-Flags = npt.NDArray[np.bool_]
-UNKNOWN_M2 = 1e12  # [m^2]
+# Positions of joints; the mean of simulated women and men of 1.55 to 1.90 m
+HALF_SHOULDERS_M = 0.16  # middle of the torso to a shoulder's joint, sideways [m]
+HALF_HIPS_M = 0.10  # middle of the torso to a hip's joint, sideways [m]
+HALF_HEIGHT_M = 0.25  # middle of the torso to shoulders or hips, 0.288 H / 2 [Winter 2009] [m]
+SIGMA_LEAN = 0.2  # standard deviation of the downward direction, 1 = 45 degrees, and of stature
+SIGMA_TURN = 0.3  # standard deviation of the sideways direction if the yaw is known
+UNKNOWN_M2 = 1e12  # variance of an unknown middle [m^2]
+# 1, and the distance of each joint to the body's left of its middle and below it
+JOINT_OFFSETS: F64 = np.array(
+    [
+        (1.0, HALF_SHOULDERS_M, -HALF_HEIGHT_M),
+        (1.0, -HALF_SHOULDERS_M, -HALF_HEIGHT_M),
+        (1.0, HALF_HIPS_M, HALF_HEIGHT_M),
+        (1.0, -HALF_HIPS_M, HALF_HEIGHT_M),
+    ]
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,20 +40,8 @@ class BodySize:
     has_height: bool  # by its height too; widths alone are foreshortened from the side
 
 
-@cache
-def joint_offsets(config: ProportionConfig) -> F64:
-    """Return 1, and how far each joint lies to the body's left of its middle and below it, 4x3."""
-    left = np.array([1, -1, 0, 0]) * config.half_shoulders_m
-    left += np.array([0, 0, 1, -1]) * config.half_hips_m
-    return np.column_stack([np.ones(4), left, np.array([-1, -1, 1, 1]) * config.half_height_m])
-
-
 def torso_middles(
-    joints_m: F64,
-    known: Flags,
-    yaws_rad: Sequence[float | None],
-    sigma_m: F64,
-    config: ProportionConfig,
+    joints_m: F64, known: Flags, yaws_rad: Sequence[float | None], sigma_m: F64
 ) -> tuple[F64, F64]:
     """Return the middles of N torsos across the optical axis, Nx2, and their variances, N.
 
@@ -49,28 +49,23 @@ def torso_middles(
     its left and its down, are estimated from the known joints by least squares, with priors from
     the yaw and an upright body. All four known: c is their mean.
 
-    Joints are Nx4x2, to the right and downward at the person's depth, of standard deviations N; of
-    a person with none known (Nx4) the variance is UNKNOWN_M2. Yaws are in the camera's body frame.
+    Joints are Nx4x2, to the right and downward at the person's depth, of standard deviations N. If
+    no joint (Nx4) is known the variance is UNKNOWN_M2. Yaws are in the camera's body frame.
     """
-    # Yaw unknown: the left points cos(yaw) to the right, whose mean is 0 and variance a half.
-    turns = [
-        (0.0, 2.0) if yaw is None else (-math.cos(yaw), config.sigma_turn**-2) for yaw in yaws_rad
-    ]
-    count, lean = len(turns), config.sigma_lean**-2.0
+    # Yaw unknown: the left points cos(yaw) to the right, with mean 0 and variance 1/2.
+    turns = [(0.0, 2.0) if yaw is None else (-math.cos(yaw), SIGMA_TURN**-2) for yaw in yaws_rad]
+    count, lean = len(turns), SIGMA_LEAN**-2.0
     prior, expected = np.zeros((count, 3, 3)), np.zeros((count, 3, 2))
     prior[:, 0, 0] = 1 / UNKNOWN_M2
     expected[:, 1, 0], prior[:, 1, 1] = np.array(turns).reshape(-1, 2).T
     expected[:, 2, 1], prior[:, 2, 2] = 1.0, lean
-    body = joint_offsets(config)
-    weighted = (known / sigma_m[:, None] ** 2)[:, None] * body.T  # Nx3x4
-    inverse = np.asarray(np.linalg.inv(weighted @ body + prior), np.float64)
+    weighted = (known / sigma_m[:, None] ** 2)[:, None] * JOINT_OFFSETS.T  # Nx3x4
+    inverse = np.asarray(np.linalg.inv(weighted @ JOINT_OFFSETS + prior), np.float64)
     estimate = inverse @ (weighted @ np.where(known[..., None], joints_m, 0.0) + prior @ expected)
     return estimate[:, 0], inverse[:, 0, 0]
 
 
-def size_depth(
-    joints_px: F64, known: Flags, info: CameraInfo, config: ProportionConfig
-) -> BodySize | None:
+def size_depth(joints_px: F64, known: Flags, info: CameraInfo) -> BodySize | None:
     """Return the depth at which a torso would be of common size; None if unknown.
 
     A foreshortened torso appears smaller, so the largest of its measures counts, unless a joint is
@@ -80,14 +75,14 @@ def size_depth(
     shoulders = [joint for joint, use in zip(joints_px[:2].tolist(), is_known, strict=False) if use]
     hips = [joint for joint, use in zip(joints_px[2:].tolist(), is_known[2:], strict=True) if use]
     has_height = bool(shoulders and hips)
-    measures = [(shoulders, config.half_shoulders_m), (hips, config.half_hips_m)]
+    measures = [(shoulders, HALF_SHOULDERS_M), (hips, HALF_HIPS_M)]
     # Common size over size in the image
     depths_per_px = [
         2 * half_m / max(math.dist(*pair), 1.0) for pair, half_m in measures if len(pair) == 2
     ]
     if has_height:
         height_px = max(math.dist(_middle(shoulders), _middle(hips)), 1.0)
-        depths_per_px.append(2 * config.half_height_m / height_px)
+        depths_per_px.append(2 * HALF_HEIGHT_M / height_px)
     if not depths_per_px:
         return None
     focal_px = (info.fx + info.fy) / 2

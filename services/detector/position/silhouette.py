@@ -4,18 +4,19 @@ import cv2
 import numpy as np
 
 from people4d.messages import F32, F64, U8, U16
-from services.detector.config import GrowthConfig
 from services.detector.crops import cut_box
 from services.detector.models.base import DetectedPerson, InstanceMask
 from services.detector.position.surface import TORSO, DepthImage, read_depth
 
-PULL = 0.3  # fraction from a torso keypoint to the torso's centre: off the outline
+STEP_MIN_M = 0.01  # minimum step of depth between connected neighbours [Liu 2018] [m]
+STEP_PER_M = 0.01  # step of depth between connected neighbours, over z^2 [1/m]
+REACH_M = 0.4  # maximum distance of the person's pixels from the torso's depth [m]
+SEED_CONFIDENCE_MIN = 0.3  # minimum confidence of keypoints that are seeds
+PULL = 0.3  # distance of a seed from its joint to the torso's centre, off the outline
 FLOOD = 4 | cv2.FLOODFILL_MASK_ONLY | 1 << 8  # 4 neighbours, write 1 into the mask
 
 
-def grow_mask(
-    person: DetectedPerson, image: DepthImage, config: GrowthConfig
-) -> InstanceMask | None:
+def grow_mask(person: DetectedPerson, image: DepthImage) -> InstanceMask | None:
     """Return the connected surface that holds the torso's keypoints, inside the box.
 
     None if no keypoint inside box and image is confident and validly read.
@@ -27,14 +28,14 @@ def grow_mask(
     if person.keypoints is None or left >= right or top >= bottom:
         return None
     window_mm = depth_mm[top:bottom, left:right]
-    seeds = _seeds(person.keypoints, config.confidence_min) - np.array([left, top])
+    seeds = _seeds(person.keypoints) - np.array([left, top])
     seeds_m = read_depth(seeds, DepthImage(window_mm, image.info), window_px=3)
     if np.isnan(seeds_m).all():
         return None
     middle_m = float(np.nanmedian(seeds_m))
     surface_m = fill_holes(window_mm).astype(np.float32) / np.float32(1000)
-    surface_m[(np.abs(surface_m - middle_m) > config.reach_m) | (surface_m > max_depth_m)] = 0
-    step_m = max(config.step_min_m, config.step_per_m2 * middle_m**2)
+    surface_m[(np.abs(surface_m - middle_m) > REACH_M) | (surface_m > max_depth_m)] = 0
+    step_m = max(STEP_MIN_M, STEP_PER_M * middle_m**2)
     mask = _flood(surface_m, seeds, step_m)
     return InstanceMask(mask, x_px=left, y_px=top) if mask.any() else None
 
@@ -57,9 +58,9 @@ def fill_holes(depth_mm: U16) -> U16:
     return filled
 
 
-def _seeds(keypoints: F32, confidence_min: float) -> F64:
+def _seeds(keypoints: F32) -> F64:
     """Return pixels on the body (Nx2): the confident torso keypoints, else all confident ones."""
-    pixels, confident = keypoints[:, :2].astype(np.float64), keypoints[:, 2] > confidence_min
+    pixels, confident = keypoints[:, :2].astype(np.float64), keypoints[:, 2] > SEED_CONFIDENCE_MIN
     if not confident[TORSO].any():
         return pixels[confident]
     pixels = pixels[TORSO][confident[TORSO]]

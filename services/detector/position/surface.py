@@ -12,12 +12,12 @@ import numpy.typing as npt
 
 from common.geometry.transforms import deproject
 from people4d.messages import F32, F64, U16, CameraInfo
-from services.detector.config import KeypointConfig
 from services.detector.models.base import DetectedPerson, InstanceMask
 
+Flags = npt.NDArray[np.bool_]
 TORSO = [5, 6, 11, 12]  # COCO: shoulders and hips
-SURFACE_WINDOW_PX = 5
-NONE_MM = np.uint16(65535)  # no reading, after the least one is subtracted
+SURFACE_WINDOW_PX = 5  # side of the windows of published keypoint depths [px]
+NONE_MM = np.uint16(65535)  # no reading, after the minimum is subtracted [mm]
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,13 +54,13 @@ def mask_centroid(mask: InstanceMask, image: DepthImage) -> F64 | None:
     return None if np.isnan(depth_m[0]) else deproject(pixel, depth_m, image.info)[0]
 
 
-def keypoint_mean(keypoints: F32, image: DepthImage, config: KeypointConfig) -> F64 | None:
+def keypoint_mean(keypoints: F32, image: DepthImage, confidence_min: float) -> F64 | None:
     """Return the mean of the surface points at the confident keypoints: 3 in metres, optical frame.
 
     None if no keypoint (17x3, u and v in pixels, confidence) is both confident and validly read.
     Source: docs/method.md section 2, keypoints [PIC4SeR].
     """
-    depth_m = keypoint_depth(keypoints, image, config)
+    depth_m = keypoint_depth(keypoints, image, confidence_min)
     used = np.isfinite(depth_m)
     if not used.any():
         return None
@@ -68,13 +68,10 @@ def keypoint_mean(keypoints: F32, image: DepthImage, config: KeypointConfig) -> 
     return mean
 
 
-def keypoint_depth(keypoints: F32, image: DepthImage, config: KeypointConfig) -> F64:
+def keypoint_depth(keypoints: F32, image: DepthImage, confidence_min: float) -> F64:
     """Return the depth at each keypoint: 17 in metres, NaN where it is not used."""
-    depth_m = read_depth(keypoints[:, :2].astype(np.float64), image, config.window_px)
-    used = (keypoints[:, 2] > config.confidence_min) & np.isfinite(depth_m)
-    if used.any():
-        used &= np.abs(depth_m - _torso_depth(depth_m, used)) <= config.torso_gap_max_m
-    return np.where(used, depth_m, np.nan)
+    depth_m = read_depth(keypoints[:, :2].astype(np.float64), image)
+    return np.where(keypoints[:, 2] > confidence_min, depth_m, np.nan)
 
 
 def read_depth(pixels: F64, image: DepthImage, window_px: npt.ArrayLike = 1) -> F64:
@@ -101,8 +98,8 @@ def read_windows(
         pixels: Nx2, u and v, rounded to the nearest pixel.
         image: The depth.
         window_px: Odd side of the windows, one or N; parts beyond the image are left out.
-        nearest_m: Least depth that counts, one or N; 0 is no reading.
-        farthest_m: Largest depth that counts, one or N.
+        nearest_m: Minimum depth that counts, one or N; 0 is no reading.
+        farthest_m: Maximum depth that counts, one or N.
 
     Returns:
         Median, N in metres, NaN where no reading counts; share of the window's pixels, N.
@@ -110,7 +107,7 @@ def read_windows(
     height, width = image.depth_mm.shape
     sides_px = np.asarray(window_px).reshape(-1, 1)
     most_px = int(sides_px.max(initial=1)) // 2
-    # Far outside is outside: a wild coordinate must not overflow the integer.
+    # A wild coordinate must not overflow the integer.
     bounded = np.minimum(np.maximum(pixels, -most_px - 1), max(height, width) + most_px)
     u, v = np.rint(bounded).astype(np.intp).T[..., None]
     reach = np.arange(-most_px, most_px + 1)
@@ -129,7 +126,7 @@ def read_windows(
     indices = (rows * width)[:, :, None] + columns[:, None]
     least_mm = _millimetres(np.ceil(np.multiply(nearest_m, 1000) - 1e-6), 1)
     span_mm = _millimetres(np.floor(np.multiply(farthest_m, 1000) + 1e-6), 1) - least_mm
-    # What is nearer, or no reading, wraps round and comes last.
+    # Nearer readings and missing ones wrap round and are sorted last.
     above_mm = image.depth_mm.reshape(-1)[indices.reshape(len(pixels), len(reach) ** 2)] - least_mm
     if inside is not None:
         inside = inside.reshape(above_mm.shape)
@@ -151,7 +148,7 @@ def _millimetres(depth_mm: npt.ArrayLike, least: int) -> U16:
 def keypoint_surfaces(people: Sequence[DetectedPerson], image: DepthImage) -> list[F32 | None]:
     """Return the depth of the surface at every keypoint of people: 17 in metres each, 0 if unread.
 
-    Whatever is there counts, also somebody in front. None without keypoints.
+    An occluder's surface counts as well. None without keypoints.
     """
     pixels = [p.keypoints[:, :2] for p in people if p.keypoints is not None]
     if not pixels:
@@ -159,12 +156,3 @@ def keypoint_surfaces(people: Sequence[DetectedPerson], image: DepthImage) -> li
     depth_m = read_depth(np.concatenate(pixels).astype(np.float64), image, SURFACE_WINDOW_PX)
     rows = iter(np.nan_to_num(depth_m).astype(np.float32).reshape(-1, 17))
     return [None if person.keypoints is None else next(rows) for person in people]
-
-
-def _torso_depth(depth_m: F64, used: npt.NDArray[np.bool_]) -> float:
-    """Return the median depth of the torso's keypoints, without them of all used ones."""
-    torso_m = depth_m[TORSO][used[TORSO]]
-    ranked_m = np.sort(torso_m if len(torso_m) else depth_m[used])
-    # As np.median, which takes ten times as long for so few.
-    middle = len(ranked_m) - 1
-    return float((ranked_m[middle // 2] + ranked_m[(middle + 1) // 2]) / 2)

@@ -1,9 +1,8 @@
-"""Position of the torso: the mean of both shoulders and both hips, also when some are hidden.
+"""Position of the torso: the mean of both shoulders and both hips, also if some are hidden.
 
 Motion capture and tracks mean this point. Depth is read in windows on the torso, off its outline;
-readings outside of the person's own layer of depth (a wall, an arm stretched out, somebody in
-front) do not count. Each window gives the axis, their mean is the position (docs/method.md section
-10).
+readings outside of the person's own layer of depth (a wall, an outstretched arm, an occluder) do
+not count. Each window gives the axis, their mean is the position (docs/method.md section 10).
 """
 
 import math
@@ -14,15 +13,16 @@ import numpy as np
 
 from common.geometry.transforms import deproject
 from people4d.messages import F32, F64, CameraInfo
-from services.detector.config import EllipseConfig, TorsoConfig, UncertaintyConfig
 from services.detector.models.base import DetectedPerson, InstanceMask
 from services.detector.position.axis import (
+    Ellipse,
     axis_sigma,
     covariance,
     joint_sigma,
     relative_yaw,
     surface_to_axis,
     variance_along,
+    variances_across,
 )
 from services.detector.position.layers import (
     DepthSamples,
@@ -31,9 +31,16 @@ from services.detector.position.layers import (
     assign_layers,
     read_layers,
 )
-from services.detector.position.proportions import Flags, size_depth, torso_middles
-from services.detector.position.surface import TORSO, DepthImage, PositionEstimate, read_depth
+from services.detector.position.proportions import size_depth, torso_middles
+from services.detector.position.surface import (
+    TORSO,
+    DepthImage,
+    Flags,
+    PositionEstimate,
+    read_depth,
+)
 from services.detector.position.visible_area import (
+    BOX_SIGMA_M,
     EMPTY,
     area_pixels,
     box_torso,
@@ -43,8 +50,16 @@ from services.detector.position.visible_area import (
 )
 
 OTHERS = [i for i in range(17) if i not in TORSO]  # face and limbs
-TORSO_ROWS = (0.20, 0.275, 0.35, 0.425, 0.50)  # of a mask's height: chest to hips of the upright
-WINDOW_MIN_PX = 5
+TORSO_ROWS = (0.20, 0.275, 0.35, 0.425, 0.50)  # chest to hips of the upright, of a mask's height
+PULL = 0.3  # distance of a window from its joint to the torso's middle, off the outline
+EDGE_PX = 8.0  # maximum distance of a guessed joint of a cut-off person from the image's edge [px]
+WINDOW_SHARE = 0.12  # side of a window, of the torso's diagonal in the image
+WINDOW_MIN_PX, WINDOW_MAX_PX = 5, 31  # limits of that side [px]
+MARGIN_SHARE = 0.25  # outline beyond the keypoints, of the torso's diagonal
+OTHER_WEIGHT = 0.5  # weight of a sample that is not on the torso
+AREA_WEIGHT = 2.0  # weight of all samples of the visible area together
+# Axis behind face and limbs, if the torso itself is hidden, and its standard deviation [m]
+LIMB_OFFSET_M, LIMB_SIGMA_M = 0.06, 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +78,7 @@ class TorsoJoints:
 
     joints_px: F64  # [px] 4x2, shoulders and hips
     known: Flags  # 4, joints that are confident and inside the image
-    diagonal_px: float  # [px] extent of the known ones, 0 of none
+    diagonal_px: float  # [px] extent of the known ones, 0 if there are none
     box_xyxy_px: F32  # [px] 4
     points: SamplePoints
 
@@ -77,76 +92,39 @@ class _Middle:
 
     position_m: F64  # [m] 3, optical frame, at the depth of the person's layer
     across_m2: float  # [m^2] variance across the line of sight
-    along_m2: float  # [m^2] that of the layer, along it
+    along_m2: float  # [m^2] variance of the layer, along it
 
 
 class TorsoEstimator:
-    """Estimates positions of torsos; without an ellipse they stay on the surface."""
+    """Estimates positions of torsos.
 
-    def __init__(
-        self, config: TorsoConfig, ellipse: EllipseConfig | None, uncertainty: UncertaintyConfig
-    ) -> None:
-        self._config = config
+    Args:
+        ellipse: Cross section of the torso; None: positions stay on the surface.
+        depth_error_per_m: [1/m] error of one depth reading, over z^2.
+    """
+
+    def __init__(self, ellipse: Ellipse | None, depth_error_per_m: float) -> None:
         self._ellipse = ellipse
-        self._uncertainty = uncertainty
+        self._depth_error_per_m = depth_error_per_m
 
-    def find(
+    def find_torsos(
         self, people: Sequence[DetectedPerson], confidence_min: float, image: DepthImage
     ) -> list[LayeredTorso | None]:
         """Return the torso of each person of a frame, and the layer of depth that it is in.
 
         Keypoints count that are more confident than the minimum and inside the image. None without
-        keypoints, or where no depth is the person's.
+        keypoints, or if no depth is the person's.
         """
-        torsos = [self._joints(person, confidence_min, image.info) for person in people]
+        torsos = [_joints(person, confidence_min, image.info) for person in people]
         known = [torso for torso in torsos if torso is not None]
-        read = self._samples([torso.points for torso in known], image)
-        samples = [self._sized(*pair, image.info) for pair in zip(known, read, strict=True)]
-        layers = iter(assign_layers(samples, self._config.layer))
+        read = _samples([torso.points for torso in known], image)
+        samples = [_sized(*pair, image.info) for pair in zip(known, read, strict=True)]
+        layers = iter(assign_layers(samples))
         found: list[LayeredTorso | None] = []
         for torso in torsos:
             layer = next(layers) if torso else None
             found.append((torso, layer) if torso and layer else None)
         return found
-
-    def _joints(
-        self, person: DetectedPerson, confidence_min: float, info: CameraInfo
-    ) -> TorsoJoints | None:
-        """Return the torso of one person in the image; no joint need be known."""
-        config, keypoints = self._config, person.keypoints
-        if keypoints is None:
-            return None
-        pixels = keypoints[:, :2].astype(np.float64)
-        confident = keypoints[:, 2] > confidence_min
-        joints_px = pixels[TORSO]
-        known = confident[TORSO] & in_image(joints_px, info, config.edge_px)
-        torso_px, diagonal_px = joints_px[known], 0.0
-        if known.any():
-            middle_px = torso_px.mean(axis=0)
-            diagonal_px = math.dist(torso_px.max(axis=0), torso_px.min(axis=0))
-            torso_px = np.vstack([torso_px + (middle_px - torso_px) * config.pull, middle_px])
-        visible = confident & in_image(pixels, info)
-        others_px = pixels[OTHERS][visible[OTHERS]]
-        area_px = area_pixels(person.box_xyxy_px, joints_px, known, info, config.area)
-        points = SamplePoints(torso_px, self._window(diagonal_px), others_px, area_px)
-        return TorsoJoints(joints_px, known, diagonal_px, person.box_xyxy_px, points)
-
-    def _sized(self, torso: TorsoJoints, samples: DepthSamples, info: CameraInfo) -> DepthSamples:
-        """Return the depth samples of a torso with its size."""
-        config = self._config
-        size = size_depth(torso.joints_px, torso.known, info, config.proportions)
-        left, top, right, _ = torso.box_xyxy_px.tolist()
-        crown_px = (left + right) / 2, top
-        margin_px = config.margin_share * torso.diagonal_px
-        is_cut = cut_side(torso.box_xyxy_px, info, config.area) != 0
-        return replace(
-            samples,
-            size=size,
-            crown_px=crown_px,
-            margin_px=margin_px,
-            cut_off=is_cut,
-            range_m=info.max_depth_m,
-        )
 
     def estimate(
         self,
@@ -165,33 +143,13 @@ class TorsoEstimator:
             for torso, layer in known
         ]
         own_yaws_rad = [yaw for pair, yaw in zip(torsos, yaws_rad, strict=True) if pair]
-        middles = self._middles(known, image.info, own_yaws_rad)
-        depths_m = self._read(windows, image)
+        middles = _middles(known, image.info, own_yaws_rad)
+        depths_m = read_layers(windows, image)
         positions = iter(
             self._on_axis(*each, image.info)
             for each in zip(middles, windows, depths_m, own_yaws_rad, strict=True)
         )
         return [None if pair is None else next(positions) for pair in torsos]
-
-    def _middles(
-        self, torsos: Sequence[LayeredTorso], info: CameraInfo, yaws_rad: Sequence[float | None]
-    ) -> list[_Middle]:
-        """Return the middles of torsos by their joints; by the box where none is known."""
-        area, layers_m = self._config.area, np.array([layer.depth_m for _, layer in torsos])
-        joints_px = np.array([torso.joints_px for torso, _ in torsos]).reshape(-1, 2)
-        joints_m = deproject(joints_px, np.repeat(layers_m, 4), info)[:, :2].reshape(-1, 4, 2)
-        known = np.array([torso.known for torso, _ in torsos]).reshape(-1, 4)
-        sigma_m = joint_sigma(layers_m, info, self._uncertainty)
-        found = torso_middles(joints_m, known, yaws_rad, sigma_m, self._config.proportions)
-        middles = []
-        for (torso, layer), middle_m, across_m2 in zip(torsos, *found, strict=True):
-            position_m, variance_m2 = np.array([*middle_m, layer.depth_m]), float(across_m2)
-            if not torso.known.any():
-                pixel = box_torso(torso.box_xyxy_px, layer.depth_m, info, area)
-                position_m = deproject(pixel, [layer.depth_m], info)[0]
-                variance_m2 = area.sigma_m**2
-            middles.append(_Middle(position_m, variance_m2 + layer.across_m2, layer.along_m2))
-        return middles
 
     def estimate_from_mask(
         self, mask: InstanceMask, image: DepthImage, yaw_rad: float | None
@@ -204,47 +162,15 @@ class TorsoEstimator:
         chosen = rows[np.searchsorted(rows, rows[0] + np.array(TORSO_ROWS) * (height - 1))]
         columns = [float(np.flatnonzero(mask.window[row]).mean()) for row in chosen]
         torso_px = np.column_stack([mask.x_px + np.array(columns), mask.y_px + chosen])
-        window_px = self._window(height * float(np.ptp(TORSO_ROWS)))
-        samples = self._samples([SamplePoints(torso_px, window_px, EMPTY, EMPTY)], image)
-        layer = assign_layers(samples, self._config.layer)[0]
+        window_px = _window(height * float(np.ptp(TORSO_ROWS)))
+        (layer,) = assign_layers(_samples([SamplePoints(torso_px, window_px, EMPTY, EMPTY)], image))
         if layer is None:
             return None
         position_m = deproject(torso_px.mean(axis=0), [layer.depth_m], image.info)[0]
-        config = self._uncertainty
-        across_m2 = config.centroid_m**2 + (config.joint_px * layer.depth_m / image.info.fx) ** 2
-        middle = _Middle(position_m, across_m2, 0.0)
+        middle = _Middle(position_m, variances_across(layer.depth_m, image.info)[0], 0.0)
         windows = LayerWindows(torso_px, window_px, layer.depth_m)
-        (depth_m,) = self._read([windows], image)
+        (depth_m,) = read_layers([windows], image)
         return self._on_axis(middle, windows, depth_m, yaw_rad, image.info)
-
-    def _window(self, torso_px: float) -> int:
-        """Return the odd side of windows on a torso of a size in the image."""
-        window_px = round(self._config.window_share * torso_px)
-        return min(max(window_px, WINDOW_MIN_PX), self._config.window_max_px) | 1
-
-    def _samples(self, people: Sequence[SamplePoints], image: DepthImage) -> list[DepthSamples]:
-        """Read depth for the first time: on torsos, at other keypoints, in the visible areas."""
-        if not people:
-            return []
-        config = self._config.layer
-        windows_px = [np.concatenate([points.torso_px, points.others_px]) for points in people]
-        sides_px = np.repeat([points.window_px for points in people], list(map(len, windows_px)))
-        windows_m = read_depth(np.concatenate(windows_px), image, sides_px)
-        area_m = read_pixels(np.concatenate([points.area_px for points in people]), image)
-        samples, window, pixel = [], 0, 0
-        for points, keypoints_px in zip(people, windows_px, strict=True):
-            counts = [len(points.torso_px), len(points.others_px), len(points.area_px)]
-            ends = window + len(keypoints_px), pixel + len(points.area_px)
-            depth_m = np.concatenate([windows_m[window : ends[0]], area_m[pixel : ends[1]]])
-            weights = [1.0, config.other_weight, config.area_weight / max(counts[2], 1)]
-            pixels = np.concatenate([keypoints_px, points.area_px])
-            samples.append(DepthSamples(pixels, depth_m, np.repeat(weights, counts)))
-            window, pixel = ends
-        return samples
-
-    def _read(self, windows: Sequence[LayerWindows], image: DepthImage) -> list[F64]:
-        """Return the depth in windows on torsos, [m] N each, NaN where none is the person's."""
-        return read_layers(windows, image, self._config.layer.half_m)
 
     def _on_axis(
         self,
@@ -260,14 +186,16 @@ class TorsoEstimator:
             right_m = deproject(windows.pixels, np.full(len(read), layer_m), info)[read, 0]
             offset_m = self._to_axis(right_m - middle.position_m[0], middle.position_m, yaw_rad)
             axis_m = depth_m[read] + offset_m
-            sigma_m = axis_sigma(self._ellipse, yaw_rad, self._uncertainty)
+            sigma_m = axis_sigma(self._ellipse, yaw_rad)
         else:
-            axis_m = np.array([layer_m + (self._config.limb_offset_m if self._ellipse else 0.0)])
-            sigma_m = self._config.limb_sigma_m
+            axis_m = np.array([layer_m + (LIMB_OFFSET_M if self._ellipse else 0.0)])
+            sigma_m = LIMB_SIGMA_M
         position_m = middle.position_m * (axis_m.mean() / layer_m)
-        along_m2 = variance_along(layer_m, axis_m, sigma_m, self._uncertainty) + middle.along_m2
+        along_m2 = variance_along(layer_m, axis_m, sigma_m, self._depth_error_per_m)
         across_m2 = middle.across_m2
-        return PositionEstimate(position_m, covariance(position_m, across_m2, across_m2, along_m2))
+        return PositionEstimate(
+            position_m, covariance(position_m, across_m2, across_m2, along_m2 + middle.along_m2)
+        )
 
     def _to_axis(self, right_m: F64, middle_m: F64, yaw_rad: float | None) -> F64:
         """Return the distance from points on the surface to the axis, along the optical axis."""
@@ -277,3 +205,81 @@ class TorsoEstimator:
         yaw_to_ray_rad = relative_yaw(middle_m, yaw_rad)
         offset_m: F64 = surface_to_axis(right_m * cosine, yaw_to_ray_rad, self._ellipse) * cosine
         return offset_m
+
+
+def _joints(person: DetectedPerson, confidence_min: float, info: CameraInfo) -> TorsoJoints | None:
+    """Return the torso of one person in the image; no joint need be known."""
+    keypoints = person.keypoints
+    if keypoints is None:
+        return None
+    pixels = keypoints[:, :2].astype(np.float64)
+    confident = keypoints[:, 2] > confidence_min
+    joints_px = pixels[TORSO]
+    known = confident[TORSO] & in_image(joints_px, info, EDGE_PX)
+    torso_px, diagonal_px = joints_px[known], 0.0
+    if known.any():
+        middle_px = torso_px.mean(axis=0)
+        diagonal_px = math.dist(torso_px.max(axis=0), torso_px.min(axis=0))
+        torso_px = np.vstack([torso_px + (middle_px - torso_px) * PULL, middle_px])
+    visible = confident & in_image(pixels, info)
+    others_px = pixels[OTHERS][visible[OTHERS]]
+    area_px = area_pixels(person.box_xyxy_px, joints_px, known, info)
+    points = SamplePoints(torso_px, _window(diagonal_px), others_px, area_px)
+    return TorsoJoints(joints_px, known, diagonal_px, person.box_xyxy_px, points)
+
+
+def _window(torso_px: float) -> int:
+    """Return the odd side of windows on a torso of a size in the image."""
+    return min(max(round(WINDOW_SHARE * torso_px), WINDOW_MIN_PX), WINDOW_MAX_PX) | 1
+
+
+def _samples(people: Sequence[SamplePoints], image: DepthImage) -> list[DepthSamples]:
+    """Read depth for the first time: on torsos, at other keypoints, in the visible areas."""
+    if not people:
+        return []
+    windows_px = [np.concatenate([points.torso_px, points.others_px]) for points in people]
+    sides_px = np.repeat([points.window_px for points in people], list(map(len, windows_px)))
+    windows_m = read_depth(np.concatenate(windows_px), image, sides_px)
+    area_m = read_pixels(np.concatenate([points.area_px for points in people]), image)
+    samples, window, pixel = [], 0, 0
+    for points, keypoints_px in zip(people, windows_px, strict=True):
+        counts = [len(points.torso_px), len(points.others_px), len(points.area_px)]
+        ends = window + len(keypoints_px), pixel + len(points.area_px)
+        depth_m = np.concatenate([windows_m[window : ends[0]], area_m[pixel : ends[1]]])
+        weights = [1.0, OTHER_WEIGHT, AREA_WEIGHT / max(counts[2], 1)]
+        pixels = np.concatenate([keypoints_px, points.area_px])
+        samples.append(DepthSamples(pixels, depth_m, np.repeat(weights, counts)))
+        window, pixel = ends
+    return samples
+
+
+def _sized(torso: TorsoJoints, samples: DepthSamples, info: CameraInfo) -> DepthSamples:
+    """Return the depth samples of a torso with its size."""
+    left, top, right, _ = torso.box_xyxy_px.tolist()
+    return replace(
+        samples,
+        size=size_depth(torso.joints_px, torso.known, info),
+        crown_px=((left + right) / 2, top),
+        margin_px=MARGIN_SHARE * torso.diagonal_px,
+        cut_off=cut_side(torso.box_xyxy_px, info) != 0,
+    )
+
+
+def _middles(
+    torsos: Sequence[LayeredTorso], info: CameraInfo, yaws_rad: Sequence[float | None]
+) -> list[_Middle]:
+    """Return the middles of torsos by their joints; by the box if none is known."""
+    layers_m = np.array([layer.depth_m for _, layer in torsos])
+    joints_px = np.array([torso.joints_px for torso, _ in torsos]).reshape(-1, 2)
+    joints_m = deproject(joints_px, np.repeat(layers_m, 4), info)[:, :2].reshape(-1, 4, 2)
+    known = np.array([torso.known for torso, _ in torsos]).reshape(-1, 4)
+    found = torso_middles(joints_m, known, yaws_rad, joint_sigma(layers_m, info))
+    middles = []
+    for (torso, layer), middle_m, across_m2 in zip(torsos, *found, strict=True):
+        position_m, variance_m2 = np.array([*middle_m, layer.depth_m]), float(across_m2)
+        if not torso.known.any():
+            pixel = box_torso(torso.box_xyxy_px, layer.depth_m, info)
+            position_m = deproject(pixel, [layer.depth_m], info)[0]
+            variance_m2 = BOX_SIGMA_M**2
+        middles.append(_Middle(position_m, variance_m2, layer.along_m2))
+    return middles

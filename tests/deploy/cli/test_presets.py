@@ -12,8 +12,12 @@ from common.config import load
 from deploy.cli import app
 from deploy.launcher.plan import CONFIG_FILE, LaunchRequest, plan
 from people4d.errors import ConfigError
-from services.detector.config import DetectorConfig, KeypointConfig
-from services.detector.orientation.config import FaceConfig, OrientationConfig
+from services.detector.config import DetectorConfig
+from services.detector.orientation.separate import (
+    BASELINE_MIN_M,
+    HIP_RATIO_MAX,
+    SHOULDER_RATIO_MAX,
+)
 from services.presets import FOLDER, PRESETS, preset_settings
 from services.reid.config import ReidConfig
 from services.tracker.config import ImageSortConfig, TrackerConfig
@@ -99,17 +103,12 @@ def test_the_other_methods_track_by_sections_3_and_5(method: str, suffix: str) -
 def test_the_third_method_measures_by_sections_2_and_6() -> None:
     detector = config_of(DetectorConfig, "detector", "pose-strongsort")
     assert detector.model == "yolov8n-pose"
-    assert detector.keypoints_for(detector.model) == KeypointConfig(confidence_min=0.6)
-    config = OrientationConfig(method="separate", weighted=False, face=FaceConfig(cue="visible"))
-    assert detector.orientation_for(detector.model) == config
-    assert (config.baseline_min_m, config.shoulder_ratio_max, config.hip_ratio_max) == (
-        0.1,
-        0.90,
-        0.66,
-    )
+    assert detector.position == "keypoints"
+    assert detector.confidence_for(detector.model) == 0.6
+    assert detector.orientation.method == "separate"
+    assert (BASELINE_MIN_M, SHOULDER_RATIO_MAX, HIP_RATIO_MAX) == (0.1, 0.90, 0.66)
     twin = config_of(DetectorConfig, "detector", "pose-strongsort-movenet")
-    assert twin.keypoints_for(twin.model) == KeypointConfig(confidence_min=0.3)
-    assert twin.orientation_for(twin.model).face == FaceConfig(cue="nose", confidence_min=0.3)
+    assert twin.confidence_for(twin.model) == 0.3
 
 
 def test_the_odometry_paper_s_variants_differ_in_two_settings() -> None:
@@ -176,7 +175,7 @@ def test_a_preset_extends_one_of_its_own_folder_wherever_it_is_used(
 
 def test_infinity_and_booleans_keep_their_type() -> None:
     settings = preset_settings("pose-strongsort")
-    assert "detector.torso_gap_max_m=inf" in settings
+    assert "tracker.strongsort3d.displacement_max_m=inf" in settings
     assert "tracker.publish_lost=false" in settings
 
 

@@ -9,12 +9,13 @@ from msgspec.structs import replace
 
 from common.geometry.transforms import wrap
 from people4d.messages import F32, F64, U16
-from services.detector.orientation.config import HIPS, SHOULDERS, BodyModelConfig
 from services.detector.orientation.joint import (
     ANGLES,
-    across,
-    along,
+    EARS_M,
+    NOSE_M,
     best_angles,
+    expected_across,
+    expected_along,
     joint_yaws,
     log_likelihood,
     sigma_factors,
@@ -27,7 +28,6 @@ from services.detector.orientation.observation import (
 from services.detector.position.surface import DepthImage
 from tests import builders
 
-CONFIG = BodyModelConfig()
 FX = 600.0
 INFO = builders.camera_info(width=641, height=481, fx=FX, cx=320.0, cy=240.0)
 NAN: F64 = np.array([math.nan])
@@ -50,7 +50,7 @@ def observed_as(**changed: Any) -> YawObservations:
     fields: dict[str, Any] = {
         "z_m": np.array([3.0]),
         "pairs": {"shoulders": UNKNOWN, "hips": UNKNOWN},
-        **dict.fromkeys(("nose_m", "ears_m", "face", "side"), NAN),
+        **dict.fromkeys(("nose_m", "ears_m", "side"), NAN),
         "ray_rad": np.zeros(1),
     }
     own = {name: np.array([v]) if isinstance(v, float) else v for name, v in changed.items()}
@@ -60,23 +60,23 @@ def observed_as(**changed: Any) -> YawObservations:
 def observation(angle_deg: int, **changed: Any) -> YawObservations:
     """Return the expected observation of a body at an angle."""
     pairs = {
-        name: offsets(at(across(pair), angle_deg), at(along(pair, CONFIG.hiding_m), angle_deg))
-        for name, pair in (("shoulders", SHOULDERS), ("hips", HIPS))
+        name: offsets(at(expected_across(name), angle_deg), at(expected_along(name), angle_deg))
+        for name in ("shoulders", "hips")
     }
     turned = math.radians(angle_deg)
-    nose_m, ears_m = CONFIG.nose_m * math.sin(turned), CONFIG.ears_m * math.cos(turned)
+    nose_m, ears_m = NOSE_M * math.sin(turned), EARS_M * math.cos(turned)
     fields: dict[str, Any] = {"pairs": pairs, "nose_m": nose_m, "ears_m": ears_m}
     return observed_as(**fields | changed)
 
 
-def best(body: YawObservations, rule: BodyModelConfig = CONFIG) -> tuple[float, float]:
+def best(body: YawObservations) -> tuple[float, float]:
     """Return the most likely angle and its standard deviation."""
-    (angle_rad,), (sigma_rad,) = best_angles(log_likelihood(body, FX, rule))
+    (angle_rad,), (sigma_rad,) = best_angles(log_likelihood(body, FX))
     return float(angle_rad), float(sigma_rad)
 
 
-def found_deg(body: YawObservations, rule: BodyModelConfig = CONFIG) -> float:
-    angle_rad, sigma_rad = best(body, rule)
+def found_deg(body: YawObservations) -> float:
+    angle_rad, sigma_rad = best(body)
     assert math.isfinite(sigma_rad)
     return math.degrees(wrap(angle_rad))
 
@@ -85,7 +85,7 @@ def test_expected_distance_across() -> None:
     # From behind it is 0.32 m to the right, from the front as much to the left. In profile, facing
     # left, it is the nearer one, marked 0.01 m ahead of the other: to the left.
     expected = {0: 0.32, -180: -0.32, 90: -0.01, -90: -0.01}
-    assert {a: round(at(across(SHOULDERS), a), 9) for a in expected} == expected
+    assert {a: round(at(expected_across("shoulders"), a), 9) for a in expected} == expected
 
 
 def test_expected_distance_along() -> None:
@@ -93,10 +93,10 @@ def test_expected_distance_along() -> None:
     # the left. cos is -0.70711, so (1 + cos) / 2 = 0.14645 is the fraction of the gain from behind:
     # 0.87 - 0.24 * 0.14645 = 0.83485. Hidden is exp(-(0.22627 / 0.145)^2) = 0.08759.
     # 0.83485 * 0.22627 * 0.91241 = 0.17236.
-    assert at(along(SHOULDERS, 0.145), 135) == pytest.approx(0.17236, abs=1e-4)
+    assert at(expected_along("shoulders"), 135) == pytest.approx(0.17236, abs=1e-4)
     # In profile the nearer arm is all that is seen; from the front both are at the same depth.
     for angle_deg in (-180, -90, 0, 90):
-        assert at(along(HIPS, 0.145), angle_deg) == pytest.approx(0.0, abs=1e-9)
+        assert at(expected_along("hips"), angle_deg) == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("angle_deg", range(-180, 180, 15))
@@ -118,33 +118,24 @@ def test_a_head_turned_aside_turns_the_body_a_little_only() -> None:
     assert 165 < abs(found_deg(looking)) <= 180
 
 
-def test_low_face_confidence_suggests_a_view_from_behind() -> None:
-    # Shoulders the wrong way round body like those of somebody who faces the camera. A network is
-    # more confident of visible faces.
-    confident, other = observation(-180, face=0.62), observation(-180, face=0.45)
-    rule = replace(CONFIG, use_confidence=True)
-    assert best(other, rule)[1] > 2 * best(confident, rule)[1]
-
-
 def test_without_measurements_there_is_no_angle() -> None:
     assert best(observed_as())[1] == math.inf
-    off = replace(CONFIG, use_shoulders=False, use_hips=False, use_head=False)
-    assert best(observation(30), off)[1] == math.inf
 
 
-def test_parts_are_switched_off() -> None:
+def test_depth_gives_the_side_without_a_face() -> None:
     # Facing half to the left; depth is of somebody who faces half to the right.
     body = observation(135, nose_m=math.nan, ears_m=math.nan)
     wrong = {name: JointOffsets(p.across_m, -p.along_m) for name, p in body.pairs.items()}
     body = replace_fields(body, pairs=wrong)
     assert found_deg(body) == pytest.approx(-135, abs=4)
-    (flat,) = log_likelihood(body, FX, replace(CONFIG, use_depth=False))
+    unread = {name: JointOffsets(p.across_m, NAN) for name, p in body.pairs.items()}
+    (flat,) = log_likelihood(replace_fields(body, pairs=unread), FX)
     assert at(flat, 135) == pytest.approx(at(flat, -135))
 
 
 def test_reversals_are_likelier_where_the_network_is_not_confident_of_a_side() -> None:
     offsets_by_side = [
-        log_likelihood(replace_fields(observation(30), side=np.array([side])), FX, CONFIG)[0]
+        log_likelihood(replace_fields(observation(30), side=np.array([side])), FX)[0]
         for side in (0.9, 0.3, 0.05)
     ]
     ratios = [at(log_p, 30) - at(log_p, -150) for log_p in offsets_by_side]
@@ -156,7 +147,7 @@ def test_reversals_are_likelier_where_the_network_is_not_confident_of_a_side() -
 def test_sigma_grows_where_the_network_is_not_confident_of_a_side() -> None:
     # 0.6 / 0.3 = 2.
     for side, factor in ((0.3, 2.0), (0.7, 1.0), (0.0, 1.0), (math.nan, 1.0)):
-        assert sigma_factors(observed_as(side=side), CONFIG) == pytest.approx(factor)
+        assert sigma_factors(observed_as(side=side)) == pytest.approx(factor)
 
 
 # From images
@@ -182,7 +173,7 @@ def scene(right_m: float = -0.3, hidden: bool = False) -> tuple[F32, U16]:
 def observed(keypoints: F32, depth: U16, ray_rad: float = 0.0) -> YawObservations:
     """Return the observation by a camera whose axis is turned so far from the body."""
     info = replace(INFO, cx=INFO.cx + FX * math.tan(ray_rad))
-    return observe_bodies(keypoints[None], LAYER_M, DepthImage(depth, info), CONFIG)
+    return observe_bodies(keypoints[None], LAYER_M, DepthImage(depth, info))
 
 
 def test_pairs_are_measured_from_the_ray_to_the_torso() -> None:
@@ -217,8 +208,8 @@ def test_a_mirrored_image_mirrors_the_angle() -> None:
     mirrored = keypoints[MIRRORED].copy()
     mirrored[:, 0] = 640 - mirrored[:, 0]
     flipped = DepthImage(depth[:, ::-1].copy(), INFO)
-    (one,) = joint_yaws(keypoints[None], LAYER_M, DepthImage(depth, INFO), CONFIG)
-    (other,) = joint_yaws(mirrored[None], LAYER_M, flipped, CONFIG)
+    (one,) = joint_yaws(keypoints[None], LAYER_M, DepthImage(depth, INFO))
+    (other,) = joint_yaws(mirrored[None], LAYER_M, flipped)
     assert one is not None
     assert other is not None
     assert one.rad == pytest.approx(-other.rad, abs=1e-6)
@@ -231,19 +222,20 @@ def test_joints_of_little_confidence_give_a_less_certain_yaw() -> None:
     faint = keypoints.copy()
     keypoints[:, 2], faint[:, 2] = 0.9, 0.3
     image = DepthImage(depth, INFO)
-    (clear,) = joint_yaws(keypoints[None], LAYER_M, image, CONFIG)
-    (unclear,) = joint_yaws(faint[None], LAYER_M, image, CONFIG)
+    (clear,) = joint_yaws(keypoints[None], LAYER_M, image)
+    (unclear,) = joint_yaws(faint[None], LAYER_M, image)
     assert clear is not None
     assert unclear is not None
     assert unclear.rad == pytest.approx(clear.rad, abs=0.01)
     assert unclear.sigma_rad > 2 * clear.sigma_rad  # 0.6 / 0.3, and the chance of a reversal
-    assert joint_yaws(faint[None], LAYER_M, image, replace(CONFIG, confidence_min=0.35)) == [None]
+    faint[:, 2] = 0.1
+    assert joint_yaws(faint[None], LAYER_M, image) == [None]
 
 
 def test_an_empty_depth_image_gives_no_yaw_by_shoulders_and_hips() -> None:
     keypoints, depth = scene()
     empty = DepthImage(np.zeros_like(depth), INFO)
-    assert joint_yaws(keypoints[None], LAYER_M, empty, CONFIG) == [None]
+    assert joint_yaws(keypoints[None], LAYER_M, empty) == [None]
 
 
 def test_people_are_measured_as_each_alone() -> None:
@@ -253,8 +245,8 @@ def test_people_are_measured_as_each_alone() -> None:
     aside[6, 2] = 0.1  # not confident
     image, layers_m = DepthImage(depth, INFO), np.array([3.0, 3.05, 2.9])
     people = np.array([keypoints, aside, np.zeros_like(keypoints)])
-    together = joint_yaws(people, layers_m, image, CONFIG)
-    alone = [joint_yaws(people[k : k + 1], layers_m[k : k + 1], image, CONFIG)[0] for k in range(3)]
+    together = joint_yaws(people, layers_m, image)
+    alone = [joint_yaws(people[k : k + 1], layers_m[k : k + 1], image)[0] for k in range(3)]
     assert together == alone
     assert together[2] is None
 

@@ -1,7 +1,6 @@
 """Yaw by images: the network's input, its likelihood, and what ships."""
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,8 +11,7 @@ from evaluation.recordings.rendered import render
 from people4d.errors import ModelError
 from people4d.messages import F32, F64, HIDDEN_RGB
 from services.detector.build import check, load_network
-from services.detector.config import DetectorConfig
-from services.detector.orientation.config import OrientationConfig, OrientationNetworkConfig
+from services.detector.config import DetectorConfig, OrientationConfig
 from services.detector.orientation.joint import ANGLES
 from services.detector.orientation.network import SIZE_PX, OrientationNetwork, upper_bodies
 from services.detector.position.surface import DepthImage
@@ -29,9 +27,9 @@ def network(log_p: F32, shape: tuple[int | None, ...] = SHAPE) -> OrientationNet
     return OrientationNetwork(ArraySession({"log_probabilities": log_p}, shape))
 
 
-def likelihood(log_p: F32, **config: Any) -> F64:
+def likelihood(log_p: F32) -> F64:
     images = np.zeros((len(log_p), 4, *SIZE_PX), np.float32)
-    return network(log_p).log_likelihood(images, OrientationNetworkConfig(**config))
+    return network(log_p).log_likelihood(images)
 
 
 def sectors(most_likely: int, count: int = 24) -> F32:
@@ -67,11 +65,10 @@ def test_an_image_that_says_nothing_is_as_likely_at_all_angles() -> None:
     assert np.ptp(found) < 1e-9
 
 
-def test_outliers_and_weight_limit_what_an_image_says() -> None:
-    unlimited = np.ptp(likelihood(sectors(0), outliers=0.01))
-    assert np.ptp(likelihood(sectors(0), outliers=0.3)) < unlimited
-    less = np.asarray(sectors(0) / 4, np.float32)
-    assert np.ptp(likelihood(less, weight=0.2)) < np.ptp(likelihood(less))
+def test_outliers_limit_the_likelihood_of_an_image() -> None:
+    # All in one sector of 24: 0.95 + 0.05 / 24 against 0.05 / 24.
+    found = likelihood(sectors(0))
+    assert np.ptp(found) == pytest.approx(math.log(0.95 * 24 / 0.05 + 1), abs=1e-6)
 
 
 def test_numbers_that_no_probability_has_are_harmless() -> None:
@@ -140,7 +137,7 @@ def test_the_shipped_network_sees_where_people_of_the_lab_face() -> None:
             points = np.zeros((1, 17, 3), np.float32)
             points[0, :, :2] = person.keypoints_px
             bodies = upper_bodies(rendered.frame.rgb, image, points, position_m[2:])
-            (found,) = shipped.log_likelihood(bodies, OrientationNetworkConfig())
+            (found,) = shipped.log_likelihood(bodies)
             forward = np.array([math.cos(person.yaw_rad), math.sin(person.yaw_rad), 0.0])
             across, _, ahead = rendered.map_from_optical[:3, :3].T @ forward
             ray_rad = math.atan2(-position_m[0], position_m[2])
@@ -160,7 +157,6 @@ def test_only_the_joint_method_needs_the_network() -> None:
 def test_an_absent_network_is_reported_before_the_start() -> None:
     config = DetectorConfig()
     check(config)
-    network = OrientationNetworkConfig(model="/nowhere.onnx")
-    absent = replace(config, orientation=replace(config.orientation, network=network))
+    absent = replace(config, orientation=OrientationConfig(network="/nowhere.onnx"))
     with pytest.raises(ModelError, match=r"model file /nowhere\.onnx does not exist"):
         check(absent)

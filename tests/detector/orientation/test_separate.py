@@ -2,17 +2,18 @@
 
 import math
 
-import msgspec
 import numpy as np
 import pytest
 
 from common.geometry.transforms import LINK_FROM_OPTICAL, project, rotation_from_rpy, wrap
 from people4d.messages import F32, F64, U16
-from services.detector.config import DetectorConfig, KeypointConfig
+from services.detector.config import CONFIDENCE_MIN
 from services.detector.orientation.angle import YawEstimate, bearings, heading_vector
-from services.detector.orientation.config import FaceConfig, OrientationConfig
 from services.detector.orientation.separate import (
+    FACE,
+    MOVENET_FACE,
     YawPair,
+    face_rule,
     face_sign,
     ratio_angle,
     ratio_yaw,
@@ -23,7 +24,6 @@ from services.detector.orientation.separate import (
 from services.detector.position.surface import DepthImage
 from tests import builders
 
-CONFIG = OrientationConfig()
 INFO = builders.camera_info(width=641, height=481, cx=320.0, cy=240.0)
 NOSE, L_EYE, R_EYE, L_EAR, R_EAR, L_SHOULDER, R_SHOULDER, L_HIP, R_HIP = (*range(7), 11, 12)
 MIRRORED = [0, 2, 1, 4, 3, 6, 5, 8, 7, 10, 9, 12, 11, 14, 13, 16, 15]
@@ -96,15 +96,15 @@ def projected(yaw_rad: float, x_m: float = 3.0, y_m: float = 0.0) -> tuple[F32, 
 )
 def test_vector_of_the_shoulders(right: tuple[float, float, float], expected_deg: float) -> None:
     left = (3.0, -0.2, 0.0)
-    found = vector_yaw(points(l_shoulder=left, r_shoulder=right), CONFIG)
+    found = vector_yaw(points(l_shoulder=left, r_shoulder=right))
     assert found is not None
     assert math.degrees(found.rad) == pytest.approx(expected_deg)
     # The hips turn the other way: they do not count while there are shoulders.
     hips = points(l_hip=right, r_hip=left, l_shoulder=left, r_shoulder=right)
-    assert vector_yaw(hips, CONFIG) == found
+    assert vector_yaw(hips) == found
     # Without one shoulder, the hips tell: d is turned round.
     hips[L_SHOULDER] = np.nan
-    turned = vector_yaw(hips, CONFIG)
+    turned = vector_yaw(hips)
     assert turned is not None
     assert abs(wrap(turned.rad - found.rad)) == pytest.approx(math.pi)
 
@@ -114,18 +114,18 @@ def test_a_pair_nearer_than_0_1_m_is_refused() -> None:
     close = points(
         l_shoulder=(3, 0, 0), r_shoulder=(3.099, 0, 0), l_hip=(3, 0, 0), r_hip=(3.3, 0, 0)
     )
-    assert vector_yaw(close, CONFIG) is None
+    assert vector_yaw(close) is None
     close[R_SHOULDER] = 3.101, 0, 0
-    assert degrees(vector_yaw(close, CONFIG)) == 90.0
+    assert degrees(vector_yaw(close)) == 90.0
     # |d| counts in 3D, but two points above each other have no direction.
-    assert vector_yaw(points(l_shoulder=(3, 0, 0), r_shoulder=(3, 0, 0.5)), CONFIG) is None
-    assert vector_yaw(points(l_shoulder=(3, 0, 0)), CONFIG) is None
+    assert vector_yaw(points(l_shoulder=(3, 0, 0), r_shoulder=(3, 0, 0.5))) is None
+    assert vector_yaw(points(l_shoulder=(3, 0, 0))) is None
 
 
 def test_a_longer_pair_has_a_smaller_sigma() -> None:
     # sigma = sqrt(2) 0.05 / |d|: 0.1414 + 0.0354 of 0.4 m = 0.1768 rad; twice that for 0.2 m.
-    wide = vector_yaw(points(l_shoulder=(3, 0, 0), r_shoulder=(3, 0.4, 0)), CONFIG)
-    narrow = vector_yaw(points(l_shoulder=(3, 0, 0), r_shoulder=(3, 0.2, 0)), CONFIG)
+    wide = vector_yaw(points(l_shoulder=(3, 0, 0), r_shoulder=(3, 0.4, 0)))
+    narrow = vector_yaw(points(l_shoulder=(3, 0, 0), r_shoulder=(3, 0.2, 0)))
     assert wide is not None
     assert narrow is not None
     assert wide.sigma_rad == pytest.approx(0.1768, abs=1e-4)
@@ -152,7 +152,7 @@ def test_ratios(shoulders_px: float, hips_px: float, expected_deg: float) -> Non
         pixels[R_HIP] = np.nan  # the left side still tells the height
         pixels[L_HIP, 0] = 300.0
     assert torso_height(pixels) == 100.0
-    found = ratio_angle(pixels, torso_height(pixels), CONFIG)
+    found = ratio_angle(pixels, torso_height(pixels))
     assert found is not None
     assert math.degrees(found) == pytest.approx(expected_deg)
 
@@ -161,12 +161,12 @@ def test_height_needs_a_shoulder_and_the_hip_below_it() -> None:
     pixels = torso(90.0, 66.0, 100.0)
     pixels[L_HIP] = pixels[R_SHOULDER] = np.nan
     assert torso_height(pixels) == -math.inf
-    assert ratio_yaw(keypoints_of(L_EAR), pixels, 0.0, None, CONFIG) is None
+    assert ratio_yaw(pixels, 0.0, 1, None) is None
 
 
 def test_a_person_lying_or_upside_down_has_no_ratio() -> None:
     for height_px in (7.9, 0.0, -100.0):
-        assert ratio_yaw(keypoints_of(L_EAR), torso(90, 66, height_px), 0.0, None, CONFIG) is None
+        assert ratio_yaw(torso(90, 66, height_px), 0.0, 1, None) is None
 
 
 @pytest.mark.parametrize(
@@ -185,17 +185,16 @@ def test_a_person_lying_or_upside_down_has_no_ratio() -> None:
     ],
 )
 def test_sign_by_visible_eyes_and_ears(indices: tuple[int, ...], sign: int) -> None:
-    assert face_sign(keypoints_of(*indices), 100.0, FaceConfig()) == sign
+    assert face_sign(keypoints_of(*indices), 100.0, FACE) == sign
 
 
 def test_sign_by_the_nose() -> None:
     # The ears' middle is at 50. The nose at 44 is 6 px image-left of it, 5 of 100 px are needed.
-    rule, face = FaceConfig(cue="nose"), (NOSE, L_EAR, R_EAR)
+    rule, face = MOVENET_FACE, (NOSE, L_EAR, R_EAR)
     assert face_sign(keypoints_of(*face, nose_u=44), 100.0, rule) == 1
     assert face_sign(keypoints_of(*face, nose_u=56), 100.0, rule) == -1
     assert face_sign(keypoints_of(*face, nose_u=46), 100.0, rule) == 0
     assert face_sign(keypoints_of(NOSE, L_EAR, nose_u=44), 100.0, rule) == 0
-    assert face_sign(keypoints_of(*face, nose_u=44), 100.0, FaceConfig(cue="none")) == 0
 
 
 def test_the_angle_counts_from_the_ray() -> None:
@@ -205,25 +204,25 @@ def test_the_angle_counts_from_the_ray() -> None:
     ray_rad, straight_rad = bearings(np.stack([pixels, unknown]), INFO).tolist()
     assert math.degrees(ray_rad) == pytest.approx(45.0)
     assert straight_rad == 0.0
-    assert degrees(ratio_yaw(keypoints_of(L_EAR), pixels, ray_rad, None, CONFIG)) == 135.0
-    assert degrees(ratio_yaw(keypoints_of(R_EAR), pixels, ray_rad, None, CONFIG)) == -45.0
+    assert degrees(ratio_yaw(pixels, ray_rad, 1, None)) == 135.0
+    assert degrees(ratio_yaw(pixels, ray_rad, -1, None)) == -45.0
 
 
 def test_without_a_face_the_sign_is_that_of_the_vector_along_the_ray() -> None:
     pixels = torso(0.0, 0.0, 100.0)
     # 30 deg in the frame lie 15 deg to the right of a ray at 45: the sign is -.
     vector = YawEstimate(math.radians(30), 0.1)
-    found = ratio_yaw(keypoints_of(), pixels, math.radians(45), vector, CONFIG)
+    found = ratio_yaw(pixels, math.radians(45), 0, vector)
     assert degrees(found) == -45.0  # -90 + 45
-    assert degrees(ratio_yaw(keypoints_of(), pixels, 0.0, vector, CONFIG)) == 90.0
-    assert degrees(ratio_yaw(keypoints_of(R_EAR), pixels, 0.0, vector, CONFIG)) == -90.0
-    assert ratio_yaw(keypoints_of(), pixels, 0.0, None, CONFIG) is None
+    assert degrees(ratio_yaw(pixels, 0.0, 0, vector)) == 90.0
+    assert degrees(ratio_yaw(pixels, 0.0, -1, vector)) == -90.0
+    assert ratio_yaw(pixels, 0.0, 0, None) is None
 
 
 def test_profiles_have_a_smaller_sigma_than_fronts() -> None:
     # sigma_r / sin(psi): 0.18 at 90 deg; at 180 deg sin is not taken below sqrt(0.18) = 0.424.
-    side = ratio_yaw(keypoints_of(L_EAR), torso(0, 0, 100), 0.0, None, CONFIG)
-    front = ratio_yaw(keypoints_of(L_EAR), torso(-90, -66, 100), 0.0, None, CONFIG)
+    side = ratio_yaw(torso(0, 0, 100), 0.0, 1, None)
+    front = ratio_yaw(torso(-90, -66, 100), 0.0, 1, None)
     assert side is not None
     assert front is not None
     assert side.sigma_rad == pytest.approx(0.18)
@@ -245,35 +244,19 @@ def test_fusion_is_a_circular_mean() -> None:
     assert YawPair(YawEstimate(math.pi / 2, 0.3), YawEstimate(-math.pi / 2, 0.3)).fuse() is None
 
 
-def test_fusion_weighted_by_variance() -> None:
-    # Weights 1/0.1^2 = 100 and 1/0.2^2 = 25: (100 * 0 + 25 * 0.2) / 125 = 0.04 for small angles.
-    pair = YawPair(YawEstimate(0.0, 0.1), YawEstimate(0.2, 0.2))
-    fused = pair.fuse(weighted=True)
-    assert fused is not None
-    assert fused.rad == pytest.approx(0.04, abs=1e-3)
-    assert fused.sigma_rad == pytest.approx(1 / math.sqrt(125))
-    plain = pair.fuse()
-    assert plain is not None
-    assert plain.rad == pytest.approx(0.1)
-
-
 def test_angles_that_disagree_have_a_larger_sigma() -> None:
     # 1 rad apart, sigmas 0.3 and 0.4 explain 0.5: the sigma of 0.25 doubles.
     fused = YawPair(YawEstimate(0.0, 0.3), YawEstimate(1.0, 0.4)).fuse()
     assert fused is not None
     assert fused.sigma_rad == pytest.approx(0.5)
-    # A sum of opposite angles with unequal weights has a direction, but a large sigma.
-    flipped = YawPair(YawEstimate(0.0, 0.1), YawEstimate(math.pi, 0.2)).fuse(weighted=True)
-    assert flipped is not None
-    assert flipped.sigma_rad > 1.0
 
 
 # All together
 
 
-def measured(yaw_deg: float, rule: OrientationConfig = CONFIG, **at: float) -> YawPair:
+def measured(yaw_deg: float, **at: float) -> YawPair:
     keypoints, depth = projected(math.radians(yaw_deg), **at)
-    return separate_yaws(keypoints, DepthImage(depth, INFO), rule, KeypointConfig())
+    return separate_yaws(keypoints, DepthImage(depth, INFO), CONFIDENCE_MIN, FACE)
 
 
 @pytest.mark.parametrize("yaw_deg", range(-175, 180, 25))
@@ -288,29 +271,15 @@ def test_yaw_of_a_projected_torso_is_measured(yaw_deg: float, y_m: float) -> Non
         assert abs(math.degrees(wrap(found.ratio.rad - math.radians(yaw_deg)))) < 25.0
 
 
-def test_ray_correction_matters_beside_the_axis() -> None:
+def test_the_ray_is_added_beside_the_axis() -> None:
     # In profile at 2 m, 1.1 m to the left: the ray points 28.8 deg to the left of the axis.
-    rule = OrientationConfig(vector=False, face=FaceConfig(cue="visible"))
     keypoints, depth = projected(math.radians(90 + 28.8), 2.0, 1.1)
     keypoints[L_EAR] = 100, 100, 0.9
-    uncorrected = msgspec.structs.replace(rule, ray=False)
-    with_ray = separate_yaws(keypoints, DepthImage(depth, INFO), rule, KeypointConfig()).fuse()
-    without = separate_yaws(
-        keypoints, DepthImage(depth, INFO), uncorrected, KeypointConfig()
-    ).fuse()
-    assert with_ray is not None
-    assert without is not None
-    assert math.degrees(with_ray.rad) == pytest.approx(118.8, abs=3)
-    assert math.degrees(without.rad) == pytest.approx(90.0, abs=3)
-
-
-def test_parts_can_be_switched_off() -> None:
-    both = measured(140)
-    assert both.vector is not None
-    assert both.ratio is not None
-    assert measured(140, OrientationConfig(vector=False)) == YawPair(None, None)  # no sign
-    assert measured(140, OrientationConfig(ratio=False)) == YawPair(both.vector, None)
-    assert measured(140, OrientationConfig(vector=False, ratio=False)).fuse() is None
+    blind = DepthImage(np.zeros_like(depth), INFO)
+    found = separate_yaws(keypoints, blind, CONFIDENCE_MIN, FACE)
+    assert found.vector is None
+    assert found.ratio is not None
+    assert math.degrees(found.ratio.rad) == pytest.approx(118.8, abs=3)
 
 
 @pytest.mark.parametrize("yaw_deg", [-160, -100, -30, 20, 70, 130, 175])
@@ -319,10 +288,8 @@ def test_the_mirror_image_has_the_mirrored_yaw(yaw_deg: float) -> None:
     keypoints[L_EAR], keypoints[R_EYE] = (300, 80, 0.9), (310, 80, 0.9)
     mirrored = keypoints[MIRRORED]
     mirrored[:, 0] = 640 - mirrored[:, 0]  # the optical axis is at 320
-    one = separate_yaws(keypoints, DepthImage(depth, INFO), CONFIG, KeypointConfig()).fuse()
-    other = separate_yaws(
-        mirrored, DepthImage(depth[:, ::-1], INFO), CONFIG, KeypointConfig()
-    ).fuse()
+    one = separate_yaws(keypoints, DepthImage(depth, INFO), CONFIDENCE_MIN, FACE).fuse()
+    other = separate_yaws(mirrored, DepthImage(depth[:, ::-1], INFO), CONFIDENCE_MIN, FACE).fuse()
     assert one is not None
     assert other is not None
     assert other.rad == pytest.approx(-one.rad)
@@ -331,20 +298,14 @@ def test_the_mirror_image_has_the_mirrored_yaw(yaw_deg: float) -> None:
 
 def test_missing_keypoints_and_depth() -> None:
     keypoints, depth = projected(math.radians(140))
-    blind = separate_yaws(
-        keypoints, DepthImage(np.zeros_like(depth), INFO), CONFIG, KeypointConfig()
-    )
+    blind = separate_yaws(keypoints, DepthImage(np.zeros_like(depth), INFO), CONFIDENCE_MIN, FACE)
     assert blind == YawPair(None, None)  # no vector, so no sign for the ratio either
     keypoints[L_EAR] = 300, 80, 0.9
-    blind = separate_yaws(
-        keypoints, DepthImage(np.zeros_like(depth), INFO), CONFIG, KeypointConfig()
-    )
+    blind = separate_yaws(keypoints, DepthImage(np.zeros_like(depth), INFO), CONFIDENCE_MIN, FACE)
     assert blind.vector is None
     assert blind.ratio is not None
     keypoints[:, 2] = 0.0
-    assert (
-        separate_yaws(keypoints, DepthImage(depth, INFO), CONFIG, KeypointConfig()).fuse() is None
-    )
+    assert separate_yaws(keypoints, DepthImage(depth, INFO), CONFIDENCE_MIN, FACE).fuse() is None
 
 
 def test_wild_keypoints_give_a_finite_angle_or_none() -> None:
@@ -354,7 +315,7 @@ def test_wild_keypoints_give_a_finite_angle_or_none() -> None:
         keypoints = rng.normal(size=(17, 3)) * 10.0 ** rng.choice([0, 2, 30])
         keypoints[:, 2] = rng.random(17)
         found = separate_yaws(
-            keypoints.astype(np.float32), DepthImage(depth, INFO), CONFIG, KeypointConfig()
+            keypoints.astype(np.float32), DepthImage(depth, INFO), CONFIDENCE_MIN, FACE
         ).fuse()
         assert found is None or (-math.pi < found.rad <= math.pi and 0 < found.sigma_rad < 10)
 
@@ -399,19 +360,12 @@ def test_a_tilted_camera_gives_the_same_direction(
     to_right = 0.4 * np.array([math.sin(psi), -math.cos(psi), 0.0]) @ map_from_link
     left = np.array([3.0, 0.2, 0.1])
     shoulders = points(l_shoulder=tuple(left), r_shoulder=tuple(left + to_right))
-    found = vector_yaw(shoulders, CONFIG)
+    found = vector_yaw(shoulders)
     assert found is not None
     found_rad = direction(map_from_link @ LINK_FROM_OPTICAL[:3, :3], found.rad)
     assert wrap(found_rad - psi) == pytest.approx(0.0, abs=1e-9)
 
 
-# Configuration
-
-
-def test_face_config_suits_the_model_unless_set() -> None:
-    assert DetectorConfig().orientation_for("yolov8n-pose").face == FaceConfig()
-    assert DetectorConfig().orientation_for("movenet-multipose").face == FaceConfig(
-        cue="nose", confidence_min=0.3
-    )
-    chosen = DetectorConfig(orientation=OrientationConfig(ray=False, face=FaceConfig(cue="none")))
-    assert chosen.orientation_for("movenet-multipose") == chosen.orientation
+def test_face_rule_suits_the_model() -> None:
+    assert face_rule("yolov8n-pose") == FACE == (False, 0.5)
+    assert face_rule("movenet-multipose") == MOVENET_FACE == (True, 0.3)

@@ -3,14 +3,13 @@ import math
 import numpy as np
 import pytest
 
-from services.detector.config import EllipseConfig
-from services.detector.position.axis import move_to_axis, relative_yaw, surface_to_axis
+from services.detector.position.axis import Ellipse, move_to_axis, relative_yaw, surface_to_axis
 
-CONFIG = EllipseConfig(half_depth_m=0.12, half_width_m=0.2)
+CHEST = Ellipse(half_depth_m=0.12, half_width_m=0.2)
 
 
-def behind(right_m: float, yaw_rad: float | None, config: EllipseConfig = CONFIG) -> float:
-    return float(surface_to_axis(np.array([right_m]), yaw_rad, config)[0])
+def behind(right_m: float, yaw_rad: float | None, ellipse: Ellipse = CHEST) -> float:
+    return float(surface_to_axis(np.array([right_m]), yaw_rad, ellipse)[0])
 
 
 @pytest.mark.parametrize(
@@ -31,7 +30,7 @@ def test_ellipse_at_45_degrees() -> None:
 
 def test_a_cylinder_is_as_far_from_any_side() -> None:
     # x^2 + y^2 = 0.15^2: 0.09 to the right it is sqrt(0.0225 - 0.0081) = 0.12 deep.
-    cylinder = EllipseConfig(half_depth_m=0.15, half_width_m=0.15)
+    cylinder = Ellipse(half_depth_m=0.15, half_width_m=0.15)
     for angle_rad in (None, 0.0, 0.7, 2.0, -3.0):
         assert behind(0.09, angle_rad, cylinder) == pytest.approx(0.12)
 
@@ -67,7 +66,7 @@ def test_torso_of_unknown_yaw_is_round_with_the_same_area() -> None:
 def test_a_position_moves_along_its_ray() -> None:
     # Level distance hypot(3, 4) = 5: by half a depth of 0.12 that is 2.4 % farther. Facing away
     # along that ray: yaw = atan2(-3, 4).
-    moved = move_to_axis(np.array([3.0, 1.0, 4.0]), math.atan2(-3, 4), CONFIG)
+    moved = move_to_axis(np.array([3.0, 1.0, 4.0]), math.atan2(-3, 4), CHEST)
     np.testing.assert_allclose(moved, [3.072, 1.024, 4.096])
 
 

@@ -3,47 +3,56 @@ import math
 import numpy as np
 import pytest
 
-from services.detector.config import EllipseConfig, UncertaintyConfig
-from services.detector.position.axis import axis_sigma, covariance, joint_sigma, variance_along
+from services.detector.position.axis import (
+    BODY_M,
+    JOINT_M,
+    JOINT_PX,
+    SURFACE_M,
+    Ellipse,
+    axis_sigma,
+    covariance,
+    joint_sigma,
+    variance_along,
+)
 from tests.detector.cameras import INFO
 
-CONFIG = UncertaintyConfig(depth_per_m=0.004, body_m=0.03, joint_m=0.03, joint_px=2.0)
+DEPTH_PER_M = 0.004
 
 
 def test_one_reading_errs_with_the_square_of_the_distance() -> None:
-    # 1 m: 0.004; 2 m: 0.016; 4 m: 0.064 m, each with 0.03 m of the body.
+    # 1 m: 0.004; 2 m: 0.016; 4 m: 0.064 m, each with the body's 0.035 m.
+    assert BODY_M == 0.035
     for z_m, sensor_m in ((1.0, 0.004), (2.0, 0.016), (4.0, 0.064)):
-        expected_m2 = sensor_m**2 + 0.03**2
-        assert variance_along(z_m, np.array([z_m]), 0.0, CONFIG) == pytest.approx(expected_m2)
+        expected_m2 = sensor_m**2 + 0.035**2
+        assert variance_along(z_m, np.array([z_m]), 0.0, DEPTH_PER_M) == pytest.approx(expected_m2)
 
 
 def test_several_readings_have_less_variance_but_for_their_spread() -> None:
     # Four at 2 m: 0.016^2 / 4. 1.9, 2.1, 1.9, 2.1: variance 4 * 0.01 / 3, of the mean a quarter.
-    alike = variance_along(2.0, np.full(4, 2.0), 0.0, CONFIG)
-    spread = variance_along(2.0, np.array([1.9, 2.1, 1.9, 2.1]), 0.0, CONFIG)
-    assert alike == pytest.approx(0.016**2 / 4 + 0.03**2)
+    alike = variance_along(2.0, np.full(4, 2.0), 0.0, DEPTH_PER_M)
+    spread = variance_along(2.0, np.array([1.9, 2.1, 1.9, 2.1]), 0.0, DEPTH_PER_M)
+    assert alike == pytest.approx(0.016**2 / 4 + 0.035**2)
     assert spread - alike == pytest.approx(0.01 / 3)
 
 
 def test_a_common_error_does_not_shrink() -> None:
     readings_m = np.full(4, 2.0)
-    more = variance_along(2.0, readings_m, 0.05, CONFIG) - variance_along(
-        2.0, readings_m, 0.0, CONFIG
-    )
-    assert more == pytest.approx(0.05**2)
+    more, less = (variance_along(2.0, readings_m, sigma_m, DEPTH_PER_M) for sigma_m in (0.05, 0.0))
+    assert more - less == pytest.approx(0.05**2)
 
 
-def test_sigma_of_a_far_joint_is_that_of_pixels() -> None:
-    # 2 px at fx = 50: 0.04 m per metre; at 1 m with 0.03 m: 0.05 m.
-    sigmas_m = joint_sigma(np.array([1.0, 100.0]), INFO, CONFIG)
+def test_sigma_of_a_far_joint_is_in_pixels() -> None:
+    # 2 px at fx = 50: 0.04 m per metre; at 0.75 m 0.03 m with 0.04 m: 0.05 m.
+    assert (JOINT_M, JOINT_PX) == (0.04, 2.0)
+    sigmas_m = joint_sigma(np.array([0.75, 100.0]), INFO)
     assert sigmas_m == pytest.approx([0.05, 4.0], rel=1e-3)
 
 
-def test_axis_is_uncertain_where_yaw_or_body_is_unknown() -> None:
-    ellipse = EllipseConfig(half_depth_m=0.12, half_width_m=0.2)
-    assert axis_sigma(ellipse, 1.0, CONFIG) == 0.0
-    assert axis_sigma(ellipse, None, CONFIG) == pytest.approx(0.08 / math.sqrt(8))
-    assert axis_sigma(None, 1.0, CONFIG) == CONFIG.surface_m
+def test_axis_is_uncertain_if_yaw_or_body_is_unknown() -> None:
+    ellipse = Ellipse(half_depth_m=0.12, half_width_m=0.2)
+    assert axis_sigma(ellipse, 1.0) == 0.0
+    assert axis_sigma(ellipse, None) == pytest.approx(0.08 / math.sqrt(8))
+    assert axis_sigma(None, 1.0) == SURFACE_M
 
 
 def test_covariance_of_a_person_straight_ahead() -> None:

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from people4d.messages import F64
-from services.detector.config import LayerConfig
 from services.detector.position.layers import (
     DepthSamples,
     LayerWindows,
@@ -16,7 +15,6 @@ from services.detector.position.proportions import BodySize
 from services.detector.position.surface import DepthImage
 from tests.detector.cameras import INFO
 
-CONFIG = LayerConfig(half_m=0.25, size_sigma=0.2, misfit=0.02)
 SQUARE: F64 = np.array([[10.0, 10.0], [20.0, 10.0], [20.0, 30.0], [10.0, 30.0], [15.0, 20.0]])
 
 
@@ -29,7 +27,7 @@ def samples(
 
 
 def depths(people: list[DepthSamples]) -> list[float | None]:
-    return [None if layer is None else layer.depth_m for layer in assign_layers(people, CONFIG)]
+    return [None if layer is None else layer.depth_m for layer in assign_layers(people)]
 
 
 def test_the_layer_of_most_samples_wins() -> None:
@@ -69,28 +67,12 @@ def test_furniture_before_a_person_out_of_range_is_not_the_person() -> None:
     assert depths([samples([2.8, nan, nan, nan, 2.8], size_depth_m=6.0)]) == [2.8]
 
 
-def test_person_behind_something_and_beyond_the_range_has_no_layer() -> None:
-    # As large as somebody at 4.15 m, of whom a monitor at 2.1 m covers half; the range is 5 m.
-    # The monitor: ln(2.1 / 4.15) / 0.2 = -3.4, 0.6 * 0.02 = 0.012; beyond: ln(5 / 4.15) / 0.2 =
-    # 0.93, 0.5 * 0.4 * 0.65 = 0.13.
-    nan = math.nan
-    behind = samples([nan, nan, 2.1, 2.1, 2.1], size_depth_m=4.15)
-    assert depths([replace(behind, range_m=5.0)]) == [None]
-    assert depths([replace(behind, range_m=15.0)]) == [2.1]
-    # Near the end of the range readings are missing of the person, too.
-    near = samples([nan, nan, 4.6, 4.6, nan], size_depth_m=4.8)
-    assert depths([replace(near, range_m=5.0)]) == [4.6]
-    assert depths([replace(samples([nan, nan, nan, nan, 4.6], 4.8), range_m=5.0)]) == [None]
-    # Of unknown size, whatever is read is the person's.
-    assert depths([replace(behind, range_m=5.0, size=None)]) == [2.1]
-
-
 def test_samples_of_a_person_in_front_do_not_count_behind() -> None:
     # Both cover the same square: all samples of the front one are at 2 m, three of the other.
     front, behind = samples([2.0] * 5), samples([2.0, 2.0, 2.1, 3.0, 3.1])
     assert depths([front, behind]) == [2.0, 3.05]
     assert depths([behind, front]) == [3.05, 2.0]
-    own = assign_layers([front, behind], CONFIG)[1]
+    own = assign_layers([front, behind])[1]
     assert own is not None
     assert own.own.tolist() == [False, False, False, True, True]
 
@@ -100,19 +82,6 @@ def test_person_hidden_at_all_samples_has_no_layer() -> None:
     assert depths([samples([2.0] * 5), behind]) == [2.0, 4.9]
     front, hidden = samples([2.0] * 5), samples([2.0, math.nan, 2.1, 2.0, 2.0])
     assert depths([front, hidden]) == [2.0, None]
-
-
-def test_person_beyond_the_range_does_not_own_the_arm_of_the_one_in_front() -> None:
-    # Two samples of five are read, on the other person, whose size suits less: exp(-0.62) = 0.54.
-    # Beyond a range of 5 m: ln(5 / 4.6) / 0.2 = 0.42, 0.6 * 0.92 = 0.55, so 0.45 is left.
-    nan = math.nan
-    front = samples([4.5] * 5, size_depth_m=3.6)
-    behind = replace(samples([nan, nan, 4.5, 4.5, nan], size_depth_m=4.6), range_m=5.0)
-    assert depths([behind]) == [4.5]
-    assert depths([front, behind]) == [4.5, None]
-    assert depths([behind, front]) == [None, 4.5]
-    # Somebody well within the range has holes in their depth.
-    assert depths([replace(behind, range_m=9.0), front]) == [4.5, None]
 
 
 def test_people_side_by_side_share_no_samples() -> None:
@@ -126,10 +95,10 @@ def test_at_an_outline_the_persons_side_is_read() -> None:
     image, edge = DepthImage(depth_mm, INFO), np.array([[5.0, 5.0]])
     windows = [LayerWindows(edge, 3, layer_m) for layer_m in (2.1, 4.0, 3.0)]
     windows.append(LayerWindows(np.zeros((0, 2)), 3, 2.0))
-    person, wall, neither, nothing = read_layers(windows, image, 0.25)
+    person, wall, neither, nothing = read_layers(windows, image)
     np.testing.assert_allclose([*person, *wall, *neither], [2.0, 4.0, np.nan])
     assert not len(nothing)
-    assert [len(none) for none in read_layers(windows[3:], image, 0.25)] == [0]
+    assert [len(none) for none in read_layers(windows[3:], image)] == [0]
 
 
 def test_an_outline_reaches_beyond_the_keypoints() -> None:
@@ -187,25 +156,14 @@ def test_another_layer_of_nearly_equal_score_adds_variance() -> None:
     alike = samples([2.0, 2.1, 1.9, math.nan, 2.0])
     variances = [
         None if layer is None else layer.along_m2
-        for layer in (assign_layers([one], CONFIG)[0] for one in (torn, limbs, alike))
+        for layer in (assign_layers([one])[0] for one in (torn, limbs, alike))
     ]
     assert variances == pytest.approx([36 / 169, 0.09, 0.0])
 
 
-def test_farther_layer_makes_the_position_uncertain_across() -> None:
-    # A person behind looks out beside the one whose depth is read; one in front only hides.
-    behind = assign_layers([samples([2.0, 2.0, 2.0, 3.0, 3.0])], CONFIG)[0]
-    in_front = assign_layers([samples([3.0, 3.0, 3.0, 2.0, 2.0])], CONFIG)[0]
-    assert behind is not None
-    assert in_front is not None
-    assert (behind.along_m2, in_front.along_m2) == pytest.approx((36 / 169, 36 / 169))
-    assert behind.across_m2 == pytest.approx(36 / 169 * CONFIG.beside_m**2)
-    assert in_front.across_m2 == 0.0
-
-
 def test_layer_that_does_not_suit_the_size_adds_little_variance() -> None:
     # As large as at 2 m; at 3 m: ln(1.5) / 0.2 = 2.03 sigma, 0.128. Scores 0.6 and 0.4 * 0.128.
-    layer = assign_layers([samples([2.0, 2.0, 2.0, 3.0, 3.0], size_depth_m=2.0)], CONFIG)[0]
+    layer = assign_layers([samples([2.0, 2.0, 2.0, 3.0, 3.0], size_depth_m=2.0)])[0]
     assert layer is not None
     assert layer.along_m2 == pytest.approx((0.0512 / 0.6) ** 2, rel=0.02)
 
@@ -213,7 +171,7 @@ def test_layer_that_does_not_suit_the_size_adds_little_variance() -> None:
 def test_readings_of_the_best_layer_do_not_count_for_another() -> None:
     # All five lie within 0.25 m of 2.2 m; of their median, 2.1 m, the last is 0.26 m off and the
     # only one of its layer: 0.2^2 against 1, not 0.4 with the reading at 2.2 m.
-    layer = assign_layers([samples([2.0, 2.0, 2.1, 2.2, 2.36])], CONFIG)[0]
+    layer = assign_layers([samples([2.0, 2.0, 2.1, 2.2, 2.36])])[0]
     assert layer is not None
     assert layer.along_m2 == pytest.approx(25 / 26**2 * 0.26**2)
 

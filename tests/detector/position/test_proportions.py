@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 
 from people4d.messages import F64
-from services.detector.config import ProportionConfig
 from services.detector.position.proportions import UNKNOWN_M2, size_depth, torso_middles
 from tests.detector.cameras import INFO
 
-CONFIG = ProportionConfig(half_shoulders_m=0.16, half_hips_m=0.10, half_height_m=0.25)
 ALL = np.ones(4, np.bool_)
 # Facing the camera, 1 m to the right and 0.5 m down: the left side is on the right.
 FACING: F64 = np.array([[1.16, 0.25], [0.84, 0.25], [1.10, 0.75], [0.90, 0.75]])
@@ -21,7 +19,7 @@ def one(
     chosen = np.isin(np.arange(4), known)
     points = np.where(chosen[:, None], joints_m, np.nan)[None]
     sigmas_m = np.array([sigma_m])
-    middles_m, variances_m2 = torso_middles(points, chosen[None], [yaw_rad], sigmas_m, CONFIG)
+    middles_m, variances_m2 = torso_middles(points, chosen[None], [yaw_rad], sigmas_m)
     return middles_m[0], float(variances_m2[0])
 
 
@@ -71,7 +69,7 @@ def test_torsos_are_estimated_as_each_alone() -> None:
     joints_m = np.stack([FACING, FACING + 0.3, FACING * 2])
     known = np.array([[1, 1, 1, 1], [1, 0, 1, 0], [0, 0, 1, 1]], np.bool_)
     yaws_rad, sigmas_m = [math.pi, None, 0.5], np.array([0.03, 0.04, 0.05])
-    middles_m, variances_m2 = torso_middles(joints_m, known, yaws_rad, sigmas_m, CONFIG)
+    middles_m, variances_m2 = torso_middles(joints_m, known, yaws_rad, sigmas_m)
     for k in range(3):
         alone_m, alone_m2 = one(
             joints_m[k], np.flatnonzero(known[k]).tolist(), yaws_rad[k], sigmas_m[k]
@@ -90,11 +88,11 @@ def test_the_distance_at_which_a_torso_is_of_common_size() -> None:
         (one_side, 25 / math.hypot(3, 10), True),
         (shoulders, 2.0, False),
     ):
-        size = size_depth(joints, known, INFO, CONFIG)
+        size = size_depth(joints, known, INFO)
         assert size is not None
         assert size.depth_m == pytest.approx(depth_m)
         assert size.has_height == has_height
-    full = size_depth(joints, ALL, INFO, CONFIG)
+    full = size_depth(joints, ALL, INFO)
     assert full is not None
     assert full.farthest_m == pytest.approx(5.0)  # hips: 0.2 m in 2 px
-    assert size_depth(joints, np.array([True, False, False, False]), INFO, CONFIG) is None
+    assert size_depth(joints, np.array([True, False, False, False]), INFO) is None

@@ -5,13 +5,10 @@ import numpy as np
 import pytest
 
 from people4d.messages import F32, U8, U16
-from services.detector.config import GrowthConfig
 from services.detector.models.base import DetectedPerson, InstanceMask
 from services.detector.position.silhouette import fill_holes, grow_mask
 from services.detector.position.surface import DepthImage
 from tests.detector.cameras import INFO
-
-FIXED = GrowthConfig(step_per_m2=0.0)  # [Liu 2018]'s 10 mm at any distance
 
 
 def person_at(left: int, right: int, box: tuple[float, ...] = (0, 0, 40, 60)) -> DetectedPerson:
@@ -22,9 +19,9 @@ def person_at(left: int, right: int, box: tuple[float, ...] = (0, 0, 40, 60)) ->
     return DetectedPerson(0.9, np.array(box, np.float32), keypoints)
 
 
-def grown(person: DetectedPerson, depth: U16, rule: GrowthConfig = FIXED) -> U8:
+def grown(person: DetectedPerson, depth: U16) -> U8:
     """Return the grown mask in the whole image."""
-    mask = grow_mask(person, DepthImage(depth, INFO), rule)
+    mask = grow_mask(person, DepthImage(depth, INFO))
     assert mask is not None
     return paste(mask, depth.shape)
 
@@ -76,32 +73,34 @@ def test_the_neighbour_at_the_same_distance_is_left_out() -> None:
     assert mask[:, 22:].sum() == 0
 
 
-def test_a_slope_belongs_to_the_body_and_a_step_does_not() -> None:
-    # 9 mm a column is joined at the 10 mm of [Liu 2018]; then a step of 30 mm.
+@pytest.mark.parametrize(("near_mm", "step_mm"), [(900, 10), (2000, 40)])
+def test_a_slope_belongs_to_the_body_and_a_step_does_not(near_mm: int, step_mm: int) -> None:
+    # Neighbours are joined below 10 mm [Liu 2018], from 1 m on below 0.01 z^2: 40 mm at 2 m. The
+    # slope has 8 mm a column, about 2 m; then comes a step 3 mm beyond the limit at the torso.
     depth = np.zeros((60, 40), np.uint16)
-    depth[10:50, 10:20] = 2000 + 9 * np.arange(10)
-    depth[10:50, 20:30] = 2081 + 30
+    depth[10:50, 10:20] = near_mm + 8 * np.arange(-5, 5)
+    depth[10:50, 20:30] = near_mm + 32 + step_mm + 3
     mask = grown(person_at(12, 17), depth)
     assert mask[10:50, 10:20].all()
     assert mask[10:50, 20:30].sum() == 0
-    # A stereo camera's step at 2 m is 0.01 * 2^2 = 40 mm: it joins both.
-    assert grown(person_at(12, 17), depth, GrowthConfig())[10:50, 20:30].all()
+    depth[10:50, 20:30] = near_mm + 32 + step_mm - 3
+    assert grown(person_at(12, 17), depth)[10:50, 20:30].all()
 
 
 def test_nothing_beyond_the_reach_belongs_to_the_body() -> None:
-    # Depth grows 9 mm a row from 2 m in row 0. Seeds lie 30 % of the way from rows 20 and 40 to 30:
-    # rows 23, 30 and 37, median 2.27 m. A reach of 0.1 m is 11 rows: 19 to 41.
+    # Depth grows 19 mm a row from 2 m in row 0, less than 0.01 z^2. Seeds lie 30 % of the way from
+    # rows 20 and 40 to 30: rows 23, 30 and 37, median 2.57 m. A reach of 0.4 m is 21 rows: 9 to 51.
     depth = np.zeros((60, 40), np.uint16)
-    depth[:, 10:20] = (2000 + 9 * np.arange(60))[:, None]
-    mask = grown(person_at(12, 17), depth, GrowthConfig(step_per_m2=0.0, reach_m=0.1))
-    assert mask[19:42, 10:20].all()
-    assert not mask[:19].any()
-    assert not mask[42:].any()
+    depth[:, 10:20] = (2000 + 19 * np.arange(60))[:, None]
+    mask = grown(person_at(12, 17), depth)
+    assert mask[9:52, 10:20].all()
+    assert not mask[:9].any()
+    assert not mask[52:].any()
 
 
 def test_the_mask_stays_in_the_box_and_the_image() -> None:
     depth = np.full((60, 40), 2000, np.uint16)
-    mask = grow_mask(person_at(12, 17, (8.5, -20, 21.2, 500)), DepthImage(depth, INFO), FIXED)
+    mask = grow_mask(person_at(12, 17, (8.5, -20, 21.2, 500)), DepthImage(depth, INFO))
     assert mask is not None
     assert (mask.x_px, mask.y_px, mask.window.shape) == (8, 0, (60, 14))
     assert mask.window.all()
@@ -118,20 +117,16 @@ def test_parts_that_hold_a_torso_keypoint_are_joined() -> None:
 
 def test_without_seeds_there_is_no_mask() -> None:
     person = person_at(12, 17)
-    assert grow_mask(person, DepthImage(np.zeros((60, 40), np.uint16), INFO), FIXED) is None
+    assert grow_mask(person, DepthImage(np.zeros((60, 40), np.uint16), INFO)) is None
     assert person.keypoints is not None
     uncertain = person.keypoints * np.array([1, 1, 0.1], np.float32)
     assert (
-        grow_mask(
-            DetectedPerson(0.9, person.box_xyxy_px, uncertain), DepthImage(body(), INFO), FIXED
-        )
+        grow_mask(DetectedPerson(0.9, person.box_xyxy_px, uncertain), DepthImage(body(), INFO))
         is None
     )
-    assert (
-        grow_mask(DetectedPerson(0.9, person.box_xyxy_px), DepthImage(body(), INFO), FIXED) is None
-    )
-    assert grow_mask(person_at(12, 17, (50, 0, 90, 60)), DepthImage(body(), INFO), FIXED) is None
-    assert grow_mask(person_at(12, 17, (25, 0, 40, 60)), DepthImage(body(), INFO), FIXED) is None
+    assert grow_mask(DetectedPerson(0.9, person.box_xyxy_px), DepthImage(body(), INFO)) is None
+    assert grow_mask(person_at(12, 17, (50, 0, 90, 60)), DepthImage(body(), INFO)) is None
+    assert grow_mask(person_at(12, 17, (25, 0, 40, 60)), DepthImage(body(), INFO)) is None
 
 
 @pytest.mark.slow
@@ -146,7 +141,7 @@ def test_masks_of_the_simulated_room(shared: Path) -> None:
             visible: F32 = truth["kpvis"][frame, index].astype(np.float32)
             keypoints = np.column_stack([truth["kp2d"][frame, index], visible]).astype(np.float32)
             person = DetectedPerson(1.0, truth["bbox"][frame, index], keypoints)
-            mask = grow_mask(person, DepthImage(depth, INFO), GrowthConfig())
+            mask = grow_mask(person, DepthImage(depth, INFO))
             assert mask is not None
             got, want = paste(mask, depth.shape) > 0, truth["masks"][frame] == index + 1
             overlaps.append((got & want).sum() / (got | want).sum())

@@ -6,7 +6,7 @@ import pytest
 
 from common.geometry.transforms import apply, invert
 from people4d.messages import F32, F64, U8
-from services.detector.config import KeypointConfig
+from services.detector.config import CONFIDENCE_MIN
 from services.detector.models.base import InstanceMask
 from services.detector.position.surface import (
     DepthImage,
@@ -85,13 +85,13 @@ def test_mean_of_two_keypoints() -> None:
     depth = np.zeros((5, 5), np.uint16)
     depth[2, 0], depth[2, 4] = 2000, 4000
     points = keypoints((5, 0, 2, 0.9), (6, 4, 2, 0.7))
-    check(keypoint_mean(points, DepthImage(depth, INFO), KeypointConfig()), 1.0, 0.0, 3.0)
+    check(keypoint_mean(points, DepthImage(depth, INFO), CONFIDENCE_MIN), 1.0, 0.0, 3.0)
 
 
 def test_only_keypoints_above_the_confidence_count() -> None:
     depth = np.full((5, 5), 2000, np.uint16)
     points = keypoints((0, 2, 2, 0.61), (5, 0, 0, 0.6), (6, 4, 4, 0.1))
-    position = keypoint_mean(points, DepthImage(depth, INFO), KeypointConfig())
+    position = keypoint_mean(points, DepthImage(depth, INFO), CONFIDENCE_MIN)
     check(position, 0.0, 0.0, 2.0)
 
 
@@ -107,15 +107,15 @@ def test_keypoints_without_reading_or_outside_of_the_image_do_not_count() -> Non
         (5, 2, 1e9, 0.9),
         (6, -1e9, 2, 0.9),
     )
-    position = keypoint_mean(points, DepthImage(depth, INFO), KeypointConfig())
+    position = keypoint_mean(points, DepthImage(depth, INFO), CONFIDENCE_MIN)
     check(position, 0.0, 0.0, 2.0)
 
 
 def test_without_any_valid_keypoint_there_is_no_position() -> None:
     points = keypoints((0, 2, 2, 0.9), (5, 1, 1, 0.9))
-    assert keypoint_mean(points, NO_DEPTH, KeypointConfig()) is None
+    assert keypoint_mean(points, NO_DEPTH, CONFIDENCE_MIN) is None
     uncertain = keypoints((0, 2, 2, 0.5))
-    assert keypoint_mean(uncertain, TWO_M, KeypointConfig()) is None
+    assert keypoint_mean(uncertain, TWO_M, CONFIDENCE_MIN) is None
 
 
 def test_a_window_reads_the_median_of_valid_readings() -> None:
@@ -150,23 +150,12 @@ def test_windows_of_several_sizes_and_ranges_are_read_as_each_alone() -> None:
         assert share[k] == pytest.approx(counted.size / max(window_m.size, 1))
 
 
-def test_a_keypoint_on_the_wall_is_left_out_by_the_torso_gap() -> None:
-    # Torso at 2 m; the wrist (9) beside the person hits the wall at 4 m.
-    depth = np.full((5, 5), 2000, np.uint16)
-    depth[2, 4] = 4000
-    points = keypoints((5, 2, 2, 0.9), (11, 2, 2, 0.9), (9, 4, 2, 0.9))
-    plain = keypoint_mean(points, DepthImage(depth, INFO), KeypointConfig())
-    robust = keypoint_mean(points, DepthImage(depth, INFO), KeypointConfig(torso_gap_max_m=0.6))
-    check(plain, 4 / 3, 0.0, 8 / 3)
-    check(robust, 0.0, 0.0, 2.0)
-
-
 def test_order_of_keypoints_does_not_matter_to_the_mean() -> None:
     rng = np.random.default_rng(1)
     depth = rng.integers(1000, 3000, (5, 5)).astype(np.uint16)
     points = np.column_stack([rng.uniform(0, 4, (17, 2)), np.ones(17)]).astype(np.float32)
-    one = keypoint_mean(points, DepthImage(depth, INFO), KeypointConfig())
-    other = keypoint_mean(points[rng.permutation(17)], DepthImage(depth, INFO), KeypointConfig())
+    one = keypoint_mean(points, DepthImage(depth, INFO), CONFIDENCE_MIN)
+    other = keypoint_mean(points[rng.permutation(17)], DepthImage(depth, INFO), CONFIDENCE_MIN)
     assert one is not None
     assert other is not None
     np.testing.assert_allclose(one, other)
@@ -184,7 +173,7 @@ def test_positions_in_the_simulated_room_lie_on_the_surface(shared: Path) -> Non
         for person in np.flatnonzero(truth["vis"][frame] > 0.9):
             visible = truth["kpvis"][frame, person].astype(np.float32)
             points = np.column_stack([truth["kp2d"][frame, person], visible]).astype(np.float32)
-            position = keypoint_mean(points, DepthImage(depth, info), KeypointConfig())
+            position = keypoint_mean(points, DepthImage(depth, info), CONFIDENCE_MIN)
             assert position is not None
             torso = apply(invert(truth["T_world_cam"][frame]), truth["pos"][frame, person])
             errors.append(position - torso)

@@ -5,16 +5,18 @@ import numpy as np
 import pytest
 
 from people4d.messages import F32, U16
-from services.detector.config import EllipseConfig, TorsoConfig, UncertaintyConfig
+from services.detector.config import DetectorConfig
 from services.detector.models.base import DetectedPerson, InstanceMask
+from services.detector.position.axis import BODY_M, SURFACE_M, Ellipse
 from services.detector.position.surface import TORSO, DepthImage, PositionEstimate
 from services.detector.position.torso import TorsoEstimator
 from tests.detector.cameras import lab_info
 
 INFO = lab_info(np.array([600.0, 600.0, 320.0, 240.0]))
-CYLINDER = EllipseConfig(half_depth_m=0.15, half_width_m=0.15)
-SURFACE = TorsoEstimator(TorsoConfig(), None, UncertaintyConfig())
-AXIS = TorsoEstimator(TorsoConfig(), CYLINDER, UncertaintyConfig())
+CYLINDER = Ellipse(half_depth_m=0.15, half_width_m=0.15)
+DEPTH_PER_M = DetectorConfig().depth_error_per_m
+SURFACE = TorsoEstimator(None, DEPTH_PER_M)
+AXIS = TorsoEstimator(CYLINDER, DEPTH_PER_M)
 FACING_RAD = math.pi
 
 
@@ -47,7 +49,7 @@ def estimates(
     estimator: TorsoEstimator, people: list[F32], depth_mm: U16, yaw_rad: float | None = None
 ) -> list[PositionEstimate | None]:
     image = DepthImage(depth_mm, INFO)
-    torsos = estimator.find([person(points) for points in people], 0.3, image)
+    torsos = estimator.find_torsos([person(points) for points in people], 0.3, image)
     return estimator.estimate(torsos, image, [yaw_rad] * len(torsos))
 
 
@@ -136,8 +138,7 @@ def test_depth_of_near_people_has_less_variance() -> None:
     for z_m in (1.5, 3.0):
         estimate = one(SURFACE, keypoints(z_m=z_m), stand(room(), z_m=z_m))
         assert estimate.covariance_m2 is not None
-        config = UncertaintyConfig()
-        expected = (config.depth_per_m * z_m**2) ** 2 / 5 + config.body_m**2 + config.surface_m**2
+        expected = (DEPTH_PER_M * z_m**2) ** 2 / 5 + BODY_M**2 + SURFACE_M**2
         assert estimate.covariance_m2[2, 2] == pytest.approx(expected)
 
 
@@ -147,16 +148,11 @@ def test_without_depth_or_outside_of_the_image_there_is_no_position() -> None:
     assert estimates(SURFACE, [], room()) == []
 
 
-def test_legs_behind_furniture_are_not_the_depth_of_somebody_out_of_range() -> None:
-    # As large as at 4.8 m with a range of 5 m; no depth but that of a table at 3.4 m, at the legs.
-    points = keypoints(z_m=4.8)
-    points[[13, 14, 15, 16]] = [(310, 320, 0.9), (330, 320, 0.9), (310, 350, 0.9), (330, 350, 0.9)]
-    depth_mm = np.zeros((480, 640), np.uint16)
-    depth_mm[300:, :] = 3400
-    assert estimates(SURFACE, [points], depth_mm) == [None]
-    # Nearer it is somebody whose clothes the camera does not see.
+def test_a_torso_without_readings_has_the_depth_of_its_legs() -> None:
     points = keypoints(z_m=3.4)
     points[[13, 14, 15, 16]] = [(310, 340, 0.9), (330, 340, 0.9), (310, 390, 0.9), (330, 390, 0.9)]
+    depth_mm = np.zeros((480, 640), np.uint16)
+    depth_mm[300:, :] = 3400
     assert one(SURFACE, points, depth_mm).position_m[2] == pytest.approx(3.4, abs=0.07)
 
 
@@ -191,7 +187,7 @@ def side_on(z_m: float = 1.2) -> tuple[DetectedPerson, U16]:
 def test_near_person_from_the_side_without_hips_is_not_put_on_the_wall() -> None:
     cut_off, depth_mm = side_on()
     image = DepthImage(depth_mm, INFO)
-    torsos = AXIS.find([cut_off], 0.3, image)
+    torsos = AXIS.find_torsos([cut_off], 0.3, image)
     assert torsos[0] is not None
     known = torsos[0][0].known.tolist()
     assert known == [True, True, False, False]  # hips at the edge are guesses
@@ -205,7 +201,7 @@ def test_near_person_from_the_side_without_hips_is_not_put_on_the_wall() -> None
 @pytest.mark.parametrize("box", [(np.nan,) * 4, (700, 0, 900, 480), (400, 80, 255, 480)])
 def test_box_without_area_leaves_the_keypoints(box: tuple[float, ...]) -> None:
     cut_off, depth_mm = side_on()
-    found = AXIS.find(
+    found = AXIS.find_torsos(
         [replace(cut_off, box_xyxy_px=np.array(box, np.float32))], 0.3, DepthImage(depth_mm, INFO)
     )[0]
     assert found is not None
@@ -216,7 +212,7 @@ def test_keypoints_that_are_not_numbers_do_not_count() -> None:
     cut_off, depth_mm = side_on()
     assert cut_off.keypoints is not None
     cut_off.keypoints[[5, 8], :2] = np.nan
-    found = AXIS.find([cut_off], 0.3, DepthImage(depth_mm, INFO))[0]
+    found = AXIS.find_torsos([cut_off], 0.3, DepthImage(depth_mm, INFO))[0]
     assert found is not None
     assert found[0].known.tolist() == [False, True, False, False]
     assert found[1].depth_m == pytest.approx(1.2)
@@ -282,7 +278,7 @@ def test_person_beside_the_image_is_not_on_the_wall(
     points = np.zeros((17, 3), np.float32)
     corners = np.array([box[0], 100, box[1], 400], np.float32)
     image = DepthImage(depth_mm, INFO)
-    torsos = SURFACE.find([DetectedPerson(0.9, corners, points)], 0.3, image)
+    torsos = SURFACE.find_torsos([DetectedPerson(0.9, corners, points)], 0.3, image)
     (estimate,) = SURFACE.estimate(torsos, image, [None])
     assert estimate is not None
     assert estimate.position_m[2] == pytest.approx(2.0)
