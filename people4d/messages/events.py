@@ -8,6 +8,7 @@ from msgspec import Meta
 from people4d.messages.base import (
     F64,
     MAX_M,
+    MAX_STAMP_NS,
     Count,
     Message,
     Name,
@@ -111,6 +112,8 @@ class Event(Message, frozen=True, kw_only=True):
     distance_m: NonNegative | None = None  # [m] on the ground to the robot, of robot_near
     confidence: NonNegative | None = None  # of the identity, of identity_uncertain; if known
     reason: Text = ""  # of the identity, of identity_uncertain and returned; empty if unknown
+    # [ns] wall clock of the stamp: of a recording, of its playing; absent if unknown
+    wall_ns: Annotated[int, Meta(ge=0, le=MAX_STAMP_NS)] | None = None
 
 
 def _check_names(zones: tuple[Zone, ...]) -> None:

@@ -135,7 +135,8 @@ def skeletons_of(skeletons: Skeletons) -> dict[str, Any]:
 
 
 def event_of(event: Event, at_ms: float) -> dict[str, Any]:
-    """Return an event."""
+    """Return an event; `at_ms` is the time of its arrival, for one of an unknown time."""
+    at_ms = at_ms if event.wall_ns is None else event.wall_ns / 1e6
     return {
         "type": "event",
         "at_ms": at_ms,

@@ -3,12 +3,13 @@
 import sqlite3
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import ClassVar
 
 from common.geometry.transform_buffer import TransformBuffer
 from common.runtime.node import LoopCallbacks, Node, Status
+from common.transport.stream_clock import StreamClock
 from people4d.errors import ConfigError
 from people4d.messages import (
     F64,
@@ -38,16 +39,22 @@ COUNTERS = ("stale", "clock_resets", "journal_errors", "edits", "edits_refused")
 
 
 class EventsNode(Node):
-    """Makes events; each is in the journal before it is published."""
+    """Makes events; each is in the journal before it is published.
+
+    Args:
+        config: Configuration of the service.
+        wall_ns: The wall clock.
+    """
 
     inputs: tuple[type[Message], ...] = (
         *(Tracks, ZoneEdit, StaticTransform, MovingTransform, Odometry),
     )
     required_inputs: ClassVar[tuple[type[Message], ...]] = (Tracks,)
 
-    def __init__(self, config: EventsConfig) -> None:
+    def __init__(self, config: EventsConfig, wall_ns: Callable[[], int] = time.time_ns) -> None:
         self._config = config
         self._rules = EventRules(config)
+        self._stream = StreamClock(wall_ns)
         self._transforms = TransformBuffer(config.base)
         self._journal = Journal(None, config.journal_max)
         self._deliveries: list[Delivery] = []
@@ -109,6 +116,7 @@ class EventsNode(Node):
             self._counters["clock_resets"] += 1
             events = self._rules.close()
         self._newest_ns = message.stamp_ns
+        self._rules.offset_ns = self._stream.wall_ns(message) - message.stamp_ns
         events += self._rules.update(message, self._robot(message))
         return self._recorded(events)
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from people4d.messages import F64, Event, Track, Tracks, Zone
+from people4d.messages.base import MAX_STAMP_NS
 from services.events.config import EventsConfig
 
 GONE_MAX = 10_000  # identities that may return
@@ -33,10 +34,15 @@ class _Person:
 
 
 class EventRules:
-    """Makes events from tracks; those that it returns have been applied."""
+    """Makes events from tracks; those that it returns have been applied.
+
+    Attributes:
+        offset_ns: Wall time minus stamps, of the events to be made; None if unknown.
+    """
 
     def __init__(self, config: EventsConfig) -> None:
         self._config = config
+        self.offset_ns: int | None = None
         self._people: dict[int, _Person] = {}
         self._gone: dict[int, None] = {}
         self._full: set[str] = set()
@@ -134,8 +140,10 @@ class EventRules:
         return self._made
 
     def _make(self, kind: Any, number: int | None, person: _Person, **fields: Any) -> None:
+        wall_ns = -1 if self.offset_ns is None else person.stamp_ns + self.offset_ns
         event = Event(
             stamp_ns=person.stamp_ns,
+            wall_ns=wall_ns if 0 <= wall_ns <= MAX_STAMP_NS else None,
             sequence=self._next,
             kind=kind,
             id=number,

@@ -189,7 +189,7 @@ class Ros2BridgeNode(Node):
         recent = abs(message.stamp_ns - groups_ns) < GROUPS_NS
         people = self._view.tracks(message, groups if recent else {}, self._config.states)
         found = self._people.in_frame(people)
-        if found is None or (message.predicted and not found.people):  # unknown is not nobody
+        if found is None or (message.predicted and not found.people):  # unknown, not absent
             return
         if self._is_sent:
             found = self._moved(replace(found, stamp_ns=stamp_ns), sent_ns)

@@ -328,6 +328,7 @@ FULL: tuple[Message, ...] = (
         frame_id="odom",
         dwell_s=12.5,
         count=2,
+        wall_ns=STAMP_NS,
         distance_m=0.75,
         confidence=0.5,
         reason="two people look alike",

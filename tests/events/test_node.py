@@ -135,3 +135,27 @@ def test_damaged_journal_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "events.sqlite").write_bytes(b"no database" * 100)
     with pytest.raises(ConfigError, match="journal"):
         start(tmp_path)
+
+
+@pytest.mark.parametrize("months", [-4, 0, 4])
+def test_events_of_a_recording_have_the_time_of_its_playing(months: int) -> None:
+    start_ns, apart_ns = 1_800_000_000 * 10**9, months * 30 * 24 * 3600 * 10**9
+    now_ns = start_ns
+    node, made = EventsNode(EventsConfig(), lambda: now_ns), list[Any]()
+    for second in (0.0, 1.0, 1.5):
+        now_ns = start_ns + round(second * 1e9)
+        people = [track(id=1)] if second == 0 else []
+        made += node.handle(tracks(*people, stamp_ns=now_ns + apart_ns), 0)
+    assert [(one.kind, one.wall_ns) for one in made] == [
+        ("appeared", start_ns),
+        ("disappeared", start_ns),  # its stamp is that of the last message with the person
+    ]
+
+
+def test_people_of_an_earlier_run_disappear_at_an_unknown_time(tmp_path: Path) -> None:
+    node, _ = start(tmp_path)
+    see(node, 1.0)
+    node.close()
+    (tmp_path / RUN).unlink()
+    _, events = start(tmp_path)
+    assert [(e.kind, e.wall_ns) for e in events if isinstance(e, Event)] == [("disappeared", None)]

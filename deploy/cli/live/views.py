@@ -12,6 +12,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from common.transport.stream_clock import LATE_MAX_NS
 from deploy.cli.options import Connect, Json, Once, Robot, Timeout, open_client
 from deploy.cli.terminal import plain_table, print_json, shown
 from people4d.errors import People4dError
@@ -111,8 +112,12 @@ def table_of(tracks: Tracks, now_ns: int) -> Table:
 
 
 def latency_ms(tracks: Tracks, now_ns: int) -> float | None:
-    """Return the time since the first traced stage [ms]; None for an untraced message."""
-    return (now_ns - tracks.trace[0].start_ns) / 1e6 if tracks.trace else None
+    """Return the time since the first traced stage [ms]; None if it is unknown.
+
+    A message without a trace has none, nor has one that is replayed with its old trace.
+    """
+    age_ns = now_ns - tracks.trace[0].start_ns if tracks.trace else LATE_MAX_NS
+    return age_ns / 1e6 if age_ns < LATE_MAX_NS else None
 
 
 def render_score(message: Score) -> Group:
