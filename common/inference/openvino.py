@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from common.extras import need
 from common.inference.cores import InferenceCores, NetworkRuns
 from common.inference.session import Array
 from people4d.errors import ModelError
@@ -22,17 +23,14 @@ class OpenVinoSession:
         cores: See `NetworkRuns`.
 
     Raises:
-        ModelError: OpenVINO is not installed, or the file is absent or no network that it can run.
+        ConfigError: OpenVINO is not installed.
+        ModelError: The file is absent or no network that it can run.
     """
 
     def __init__(self, path: Path, threads: int = 1, cores: InferenceCores | None = None) -> None:
-        try:
-            import openvino  # noqa: PLC0415  # an extra
-        except ImportError:
-            raise ModelError(
-                "the engine openvino is not installed",
-                "Install it: pip install people4d[openvino].",
-            ) from None
+        need("the engine openvino", "openvino")
+        import openvino  # noqa: PLC0415  # an extra
+
         if not path.is_file():
             raise ModelError(f"model file {path} does not exist", "See: people4d models.")
         self._core: Any = openvino.Core()

@@ -3,9 +3,9 @@
 from collections.abc import Callable
 
 from common import registry
+from common.extras import need
 from common.ros2.config import Ros2Config
 from common.ros2.transport import Ros2Transport
-from people4d.errors import ConfigError
 
 # Imported on use: each needs another library.
 TRANSPORTS = {
@@ -20,12 +20,9 @@ def find_transport(config: Ros2Config) -> type[Ros2Transport]:
     Raises:
         ConfigError: There is none of this name, or its library is not installed.
     """
-    try:
-        found: type[Ros2Transport] = registry.find("transport", TRANSPORTS, config.transport)
-    except ConfigError as error:
-        if config.transport == "dds":
-            raise ConfigError(error.problem, "pip install 'people4d[dds]'") from error
-        raise
+    if config.transport == "dds":
+        need("ROS 2 by DDS", "dds")
+    found: type[Ros2Transport] = registry.find("transport", TRANSPORTS, config.transport)
     return found
 
 

@@ -123,11 +123,3 @@ def kinds_of(topics: str) -> tuple[type[Message], ...]:
 def _endpoint(connect: str, robot: str) -> str:
     running = None if connect else State.of_robot(robot).read()
     return running.connect if running else connect
-
-
-def missing(program: str, extra: str, error: ModuleNotFoundError) -> ConfigError:
-    """Return the error of a package that an extra of people4d installs."""
-    return ConfigError(
-        f"{program} needs the package {error.name}, which is not installed",
-        f"Install it: pip install 'people4d[{extra}]'.",
-    )

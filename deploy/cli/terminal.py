@@ -1,6 +1,5 @@
 """Tables, JSON and progress bars in the terminal, and the end of long work on Ctrl-C."""
 
-import importlib.util
 import os
 import signal
 from collections.abc import Callable, Iterator
@@ -14,6 +13,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import Progress, TaskID, TimeElapsedColumn
 from rich.table import Table
+
+from common.extras import install, missing
 
 COLOURS = {"ready": "green", "degraded": "yellow", "starting": "cyan", "exited": "dim", "": "dim"}
 
@@ -84,9 +85,9 @@ def print_progress(name: str, what: str) -> None:
 
 def can_draw_figures() -> bool:
     """Return True if matplotlib is installed; say so otherwise."""
-    if importlib.util.find_spec("matplotlib"):
+    if not missing("evaluate"):
         return True
-    typer.echo("No figures: matplotlib is not installed (pip install 'people4d[evaluate]').")
+    typer.echo(f"No figures: matplotlib is not installed. {install('evaluate')}")
     return False
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from common.extras import need
 from common.inference.session import Array
 from people4d.errors import ConfigError, ModelError
 
@@ -33,13 +34,10 @@ class Quantizer:
     def __init__(self, path: Path, images: Sequence[Array], folder: Path) -> None:
         if not images:
             raise ConfigError("there are no images to calibrate with")
-        try:
-            import onnx  # noqa: PLC0415  # an extra
-            from onnxruntime.quantization import shape_inference  # noqa: PLC0415
-        except ImportError:
-            raise ConfigError(
-                "quantisation needs the package onnx", "Install it: pip install people4d[quantize]."
-            ) from None
+        need("quantisation", "quantize")
+        import onnx  # noqa: PLC0415  # an extra
+        from onnxruntime.quantization import shape_inference  # noqa: PLC0415
+
         prepared = folder / "prepared.onnx"
         try:
             shape_inference.quant_pre_process(str(path), str(prepared), skip_symbolic_shape=True)

@@ -1,8 +1,8 @@
 """Check of the settings before anything is started."""
 
-import importlib.util
 from pathlib import Path
 
+from common.extras import need
 from people4d.errors import ConfigError
 from services.dashboard.config import DashboardConfig
 
@@ -13,11 +13,7 @@ def check_page(config: DashboardConfig) -> None:
     Raises:
         ConfigError: They are not.
     """
-    for name in ("starlette", "uvicorn", "websockets"):
-        if importlib.util.find_spec(name) is None:
-            raise ConfigError(
-                f"the dashboard needs {name}", "Install it: pip install 'people4d[dashboard]'."
-            )
+    need("the dashboard", "dashboard")
     if bool(config.certificate) != bool(config.certificate_key):
         raise ConfigError("dashboard.certificate and dashboard.certificate_key belong together")
     for file in (config.certificate, config.certificate_key):

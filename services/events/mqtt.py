@@ -6,8 +6,10 @@ from collections.abc import Callable
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
+from common.extras import need
 from people4d.errors import ConfigError
 from people4d.messages import Event
+from services.events.config import EventsConfig
 from services.events.delivery import TIMEOUT_S
 
 PASSWORD = "PEOPLE4D_MQTT_PASSWORD"  # name of a variable
@@ -32,12 +34,9 @@ class MqttBroker:
     name = "mqtt"
 
     def __init__(self, address: str, robot: str) -> None:
-        try:
-            from paho.mqtt import client  # noqa: PLC0415  # an extra
-        except ImportError:
-            raise ConfigError(
-                "events.mqtt needs paho-mqtt", "Install it: pip install people4d[mqtt]."
-            ) from None
+        need("events.mqtt", "mqtt")
+        from paho.mqtt import client  # noqa: PLC0415  # an extra
+
         self._paho: Any = client
         parts = urlsplit(address)
         try:
@@ -100,3 +99,13 @@ class MqttBroker:
             failure = client.loop(left_s)
             if failure and not came():
                 raise OSError(self._paho.error_string(failure))
+
+
+def check_broker(config: EventsConfig) -> None:
+    """Check that the client of a broker is installed where one is named.
+
+    Raises:
+        ConfigError: It is not.
+    """
+    if config.mqtt:
+        need("events.mqtt", "mqtt")

@@ -13,6 +13,7 @@ from typing import Annotated, Any, TypeAlias, TypeVar
 import msgspec
 import typer
 
+from common.extras import need
 from common.io.people_table import COLUMNS, NAMES, Cell, rows_of
 from common.io.recording import Recording, open_recording
 from common.metrics.alignment.truth_buffer import TruthBuffer
@@ -21,6 +22,7 @@ from people4d.messages import Message, Tracks, Truth
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.sources.registry import open_truth
 
+PARQUET = ".parquet"
 BATCH = 50_000  # rows that are written to Parquet at once
 M = TypeVar("M", bound=Message)
 Row: TypeAlias = Mapping[str, Cell]
@@ -42,6 +44,8 @@ def csv(
     ] = False,
 ) -> None:
     """Write ground truth and tracks of a recording to a table: a row for each person and stamp."""
+    if table.suffix == PARQUET:
+        need("Parquet", "parquet")
     opened = open_recording(recording)
     source = open_truth(GtBridgeConfig(truth=truth)) if truth else _of_kind(opened, Truth)
     offset_ns = round(offset_s * 1e9)
@@ -66,7 +70,7 @@ def csv(
 
 def write(file: Path, messages: Iterable[Truth | Tracks]) -> int:
     """Write the people of messages, by rising stamp, to a table; return the number of rows."""
-    writers = {".csv": _open_csv, ".parquet": _open_parquet}
+    writers = {".csv": _open_csv, PARQUET: _open_parquet}
     if file.suffix not in writers:
         raise ConfigError(f"{file} is of no known kind", f"Write {' or '.join(writers)}.")
     start_ns, count = None, 0
@@ -99,14 +103,8 @@ def _open_csv(file: Path) -> Iterator[Callable[[Row], None]]:
 
 @contextmanager
 def _open_parquet(file: Path) -> Iterator[Callable[[Row], None]]:
-    try:
-        arrow: Any = importlib.import_module("pyarrow")
-        parquet: Any = importlib.import_module("pyarrow.parquet")
-    except ImportError as error:
-        raise ConfigError(
-            "Parquet needs pyarrow, which is not installed",
-            "pip install 'people4d[parquet]', or write .csv.",
-        ) from error
+    arrow: Any = importlib.import_module("pyarrow")
+    parquet: Any = importlib.import_module("pyarrow.parquet")
     types = {str: arrow.string(), int: arrow.int64(), float: arrow.float64()}
     fields = [
         arrow.field(c.name, types[c.kind], c.optional, {"meaning": c.meaning}) for c in COLUMNS

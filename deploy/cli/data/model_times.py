@@ -12,7 +12,7 @@ from common.inference.engines import open_session
 from common.inference.session import Engine
 from common.io.weights import ModelFile, find, folders, load_manifest
 from deploy.cli.terminal import console, plain_table, progress
-from people4d.errors import ModelError, People4dError
+from people4d.errors import ConfigError, ModelError, People4dError
 from services.detector.config import DetectorConfig
 from services.detector.models.registry import MODELS, find_factory
 
@@ -32,7 +32,7 @@ def benchmark(
         for engine in get_args(Engine):
             try:
                 runs[model.name, engine] = _detection(model, engine, threads)
-            except ModelError as error:
+            except (ConfigError, ModelError) as error:
                 failed[f"{model.name}, {engine}"] = str(error)
     times_ms: dict[tuple[str, Engine], list[float]] = {key: [] for key in runs}
     with progress() as report:

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from common.extras import need
 from common.io.weights import locate
 from deploy.cli.terminal import console, plain_table, progress
 from people4d.errors import ModelError
@@ -24,6 +25,7 @@ def quantize(
     ] = None,
 ) -> None:
     """Make a model of 8-bit integers, as far as its accuracy holds on frames of the lab."""
+    need("quantisation", "quantize")
     from common.inference.onnx import OnnxSession  # noqa: PLC0415
     from evaluation.quantization.accuracy import AccuracyLoss, compare, detect  # noqa: PLC0415
     from evaluation.quantization.control import candidates, harm  # noqa: PLC0415

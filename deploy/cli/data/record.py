@@ -8,10 +8,11 @@ from typing import Annotated
 
 import typer
 
+from common.extras import need
 from common.io.recording import RecordingWriter
 from deploy.anonymise.colourless import without_colour
 from deploy.cli.data.targets import Force, check_target
-from deploy.cli.options import Connect, Robot, kinds_of, missing, open_client
+from deploy.cli.options import Connect, Robot, kinds_of, open_client
 from deploy.cli.terminal import signals_interrupt
 from deploy.recorder.conditions import PERSON, condition_of
 from deploy.recorder.outputs import (
@@ -69,9 +70,9 @@ def record(
     robot: Robot = "robot",
     connect: Connect = "",
 ) -> None:
-    r"""Record messages of a running system to a file; frames are compressed.
+    """Record messages of a running system to a file; frames are compressed.
 
-    Foxglove needs the extra people4d\[foxglove].
+    Foxglove needs the extra foxglove.
     """
     if limit_mb and last_s:
         raise ConfigError("--limit and --last exclude each other", "Leave one of them out.")
@@ -116,10 +117,9 @@ def record(
 
 def foxglove_opener(images: str) -> Open:
     """Return the function that opens a recording with Foxglove's messages beside ours."""
-    try:
-        from deploy.viewers.foxglove_messages import FoxgloveConverter  # noqa: PLC0415 (optional)
-        from deploy.viewers.foxglove_outputs import recording_opener  # noqa: PLC0415
-    except ModuleNotFoundError as error:
-        raise missing("Foxglove", "foxglove", error) from error
+    need("Foxglove", "foxglove")
+    from deploy.viewers.foxglove_messages import FoxgloveConverter  # noqa: PLC0415 (optional)
+    from deploy.viewers.foxglove_outputs import recording_opener  # noqa: PLC0415
+
     ColourEncoder(images)  # refuses a wrong format before anything is recorded
     return recording_opener(lambda: FoxgloveConverter(ColourEncoder(images)))

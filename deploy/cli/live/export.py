@@ -9,9 +9,10 @@ from typing import Annotated
 
 import typer
 
+from common.extras import need
 from common.runtime.monitor import Monitor
 from common.transport.trace import ProcessId
-from deploy.cli.options import Connect, Robot, missing, open_client
+from deploy.cli.options import Connect, Robot, open_client
 from deploy.cli.terminal import signals_interrupt
 from deploy.exporters.measures import Exporter
 from people4d.client import Client
@@ -36,13 +37,16 @@ def export(
     robot: Robot = "robot",
     connect: Connect = "",
 ) -> None:
-    r"""Export latency of every stage and health of every process to Prometheus or OpenTelemetry.
+    """Export latency of every stage and health of every process to Prometheus or OpenTelemetry.
 
-    Runs until Ctrl-C. Prometheus needs the extra people4d\[prometheus], OpenTelemetry
-    people4d\[otel].
+    Runs until Ctrl-C. Prometheus needs the extra prometheus, OpenTelemetry the extra otel.
     """
     if prometheus is None and not otlp:
         raise typer.BadParameter("name --prometheus PORT, --otlp URL, or both")
+    if prometheus is not None:
+        need("Prometheus", "prometheus")
+    if otlp:
+        need("OpenTelemetry", "otel")
     with (
         open_client(connect, robot) as client,
         ExitStack() as exporters,
@@ -70,10 +74,8 @@ def feed(client: Client, exporters: Sequence[Exporter]) -> None:
 
 def prometheus_exporter(address: str, port: int) -> Exporter:
     """Return what serves Prometheus."""
-    try:
-        from deploy.exporters.prometheus import PrometheusExporter  # noqa: PLC0415 (optional)
-    except ModuleNotFoundError as error:
-        raise missing("Prometheus", "prometheus", error) from error
+    from deploy.exporters.prometheus import PrometheusExporter  # noqa: PLC0415 (optional)
+
     exporter = PrometheusExporter(address, port)
     typer.echo(f"Serving http://{address}:{exporter.port}/metrics; Ctrl-C ends it.")
     return exporter
@@ -81,19 +83,17 @@ def prometheus_exporter(address: str, port: int) -> Exporter:
 
 def otlp_exporter(robot: str, url: str) -> Exporter:
     """Return what sends to a collector by OTLP over HTTP."""
-    try:
-        from opentelemetry.exporter.otlp.proto.http.metric_exporter import (  # noqa: PLC0415
-            OTLPMetricExporter,
-        )
-        from opentelemetry.exporter.otlp.proto.http.trace_exporter import (  # noqa: PLC0415
-            OTLPSpanExporter,
-        )
-        from opentelemetry.sdk.metrics.export import PeriodicExportingMetricReader  # noqa: PLC0415
-        from opentelemetry.sdk.trace.export import BatchSpanProcessor  # noqa: PLC0415
+    from opentelemetry.exporter.otlp.proto.http.metric_exporter import (  # noqa: PLC0415
+        OTLPMetricExporter,
+    )
+    from opentelemetry.exporter.otlp.proto.http.trace_exporter import (  # noqa: PLC0415
+        OTLPSpanExporter,
+    )
+    from opentelemetry.sdk.metrics.export import PeriodicExportingMetricReader  # noqa: PLC0415
+    from opentelemetry.sdk.trace.export import BatchSpanProcessor  # noqa: PLC0415
 
-        from deploy.exporters.otel import OtelExporter  # noqa: PLC0415
-    except ModuleNotFoundError as error:
-        raise missing("OpenTelemetry", "otel", error) from error
+    from deploy.exporters.otel import OtelExporter  # noqa: PLC0415
+
     base = url.rstrip("/")
     typer.echo(f"Sending to {base}/v1/traces and /v1/metrics; Ctrl-C ends it.")
     return OtelExporter(

@@ -10,11 +10,12 @@ from typing import Annotated, Protocol
 
 import typer
 
+from common.extras import need
 from common.io.recording import open_recording
 from deploy import viewers
 from deploy.cli.data.replay import paced
 from deploy.cli.data.spans import End, RecordingSpan, Start
-from deploy.cli.options import Connect, Robot, missing, open_client
+from deploy.cli.options import Connect, Robot, open_client
 from deploy.cli.terminal import signals_interrupt
 from deploy.viewers.colour_images import FORMATS, ColourEncoder
 from deploy.viewers.scene import PeopleScene
@@ -67,12 +68,13 @@ def view(
     robot: Robot = "robot",
     connect: Connect = "",
 ) -> None:
-    r"""Show people, images and transforms in Rerun or Foxglove, or write a file for them.
+    """Show people, images and transforms in Rerun or Foxglove, or write a file for them.
 
-    Rerun needs the extra people4d\[rerun], Foxglove people4d\[foxglove].
+    Rerun needs the extra rerun, Foxglove the extra foxglove.
     """
     if rerun == foxglove:
         raise ConfigError("which viewer?", "Name --rerun or --foxglove.")
+    need("Rerun", "rerun") if rerun else need("Foxglove", "foxglove")
     if recording and recording.suffix == RRD and file is None:
         recording, file = None, recording
     if file is not None and rerun != (file.suffix == RRD):
@@ -122,20 +124,16 @@ def live(client: Client, image_hz: float) -> Iterator[tuple[int, Message]]:
 
 def rerun_output(robot: str, file: Path | None) -> ViewerOutput:
     """Open Rerun's viewer or a file of it."""
-    try:
-        from deploy.viewers.rerun_log import RerunLog, open_stream  # noqa: PLC0415 (optional)
-    except ModuleNotFoundError as error:
-        raise missing("Rerun", "rerun", error) from error
+    from deploy.viewers.rerun_log import RerunLog, open_stream  # noqa: PLC0415 (optional)
+
     return RerunLog(open_stream(robot, file))
 
 
 def foxglove_output(images: str, file: Path | None, address: str, port: int) -> ViewerOutput:
     """Open a server for Foxglove's app or a file of its messages."""
-    try:
-        from deploy.viewers.foxglove_messages import FoxgloveConverter  # noqa: PLC0415 (optional)
-        from deploy.viewers.foxglove_outputs import FoxgloveFile, FoxgloveServer  # noqa: PLC0415
-    except ModuleNotFoundError as error:
-        raise missing("Foxglove", "foxglove", error) from error
+    from deploy.viewers.foxglove_messages import FoxgloveConverter  # noqa: PLC0415 (optional)
+    from deploy.viewers.foxglove_outputs import FoxgloveFile, FoxgloveServer  # noqa: PLC0415
+
     converter = FoxgloveConverter(None if images == "none" else ColourEncoder(images))
     if file:
         return FoxgloveFile(converter, file)

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from common.extras import need
 from deploy.cli.terminal import console, plain_table
 from people4d.errors import ConfigError, People4dError
 
@@ -42,12 +43,8 @@ def keys(
     renew: Annotated[bool, typer.Option("--renew", help="Replace existing keys.")] = False,
 ) -> None:
     """Make certificates (or passwords) for each role and host, or check them."""
-    try:
-        made = importlib.import_module("deploy.keys")  # its library is for those who make some
-    except ModuleNotFoundError as error:
-        raise People4dError(
-            f"the package {error.name} is missing", "Install it: pip install cryptography"
-        ) from error
+    need("people4d keys", "keys")
+    made: Any = importlib.import_module("deploy.keys")  # its library is for those who make some
     if not check:
         hosts = dict(_host(text) for text in host)
         if made.check(folder, datetime.now(UTC)) and not renew:

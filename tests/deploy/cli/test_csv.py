@@ -115,7 +115,7 @@ def test_parquet_without_pyarrow_fails_with_a_hint(
     monkeypatch.setitem(sys.modules, "pyarrow", None)  # as if it were not installed
     status, output = run(example(tmp_path), tmp_path / "x.parquet")
     assert status == 1
-    assert "pip install 'people4d[parquet]', or write .csv." in output
+    assert "-m pip install 'people4d-robot[parquet]'" in output
 
 
 @pytest.mark.skipif(importlib.util.find_spec("pyarrow") is None, reason="pyarrow is not installed")

@@ -1,0 +1,42 @@
+"""Packages that extras of people4d-robot install, checked before any work that needs them."""
+
+import importlib.util
+import sys
+
+from people4d.errors import ConfigError
+
+MODULES = {  # top-level modules by extra
+    "dashboard": ("anyio", "starlette", "uvicorn", "websockets"),
+    "dds": ("cyclonedds",),
+    "evaluate": ("matplotlib",),
+    "foxglove": ("foxglove",),
+    "keys": ("cryptography",),
+    "mqtt": ("paho",),
+    "openvino": ("openvino",),
+    "otel": ("opentelemetry",),
+    "parquet": ("pyarrow",),
+    "prometheus": ("prometheus_client",),
+    "quantize": ("onnx",),
+    "rerun": ("rerun",),
+}
+
+
+def need(what: str, extra: str) -> None:
+    """Check that the packages of an extra are installed.
+
+    Raises:
+        ConfigError: One is not; `what` needs it.
+    """
+    absent = missing(extra)
+    if absent:
+        raise ConfigError(f"{what} needs {absent}, which is not installed", install(extra))
+
+
+def missing(extra: str) -> str:
+    """Return a module of an extra that is not installed; empty if all are."""
+    return next((name for name in MODULES[extra] if importlib.util.find_spec(name) is None), "")
+
+
+def install(extra: str) -> str:
+    """Return how to install an extra in this environment, of a clone or of a wheel."""
+    return f"Install it: {sys.executable} -m pip install 'people4d-robot[{extra}]'"
