@@ -11,6 +11,18 @@ JOURNAL_MAGIC = b"\xd9\xd5\x05\xf9\x20\xa1\x63\xd7"  # of a journal whose change
 REPAIR = "import sqlite3; sqlite3.connect('{}').execute('PRAGMA wal_checkpoint(TRUNCATE)')"
 
 
+def remedy_of(path: Path) -> str:
+    """Return a remedy for a file that a recorder or a tool left, empty for other files."""
+    unpack = f"Run `zstd -d {path}` and give the file that it writes."
+    remedies = {
+        ".active": "Its recorder was killed: run `rosbag reindex` and name it .bag.",
+        ".zstd": unpack,
+        ".zst": unpack,
+        ".db3-wal": "Give the .db3 file beside it.",
+    }
+    return remedies.get(path.suffix, "")
+
+
 def is_bag(path: Path) -> bool:
     """Check whether a path is a ROS bag: a .bag, .db3 or .mcap file, or a folder of these.
 
@@ -40,12 +52,19 @@ def bag_path(path: Path) -> Path:
                 f"Run `ros2 bag reindex {path}`, or give one of its files: {names}.",
             )
         path = files[0]
-    if path.suffix == ".mcap" and path.is_file() and read_profile(path) == ROS1_PROFILE:
+    if path.suffix == ".mcap" and path.is_file() and _is_of_ros1(path):
         raise SourceError(
             f"bag {path} is an MCAP file of ROS 1, which is not read",
             "Give the .bag that it was made from.",
         )
     return path
+
+
+def _is_of_ros1(path: Path) -> bool:
+    try:
+        return read_profile(path) == ROS1_PROFILE
+    except SourceError:  # the reader says what it is
+        return False
 
 
 def check_written(database: Path) -> None:

@@ -2,7 +2,7 @@
 
 frame, id, left, top, width, height, confidence, x, y, z: frames count from 1, boxes are in pixels,
 id is -1 in detections. In ground truth, confidence 0 marks a box that is not evaluated. The 3D
-benchmarks give x, y, z in metres on the ground; -1, -1, -1 or nothing means that none is known.
+benchmarks give x, y, z in metres on the ground; -1, -1, -1, NaN or nothing: it is unknown.
 If all x are whole numbers and all y from 0 to 1, they are class and visibility, as in MOT16.
 """
 
@@ -90,7 +90,9 @@ def read_rows(path: Path) -> MotRows:
     table = table[np.argsort(table[:, 0], kind="stable")]
     corners = np.hstack([table[:, 2:4], table[:, 2:4] + table[:, 4:6]])
     frames, ids = table[:, :2].astype(np.int64).T
-    positions = np.where(np.all(table[:, 7:] == -1, axis=1, keepdims=True), np.nan, table[:, 7:])
+    positions = table[:, 7:]
+    known = np.isfinite(positions).all(axis=1) & ~np.all(positions == -1, axis=1)
+    positions = np.where(known[:, None], positions, np.nan)
     if _are_classes(positions):
         positions = np.full_like(positions, np.nan)
     return MotRows(frames, ids, corners, table[:, 6], positions)
@@ -164,7 +166,7 @@ def _parse(line: str, where: str) -> list[float]:
         row = [float(text) for text in texts]
     except ValueError as error:
         raise DecodeError(f"{where}: expected {LAYOUT}, got {line.strip()!r:.80}") from error
-    if not all(map(math.isfinite, row)):
+    if not all(map(math.isfinite, row[:7])):
         raise DecodeError(f"{where}: expected finite numbers, got {line.strip()!r:.80}")
     if not 1 <= row[0] <= MAX_NUMBER or abs(row[1]) > MAX_NUMBER or row[0] % 1 or row[1] % 1:
         raise DecodeError(

@@ -9,7 +9,7 @@ import msgspec
 
 from common import registry
 from common.config import Config
-from common.io.ros_bag_files import is_bag
+from common.io.ros_bag_files import is_bag, remedy_of
 from people4d.errors import ConfigError, SourceError
 from people4d.messages import CameraInfo
 from services.camera.config import CameraConfig
@@ -98,7 +98,7 @@ def kind_of(source: str) -> str:
         return "recording"
     raise SourceError(
         f"source {source} is not a known kind of recording",
-        "Known are .bag, .db3, .mcap, folders of a ROS 2 bag and folders of images.",
+        remedy_of(path) or "Known are .bag, .db3, .mcap, and folders of a ROS 2 bag or of images.",
     )
 
 

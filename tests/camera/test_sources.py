@@ -198,3 +198,14 @@ def test_absent_lab_is_reported_with_the_remedy(
     with pytest.raises(SourceError, match=r"No module named 'absent'.*options.depth_sensor=off"):
         open_source(str(path))
     open_source(str(path), options={"depth_sensor": "off"})
+
+
+@pytest.mark.parametrize(
+    ("name", "remedy"), [("a.bag.active", "rosbag reindex"), ("a.mcap.zstd", "zstd -d")]
+)
+def test_file_of_a_killed_recorder_or_a_tool_is_refused_with_a_remedy(
+    tmp_path: Path, name: str, remedy: str
+) -> None:
+    (tmp_path / name).write_bytes(b"x")
+    with pytest.raises(SourceError, match=remedy):
+        kind_of(str(tmp_path / name))

@@ -17,7 +17,10 @@ from services.camera.folder.pairing import Pairing
 IMAGES = {".jpg", ".jpeg", ".png", ".bmp", ".ppm", ".pgm"}
 DEPTHS = IMAGES | {".mat", ".npy"}
 COLOUR_FOLDERS = ("rgb", "color", "colour", "image", "images")
-LAYOUTS = (*((f"{folder}/*", "depth/*") for folder in COLOUR_FOLDERS), ("*", "*.mat"))
+LAYOUTS = (
+    *((f"{folder}/*", "depth/*") for folder in COLOUR_FOLDERS),
+    *(("*color*", "*depth*"), ("*rgb*", "*depth*"), ("*", "*.mat")),
+)
 # Images, depth and videos that are not read.
 UNREAD = {".tif", ".tiff", ".exr", ".pfm", ".raw", ".bin", ".depth", ".npz", ".webp", ".heic"}
 UNREAD |= {".mp4", ".mov", ".avi", ".mkv", ".svo", ".svo2", ".oni"}

@@ -5,8 +5,10 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 from people4d.errors import ConfigError
-from services.camera.ros.topics import TRANSPORTS
 
+COMPRESSED_DEPTH = "/compressedDepth"
+# Transports append their name to the topic; the earlier here, the better for depth and colour.
+TRANSPORTS = ("", COMPRESSED_DEPTH, "/compressed")
 SOURCE = re.compile(r"ros2(\+(?P<transport>\w+))?:(?P<name>.*)")
 TRANSPORT_NAMES = ("zenoh", "dds")
 RGBD_TOPIC = "rgbd"
@@ -82,15 +84,30 @@ def candidates(source: str, namespace: str, colour: str, depth: str) -> Candidat
             f"Write ros2: and the camera's namespace (/camera), or {', '.join(DRIVERS)}.",
         )
     colours = (colour,) if colour else _topics(below, (d.colours for d in drivers), "/compressed")
-    depths = (depth,) if depth else _topics(below, (d.depths for d in drivers), "/compressedDepth")
+    depths = (depth,) if depth else _topics(below, (d.depths for d in drivers), COMPRESSED_DEPTH)
     return Candidates(transport, colours, (colour,) if _is_rgbd(colour) else depths)
+
+
+def best_of_driver(topics: list[str]) -> list[str]:
+    """Return the topics with the best name of a driver if all are of one, else all."""
+    for name in (name for driver in DRIVERS.values() for name in driver.colours + driver.depths):
+        named = [topic for topic in topics if stream_of(topic).endswith(f"/{name}")]
+        below = {stream_of(topic).removesuffix(name) for topic in named}
+        if len(below) == 1 and all(topic.startswith(tuple(below)) for topic in topics):
+            return named
+    return topics
+
+
+def stream_of(topic: str) -> str:
+    """Strip the transport, so that one stream sent raw and compressed counts once."""
+    for transport in TRANSPORTS[1:]:
+        topic = topic.removesuffix(transport)
+    return topic
 
 
 def info_topic(image: str) -> str:
     """Return the topic of the CameraInfo beside an image."""
-    for ending in TRANSPORTS[1:]:
-        image = image.removesuffix(ending)
-    return f"{image.rpartition('/')[0]}/camera_info"
+    return f"{stream_of(image).rpartition('/')[0]}/camera_info"
 
 
 def image_kind(topic: str) -> str:

@@ -18,6 +18,7 @@ from services.camera.ros.topics import COMPRESSED, IMAGE, Topics, sdk_stream
 HEADS = 9
 MAX_BAD_HEADS = 30  # corrupt images after which a topic is unusable: one second
 STAMPED_HEADS = 30  # messages without a stamp after which a driver leaves stamps empty
+MILLIMETRE = 0.001  # [m]
 SIMULATED_NS = 10 * 10**9  # a clock before this began at 0 s with the simulation
 
 
@@ -47,6 +48,22 @@ def read_heads(bag: Bag, topics: Topics) -> tuple[ImageHead, ImageHead]:
 def simulated_topics(bag: Bag, topics: Collection[str]) -> frozenset[str]:
     """Return the topics whose stamps begin at 0 s: there a stamp of 0 is a time, and not empty."""
     return frozenset(topic for topic in topics if 0 < _first_stamp_ns(bag, topic) < SIMULATED_NS)
+
+
+def depth_unit_m(bag: Bag, depth: str) -> float:
+    """Return the unit of 16-bit depth [m]: a millimetre, or as librealsense recorded it.
+
+    Raises:
+        SourceError: The recorded unit is no length.
+    """
+    sensor = sdk_stream(depth).rpartition("/")[0]
+    option = f"{sensor}/option/Depth_Units/value"
+    if not sensor or option not in bag.types:
+        return MILLIMETRE
+    unit_m = float(getattr(bag.first(option), "data", 0.0))
+    if not 1e-6 <= unit_m <= 1.0:  # NaN included
+        raise SourceError(f"{option}: expected the unit of depth in metres, got {unit_m}")
+    return unit_m
 
 
 def encodings(bag: Bag) -> dict[str, str]:

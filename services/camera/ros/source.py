@@ -14,8 +14,8 @@ from people4d.errors import DecodeError, SourceError
 from people4d.messages import Odometry
 from services.camera.folder.pairing import Pairing
 from services.camera.ros.camera import RosbagOptions, read_camera
-from services.camera.ros.heads import encodings, simulated_topics
-from services.camera.ros.images import colour_image, depth_image
+from services.camera.ros.heads import MILLIMETRE, depth_unit_m, encodings, simulated_topics
+from services.camera.ros.images import colour_image, depth_image, millimetres
 from services.camera.ros.motion import WheelReader, odometry_of
 from services.camera.ros.topics import (
     JOINTS,
@@ -56,6 +56,7 @@ class RosbagSource(Source):
             types = {topic: kind for topic, kind in bag.types.items() if kind != unused}
             self.topics = find_topics(types, wanted, partial(encodings, bag))
             camera = read_camera(bag, self.topics, options)
+            self._unit_m = depth_unit_m(bag, self.topics.depth)
             self._joints = _reads_joints(bag, options.wheel_topics)
             self._moving = camera.moving
             self.moves = bool(self._moving)
@@ -104,6 +105,8 @@ class RosbagSource(Source):
         for (stamp_ns, colour), (depth_stamp_ns, depth) in pairs:
             try:
                 rgb, depth_mm = colour_image(colour), depth_image(depth)
+                if self._unit_m != MILLIMETRE:
+                    depth_mm = millimetres(depth_mm * self._unit_m)
                 if self.registration:
                     depth_mm = self.registration(depth_mm)
             except (DecodeError, ValueError):  # ValueError: depth changed its size

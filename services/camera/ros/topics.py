@@ -11,6 +11,7 @@ from rosbags.typesys.store import Typestore
 from common.io import ros_bag
 from common.io.ros_bag import Bag
 from people4d.errors import SourceError
+from services.camera.ros.drivers import COMPRESSED_DEPTH, TRANSPORTS, best_of_driver, stream_of
 from services.camera.ros.images import DEPTHS
 
 IMAGE = "sensor_msgs/msg/Image"
@@ -25,9 +26,6 @@ TF_DEFINITION = "geometry_msgs/TransformStamped[] transforms\n"
 # Types that rosbags lacks, some in ROS 1 only.
 DEFINITIONS = {TF: TF_DEFINITION, OLD_TF: TF_DEFINITION}
 
-# Transports append their name to the topic; the earlier here, the better for depth and colour.
-COMPRESSED_DEPTH = "/compressedDepth"
-TRANSPORTS = ("", COMPRESSED_DEPTH, "/compressed")
 COLOUR_WORDS = ("color", "colour", "rgb")
 ALIGNED_WORDS = ("aligned_depth", "depth_registered", "depth_to_color", "depth_to_rgb")
 OTHERS = re.compile(r"infra|(^|[/_])ir([/_]|$)|confidence|mask|label|debug|thermal")
@@ -113,10 +111,9 @@ def _images(types: Mapping[str, str], encodings: Mapping[str, str]) -> tuple[lis
     ]
     colours = [topic for topic in images if topic not in depths]
     undoubted = [topic for topic in colours if "depth" not in topic.lower()]
-    return (
-        _narrow(_narrow(depths, ("depth",)), ALIGNED_WORDS),
-        _narrow(undoubted or colours, COLOUR_WORDS),
-    )
+    depths = _narrow(_narrow(depths, ("depth",)), ALIGNED_WORDS)
+    colours = _narrow(undoubted or colours, COLOUR_WORDS)
+    return best_of_driver(depths), best_of_driver(colours)
 
 
 def _odometry(types: Mapping[str, str]) -> str:
@@ -130,13 +127,13 @@ def _choose(what: str, topics: Sequence[str], types: Mapping[str, str], option: 
         raise SourceError(
             f"bag has no {what} images", f"It has {_list(types)}; set options.{option}."
         )
-    streams = {_stream(topic) for topic in topics}
+    streams = {stream_of(topic) for topic in topics}
     if len(streams) > 1:
         raise SourceError(
             f"bag has several topics that could be {what}: {', '.join(sorted(topics))}",
             f"Set options.{option} to one of them.",
         )
-    return min(topics, key=lambda topic: TRANSPORTS.index(topic.removeprefix(_stream(topic))))
+    return min(topics, key=lambda topic: TRANSPORTS.index(topic.removeprefix(stream_of(topic))))
 
 
 def _narrow(topics: list[str], words: Sequence[str]) -> list[str]:
@@ -145,16 +142,9 @@ def _narrow(topics: list[str], words: Sequence[str]) -> list[str]:
     return named or topics
 
 
-def _stream(topic: str) -> str:
-    """Strip the transport, so that one stream sent raw and compressed counts once."""
-    for transport in TRANSPORTS[1:]:
-        topic = topic.removesuffix(transport)
-    return topic
-
-
 def _info_of(image: str, infos: Sequence[str]) -> str:
     """Find the camera_info beside an image topic, or the only one of its namespace."""
-    namespace = _stream(image).rsplit("/", 1)[0]
+    namespace = stream_of(image).rsplit("/", 1)[0]
     for beside in (f"{namespace}/camera_info", sdk_stream(image) + SDK_INFO):
         if beside in infos:
             return beside

@@ -32,8 +32,8 @@ class CsvTruth:
 
     def __init__(self, config: GtBridgeConfig) -> None:
         self._path = Path(config.truth)
-        for _ in self._rows():
-            break  # opened once, so that a wrong file fails at the start
+        if not any(True for _ in self._rows()):  # a wrong file fails at the start
+            raise SourceError(f"truth {self._path} has no row of kind truth", "Check the file.")
 
     def __iter__(self) -> Iterator[Truth]:
         """Yield one message for each stamp.

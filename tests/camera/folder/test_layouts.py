@@ -124,6 +124,14 @@ def test_kinds_of_files_that_are_not_read_are_named(tmp_path: Path, name: str) -
         FolderSource(folder, FolderOptions())
 
 
+def test_colour_and_depth_in_one_folder_pair_by_their_names(tmp_path: Path) -> None:
+    for k in (0, 1):
+        put(tmp_path / f"frame-{k:06d}.color.png", k, depth=False)
+        put(tmp_path / f"frame-{k:06d}.depth.png", 1000 + k, depth=True)
+    (tmp_path / "camera.json").write_text(json.dumps(LENS))
+    assert stamps(tmp_path) == [0, 33_333_333]
+
+
 def column_major(matrix: list[list[float]]) -> list[float]:
     return [value for column in zip(*matrix, strict=True) for value in column]
 

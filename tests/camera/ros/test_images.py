@@ -126,3 +126,14 @@ def test_millimetres_leaves_its_input_alone() -> None:
     metres = np.full(SIZE, np.nan, np.float32)
     metres.setflags(write=False)
     assert not millimetres(metres).any()
+
+
+@pytest.mark.parametrize(
+    ("encoding", "pair"), [("yuv422", (128, 90)), ("uyvy", (128, 90)), ("yuv422_yuy2", (90, 128))]
+)
+def test_colour_with_shared_chroma_is_read(encoding: str, pair: tuple[int, int]) -> None:
+    # Luma 90 of 16 to 235 without chroma is a grey of (90 - 16) * 255 / 219 = 86.
+    pixels = np.full((6, 8, 2), pair, np.uint8)
+    rgb = colour_image(Ros(2).image(pixels, encoding))
+    assert rgb.shape == (6, 8, 3)
+    assert np.abs(rgb.astype(int) - 86).max() <= 1

@@ -38,6 +38,7 @@ NO_TURN = (0.0, 0.0, 0.0, 1.0)
 
 
 def opened(tmp_path: Path, entries: list[Entry], version: int = 2, **options: Any) -> RosbagSource:
+    tmp_path.mkdir(exist_ok=True)
     path = Ros(version).write(tmp_path / ("bag.bag" if version == 1 else "mcap"), entries)
     return RosbagSource(path, RosbagOptions(**options))
 
@@ -159,6 +160,11 @@ def test_recording_of_librealsense_is_registered_by_its_own_extrinsics(tmp_path:
     source = opened(tmp_path, entries, version=1)
     assert source.info.fx == 10.0
     assert captures(source)[0].depth_mm[0].tolist() == [1000] * 6 + [0] * 2
+    # The D405 counts tenths of a millimetre: 0.1 m, at which the shift is more than the image.
+    unit = ros.make("std_msgs/msg/Float32", data=0.0001)
+    entries.append(("/device_0/sensor_0/option/Depth_Units/value", "std_msgs/msg/Float32", 1, unit))
+    fine = opened(tmp_path / "fine", entries, version=1, depth_aligned=True)
+    assert captures(fine)[0].depth_mm.max() == 100
 
 
 @pytest.mark.parametrize("moves", [False, True])

@@ -61,3 +61,15 @@ def test_the_only_calibration_serves_colour_wherever_it_is() -> None:
     types = {"/rgb/image": IMAGE, "/depth/image": IMAGE, "/driver/camera_info": CAMERA_INFO}
     topics = find_topics(types, NONE)
     assert (topics.colour_info, topics.depth_info) == ("/driver/camera_info", "")
+
+
+def test_best_name_of_a_driver_is_chosen_among_its_own() -> None:
+    node = "/zed/zed_node"
+    names = ("left/image_rect_color", "right/image_rect_color", "rgb/image_rect_color")
+    types = {f"{node}/{name}": IMAGE for name in (*names, "depth/depth_registered")}
+    types |= {f"{node}/{name}/compressed": COMPRESSED for name in names}
+    topics = find_topics(types, NONE)
+    assert topics.colour == f"{node}/rgb/image_rect_color"
+    # A camera beside it is none of its own.
+    with pytest.raises(SourceError, match=r"several.*colour: /front/image_color"):
+        find_topics(types | {"/front/image_color": IMAGE}, NONE)

@@ -36,12 +36,13 @@ def mot(folder: Path, text: str, info: str = SEQINFO) -> Path:
 
 
 def test_mot_text_with_positions(tmp_path: Path) -> None:
-    # Frame 3 at 25 Hz is at 80 ms; frame 2 is empty; id 9 is not evaluated, id 4 has no position.
+    # Frame 3 at 25 Hz is at 80 ms; frame 2 is empty; id 9 is not evaluated, 4 and 5 are nowhere.
     path = mot(
         tmp_path,
         "1,7,10,20,30,40,1,1.5,-2.5,0\n"
         "3,7,10,20,30,40,1,2.5,-2.5,0.25\n"
         "3,4,10,20,30,40,1,-1,-1,-1\n"
+        "3,5,10,20,30,40,1,nan,nan,nan\n"
         "3,9,10,20,30,40,0,1,1,0\n",
     )
     got = read(path)
@@ -149,6 +150,8 @@ def test_class_and_visibility_of_mot_text_are_no_positions(tmp_path: Path) -> No
         ("id,stamp_ns,x_m,y_m,z_m\na,1,1,2,up\n", "line 2: z_m: expected a number, got 'up'"),
         ("id,stamp_ns,x_m,y_m,z_m\na,1,1,2,inf\n", "line 2: position_m.*finite"),
         ("id,stamp_ns,x_m,y_m,z_m\na,2,1,2,3\nb,1,1,2,3\n", "line 3: expected rising stamps"),
+        ("id,stamp_ns,x_m,y_m,z_m\n", "has no row of kind truth"),
+        ("kind,id,stamp_ns,x_m,y_m,z_m\ntrack,1,1,1,1,1\n", "has no row of kind truth"),
         ("id,stamp_ns,x_m,y_m,z_m\na\n", "line 2: expected stamp_ns, got ''"),
         ("id,stamp_ns,x_m,y_m,z_m\na,99999999999999999999,1,2,3\n", "line 2: stamp_ns"),
     ],
