@@ -16,7 +16,7 @@ class AppearanceEmbedder(NetworkEmbedder):
     def tensor(self, crop: Crop) -> F32:
         """Return colours and mask, 4xHxW.
 
-        Without a mask, all of the crop counts as the person, but for what others hide.
+        Without a mask, the whole crop except its hidden pixels counts as the person.
         """
         height, width = self.size
         resized = cv2.resize(crop.rgb, (width, height), interpolation=cv2.INTER_AREA)

@@ -4,7 +4,7 @@ from common.config import Config
 from common.inference.session import Engine
 from people4d.messages.base import PositiveInt
 
-# Network that each embedder takes unless another is configured; the others need none
+# Default network of each embedder that needs one
 NETWORKS = {"appearance": "appearance-lab", "osnet": "osnet-x0.25-msmt17"}
 
 

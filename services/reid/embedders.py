@@ -16,7 +16,7 @@ EMBEDDERS: dict[str, str] = {
 
 
 class Embedder(Protocol):
-    """Maps crops of people to vectors that are close for the same person."""
+    """Maps crops of people to vectors; vectors of one person are close."""
 
     @property
     def name(self) -> str:

@@ -1,8 +1,8 @@
 """Body-part colour histograms: an embedder that needs no weights.
 
-Head, torso and legs each have a hue-saturation histogram (docs/method.md section 8.1) with bins
-of grey beside it, because black, grey and white clothes have no hue. The square root of the shares
-makes the dot product of two vectors the Bhattacharyya coefficient, weighted by part.
+Head, torso and legs each have a hue-saturation histogram (docs/method.md section 8.1) and bins of
+grey, because black, grey and white clothes have no hue. With the square root of the shares, the dot
+product of two vectors is the Bhattacharyya coefficient, weighted by part.
 """
 
 from collections.abc import Sequence
@@ -19,18 +19,20 @@ HUES = 12
 SATURATIONS = 4
 GREYS = 8
 BINS = HUES * SATURATIONS + GREYS
-PART_WEIGHTS = (0.15, 0.5, 0.35)  # head, torso, legs
-PART_EDGES = (0.0, 0.18, 0.48, 1.0)  # of a standing person's height, from the top
-CHROMA_GREY, CHROMA_FULL = (
-    0.06,
-    0.2,
-)  # saturation x value below, above which a pixel is grey, is not
-PRIOR_FRACTION = 0.05  # of the part's pixels, spread evenly: a hidden part resembles any a bit
-HEIGHT_PX = 64  # crops are scaled down to this height
-CONFIDENCE_MIN = 0.3  # of keypoints that divide the body
-SIDE_SPREAD = 0.35  # of half the box: spread of pixel weights without mask or keypoints
-LIMB_WIDTH = 0.15  # of the torso's length; the head is twice as wide
-VISIBLE_MIN = 0.05  # of the weights: with fewer visible pixels all count
+PART_WEIGHTS = (0.15, 0.5, 0.35)  # weights of head, torso, legs
+PART_EDGES = (
+    0.0,
+    0.18,
+    0.48,
+    1.0,
+)  # edges of the parts from the top, of a standing person's height
+CHROMA_GREY, CHROMA_FULL = 0.06, 0.2  # saturation times value of a grey and of a coloured pixel
+PRIOR_FRACTION = 0.05  # uniform prior, of the part's pixels: a hidden part resembles all
+HEIGHT_PX = 64  # maximum height of a crop, else scaled down [px]
+CONFIDENCE_MIN = 0.3  # minimum confidence of keypoints that divide the body
+SIDE_SPREAD = 0.35  # spread of pixel weights without mask or keypoints, of half the box
+LIMB_WIDTH = 0.15  # width of a limb, of the torso's length; the head is twice as wide
+VISIBLE_MIN = 0.05  # minimum visible part of the weights, else all pixels count
 HEAD = [0, 1, 2, 3, 4]  # COCO
 TORSO = [5, 6, 12, 11]  # COCO, round the outline: left, right shoulder, right, left hip
 LIMBS = ((5, 7), (7, 9), (6, 8), (8, 10), (11, 13), (13, 15), (12, 14), (14, 16))
@@ -54,7 +56,7 @@ class HistogramEmbedder:
 
 
 def _embed(crops: Sequence[Crop]) -> F32:
-    """Return the vectors of crops, all of whose pixels are sorted into bins together."""
+    """Return the vectors of crops; the pixels of all crops are sorted into bins together."""
     parts = len(PART_WEIGHTS)
     pixels = [np.empty((0, 3), np.float32)]
     weights, starts = [np.empty(0)], [np.empty(0, np.intp)]
@@ -75,7 +77,7 @@ def _embed(crops: Sequence[Crop]) -> F32:
 
 
 def _pixels(crop: Crop) -> tuple[F32, F64, npt.NDArray[np.intp]]:
-    """Return the weighted pixels of one crop made small: Nx3 colour, 0 to 1, weight, part."""
+    """Return the weighted pixels of one reduced crop: Nx3 colour, 0 to 1, weight, part."""
     height = min(HEIGHT_PX, crop.rgb.shape[0])
     width = max(1, round(crop.rgb.shape[1] * height / crop.rgb.shape[0]))
     scaled = cv2.resize(crop.rgb, (width, height), interpolation=cv2.INTER_NEAREST)
@@ -89,7 +91,7 @@ def _pixels(crop: Crop) -> tuple[F32, F64, npt.NDArray[np.intp]]:
 
 
 def _without_hidden(weights: F64, rgb: U8) -> F64:
-    """Return the weights without hidden pixels, unless hardly any are left."""
+    """Return the weights without hidden pixels, unless hardly any would remain."""
     visible = weights * (rgb != np.array(HIDDEN_RGB, np.uint8)).any(axis=2)
     return visible if visible.sum() >= VISIBLE_MIN * weights.sum() else weights
 
@@ -97,7 +99,7 @@ def _without_hidden(weights: F64, rgb: U8) -> F64:
 def _body_weights(crop: Crop, shape: tuple[int, int]) -> F64:
     """Return the weight of each pixel of the scaled crop (height, width).
 
-    The mask if there is one, else the skeleton drawn thick, else less towards the sides of the box.
+    It is the mask, else the skeleton drawn thick, else lower towards the sides of the box.
     """
     height, width = shape
     if crop.mask is not None and crop.mask.any():
@@ -143,7 +145,7 @@ def _part_edges(crop: Crop) -> F64:
 
 
 def _bins(rgb: F32) -> tuple[npt.NDArray[np.intp], F64]:
-    """Return the six bins that each pixel falls between, and its share in each.
+    """Return the six bins around each pixel, and its share in each.
 
     Args:
         rgb: Nx3, 0 to 1.

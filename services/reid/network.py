@@ -1,4 +1,4 @@
-"""Networks that embed crops of people: what they have in common."""
+"""Base of the networks that embed crops of people."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -16,19 +16,19 @@ from services.reid.config import ReidConfig
 
 
 class NetworkEmbedder(ABC):
-    """A network of the layout NxCxHxW to NxD, of which D numbers of unit length are made.
+    """A network of the layout NxCxHxW to NxD, whose vectors are scaled to unit length.
 
     Args:
         session: The network; N is any or 1.
         name: Name of the network if it is not the usual one; only vectors of one name compare.
 
     Raises:
-        ModelError: The network takes or gives something else.
+        ModelError: The network has another input or output.
     """
 
     usual_name: ClassVar[str]
     channels: ClassVar[int]  # C
-    default_size: ClassVar[tuple[int, int] | None] = None  # H, W where the network leaves them open
+    default_size: ClassVar[tuple[int, int] | None] = None  # H, W if the network leaves them open
 
     def __init__(self, session: Session, name: str = "") -> None:
         self.name = name or self.usual_name
@@ -62,10 +62,10 @@ class NetworkEmbedder(ABC):
 
     @abstractmethod
     def tensor(self, crop: Crop) -> F32:
-        """Return a crop as the network takes it, CxHxW; its aspect ratio is not preserved."""
+        """Return a crop as the network's input, CxHxW; its aspect ratio is not preserved."""
 
     def embed(self, crops: Sequence[Crop]) -> F32:
-        """Embed crops (to NxD) in one run, or one by one if the network is made for one."""
+        """Embed crops (to NxD) in one run, or one by one if the network's N is 1."""
         if not crops:
             return np.zeros((0, self.dimension), np.float32)
         with span("preprocess"):

@@ -10,11 +10,11 @@ from common.runtime.node import Node, Sharing, Status
 from people4d.messages import Crops, Embeddings, Message
 from services.reid.embedders import Embedder
 
-SIDE_MIN_PX = 8  # a smaller crop is not informative
+SIDE_MIN_PX = 8  # minimum side of an informative crop [px]
 
 
 class ReidNode(Node):
-    """Embeds the people of each frame; a frame without people gives no vectors, but a message.
+    """Embeds the people of each frame; a frame without people gives a message without vectors.
 
     Args:
         embedder: Maps crops to vectors.

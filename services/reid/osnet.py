@@ -6,7 +6,8 @@ import numpy as np
 from people4d.messages import F32, Crop
 from services.reid.network import NetworkEmbedder
 
-MEAN = np.array([0.485, 0.456, 0.406], np.float32)  # of ImageNet, red first, values 0 to 1
+# Mean and standard deviation of ImageNet, red first, values 0 to 1
+MEAN = np.array([0.485, 0.456, 0.406], np.float32)
 DEVIATION = np.array([0.229, 0.224, 0.225], np.float32)
 
 

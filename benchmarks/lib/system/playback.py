@@ -140,7 +140,7 @@ def bare_hz(model: str, seconds: float = BARE_S) -> float:
     if path.suffix != ".onnx":
         path = find(choose(model, load_manifest()), folders(""))
     session = OnnxSession(path, threads=1)
-    image = ImageInput.of(session, ModelSettings(), BARE_SIZE)
+    image = ImageInput.from_session(session, ModelSettings(), BARE_SIZE)
     tensor = image.tensor(np.full((image.height, image.width, 3), 114, np.uint8), 1.0)
     session.run(tensor)
     runs, start_s = 0, time.perf_counter()

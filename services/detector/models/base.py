@@ -38,7 +38,7 @@ class DetectedPerson:
     score: float  # 0 to 1
     box_xyxy_px: F32  # [px] 4: left, top, right, bottom edge; may reach beyond the image
     keypoints: F32 | None = None  # [px] 17x3: u, v, confidence 0 to 1, COCO order; absent if none
-    mask: InstanceMask | None = None  # absent if the model gives none
+    mask: InstanceMask | None = None  # absent without one
 
 
 class PersonModel(Protocol):
@@ -53,18 +53,18 @@ class PersonModel(Protocol):
 
 @dataclass(frozen=True)
 class Limits:
-    """Thresholds of a detection, and of two that are the same person."""
+    """Thresholds of detections, and of two boxes on one person."""
 
     score_min: float  # of the network itself
     iou_max: float  # of two people's boxes
     max_people: int
 
     @classmethod
-    def of(cls, settings: ModelSettings, score_min: float, iou_max: float) -> "Limits":
-        """Return the settings, with the given values where they leave one open."""
-        least = score_min if settings.score_min is None else settings.score_min
+    def from_settings(cls, settings: ModelSettings, score_min: float, iou_max: float) -> "Limits":
+        """Return the settings, completed by the given defaults."""
+        minimum = score_min if settings.score_min is None else settings.score_min
         return cls(
-            score_min=least * settings.score_scale,
+            score_min=minimum * settings.score_scale,
             iou_max=iou_max if settings.iou_max is None else settings.iou_max,
             max_people=settings.max_people,
         )

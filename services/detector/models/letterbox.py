@@ -1,8 +1,8 @@
 """Mapping of an image into a network's input, and back.
 
-Positions are continuous: pixel i covers [i, i + 1), the image [0, width]. So a change of size is a
-plain factor, which is also what cv2.resize does with pixel areas. The index of a pixel, as
-cameras and OpenCV count, is the position of its centre less one half.
+Positions are continuous: pixel i covers [i, i + 1), the image [0, width]. A change of size is a
+plain factor, as in cv2.resize. The index of a pixel, as cameras and OpenCV count, is the position
+of its centre minus one half.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ class Letterbox:
     width: int  # [px]
     top: int  # [px] bar above the scaled image
     left: int  # [px] bar left of the scaled image
-    scale_x: float  # scaled width / image width: rounded to pixels, so not quite scale_y
+    scale_x: float  # scaled width / image width: rounded to pixels, so not exactly scale_y
     scale_y: float  # scaled height / image height
 
     @property

@@ -19,20 +19,20 @@ from services.detector.models.network import NetworkModel, Outputs
 from services.detector.models.scores import ScoreCalibration
 
 STRIDE = 4  # [px] of the input per cell of the heads
-PEAK_CELLS = 5  # a centre is the highest of so many cells around it
-CENTRES_PER_PERSON = 3  # peaks that are read, for each person that may be returned
-KEYPOINT_MIN = 0.127  # confidence above which the original counts a keypoint
-AT_CENTRES = ("box_offset", "box_scale", "kpt_regress")  # heads that are read there
-SPREAD = 0.3  # variance of the keypoint search, a fraction of the grid's shorter side, halved
+PEAK_CELLS = 5  # side of the window whose highest cell is a centre [cells]
+CENTRES_PER_PERSON = 3  # peaks to read, for each person that may be returned
+KEYPOINT_MIN = 0.127  # minimum confidence of a keypoint, as in the original
+AT_CENTRES = ("box_offset", "box_scale", "kpt_regress")  # heads that are read at the centres
+SPREAD = 0.3  # twice the variance of the keypoint search, of the grid's shorter side
 
-# Of 228 people marked by hand in real frames, 256x320 finds 207 at a least score of 0.05, with 6
-# boxes on no mark, 4 of them on heads of marked people; 208 at 0.03 (8), 195 at 0.10 (1). At
-# 320x416 false boxes set in earlier: take 0.15 there (194, none).
+# Minimum score of a person. Of 228 annotated people in real frames, 256x320 finds 207 at 0.05, with
+# 6 wrong boxes, 4 of them on heads of annotated people; 208 at 0.03 (8), 195 at 0.10 (1). At
+# 320x416 false boxes appear earlier: 0.15 finds 194 (none)
 SCORE_MIN = 0.05
 CALIBRATION = ScoreCalibration(midpoint=0.059, slope=4.7)
 IOU_MAX = 0.6
-SIMILARITY_MAX = 0.5  # two people side by side stay below 0.4, two centres on one body are above
-# Spread of people's labels per COCO keypoint, as a fraction of the person's size.
+SIMILARITY_MAX = 0.5  # maximum of two people: side by side below 0.4, two centres on one body above
+# Spread of people's labels per COCO keypoint, over the person's size
 LABEL_MM = [26, 25, 25, 35, 35, 79, 79, 72, 72, 62, 62, 107, 107, 87, 87, 89, 89]
 LABEL_SPREAD = np.array(LABEL_MM) / 1e3
 
@@ -61,14 +61,16 @@ class MoveNet(NetworkModel):
 
     def _people(self, outputs: Outputs, letterbox: Letterbox) -> list[DetectedPerson]:
         candidates = decode(self._reader.heads(outputs), self._limits)
-        return [to_person(candidates, k, letterbox) for k in select(candidates, self._limits)]
+        return [
+            to_person(candidates, k, letterbox) for k in select_people(candidates, self._limits)
+        ]
 
 
 def decode(heads: Heads, limits: Limits) -> MoveNetCandidates:
-    """Read the people from the heads; some may be there twice.
+    """Read the people from the heads, some possibly twice.
 
-    A person's score is that of the centre times the mean of the confident keypoints, so centres
-    below the least score need not be read.
+    A person's score is the centre's score times the mean of the confident keypoints, so centres
+    below the minimum score need not be read.
     """
     rows, columns, scores = find_centres(heads.center, limits.score_min)
     best = np.argsort(-scores, kind="stable")[: CENTRES_PER_PERSON * limits.max_people]
@@ -104,8 +106,8 @@ def boxes_at(rows: Cells, columns: Cells, offset: F32, size: F32, grid: tuple[in
 def read_keypoints(heads: Heads, guesses: F64, boxes: F64) -> F64:
     """Return Nx17x3 (x, y in cells, confidence) of people with guesses (Nx17x2 row and column).
 
-    Each keypoint is the cell inside the box where heat times nearness to the regressed guess is
-    largest; that product is its confidence. It is 0 in a box without a cell.
+    Each keypoint is the cell inside the box with the largest product of heat and nearness to the
+    regressed guess; the product is its confidence. It is 0 in a box without a cell.
     """
     keypoints = np.zeros((len(boxes), 17, 3))
     bounds = np.ceil(boxes).astype(int)
@@ -141,7 +143,7 @@ def best_cells(heat: F32, guess: F64, left: int, top: int, right: int, bottom: i
     return np.stack([left + columns, top + rows, flat[np.arange(17), best]], axis=1)
 
 
-def select(candidates: MoveNetCandidates, limits: Limits) -> list[int]:
+def select_people(candidates: MoveNetCandidates, limits: Limits) -> list[int]:
     """Return the candidates that are people, each once, best first."""
     selected: list[int] = []
     good = np.flatnonzero(candidates.scores >= limits.score_min)
@@ -158,7 +160,7 @@ def select(candidates: MoveNetCandidates, limits: Limits) -> list[int]:
 
 
 def similarities(boxes: F64, keypoints: F64) -> F64:
-    """Return how similar the keypoints of N people are, NxN: 1 the same, 0 apart (COCO's OKS).
+    """Return the similarity of the keypoints of N people, NxN: 1 the same, 0 apart (COCO's OKS).
 
     Two centres on one body give boxes that overlap little but the same keypoints.
     """

@@ -1,8 +1,8 @@
-"""Heads of MoveNet: maps of the whole image, and values that are read where people are.
+"""Heads of MoveNet: maps of the whole image, and values at the cells of people.
 
-Four heads of six are of use at a few cells only. The shipped file has their weights as outputs,
-beside the features that they work on, and they are computed at these cells alone, to the same
-values. Files that compute all heads everywhere are read, too.
+Four of the six heads are needed at a few cells only. The shipped file has their weights and input
+features as outputs, and these heads are computed at those cells alone, to the same values. Files
+that compute all heads everywhere are read, too.
 """
 
 from collections.abc import Mapping, Sequence
@@ -36,7 +36,7 @@ class Heads(Protocol):
 
 
 class DenseHeads:
-    """Heads that the network computed everywhere: logits of the maps, and values."""
+    """Heads computed everywhere by the network: logits of the maps, and values."""
 
     def __init__(self, outputs: Outputs) -> None:
         self.center = sigmoid(outputs["center"][0, 0])
@@ -50,7 +50,7 @@ class DenseHeads:
 
 
 class LocalHeads:
-    """Heads that are computed at the cells where they are read."""
+    """Heads computed only at the cells that are read."""
 
     def __init__(self, outputs: Outputs, layers: Mapping[str, Sequence[Layer]]) -> None:
         self.center = np.asarray(outputs["center_map"][0, 0], np.float32)
@@ -82,9 +82,9 @@ class HeadReader:
     """Finds the heads in the outputs of a network.
 
     Args:
-        outputs: Of a first run.
-        height: Cells of the grid.
-        width: The same.
+        outputs: Outputs of a first run.
+        height: Height of the grid in cells.
+        width: Width of the grid in cells.
         model: Name of the model, for errors.
 
     Raises:
@@ -116,8 +116,8 @@ class HeadReader:
 def _local_layers(outputs: Outputs) -> dict[str, Sequence[Layer]]:
     """Return the layers of each local head: a matrix product from 3x3 features, ReLU, another.
 
-    The first is the product of the convolution channel by channel and that of all channels, which
-    have no activation between them.
+    The first is the product of the depthwise and the pointwise convolution, which have no
+    activation between them.
     """
     taps, mix, bias, last, last_bias = (
         np.asarray(outputs[f"local.{name}"], np.float32)

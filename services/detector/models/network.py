@@ -28,10 +28,10 @@ class ImageInput:
     dtype: np.dtype[np.generic]  # uint8: bytes as they are; else a float type
 
     @classmethod
-    def of(
+    def from_session(
         cls, session: Session, settings: ModelSettings, default_size: tuple[int, int]
     ) -> "ImageInput":
-        """Read the input of a network; one that takes any size gets that of settings, or default.
+        """Read the input of a network; if it takes any size, settings or the default decide.
 
         Raises:
             ModelError: The network takes no single colour image, or not of that size.
@@ -65,7 +65,7 @@ class ImageInput:
     def prepare(self, rgb: U8, grey: int, highest: float) -> tuple[Letterbox, Array]:
         """Fit an image (HxWx3) of any size into the network's input.
 
-        The bars beside it are `grey`; where the network takes floats, the byte 255 is `highest`.
+        Bars beside the image are `grey`; if the network takes floats, the byte 255 is `highest`.
 
         Returns:
             Position of the image, and the array that the network takes.
@@ -105,21 +105,21 @@ class NetworkModel:
         name: Name of the model, for results; empty: its kind.
 
     Raises:
-        ModelError: The network has not the input or the outputs of this kind.
+        ModelError: The network lacks the input or the outputs of this kind.
     """
 
     kind: ClassVar[str]
     default_size: ClassVar[tuple[int, int]]  # [px] height, width
-    default_limits: ClassVar[tuple[float, float]]  # least score, largest overlap
+    default_limits: ClassVar[tuple[float, float]]  # minimum score, maximum overlap
     grey: ClassVar[int]  # value of the bars beside an image, as in the network's training
-    highest: ClassVar[float]  # value of the byte 255 where the network takes floats
+    highest: ClassVar[float]  # value of the byte 255 if the network takes floats
     calibration: ClassVar[ScoreCalibration]  # of scores
 
     def __init__(self, session: Session, settings: ModelSettings, name: str = "") -> None:
         self.name = name or self.kind
         self._session = session
-        self._input = ImageInput.of(session, settings, self.default_size)
-        self._limits = Limits.of(settings, *self.default_limits)
+        self._input = ImageInput.from_session(session, settings, self.default_size)
+        self._limits = Limits.from_settings(settings, *self.default_limits)
         self._score_scale = settings.score_scale
         self._calibrated = settings.scores == "probability"
         self._check(self._input.try_out(session, self.name))

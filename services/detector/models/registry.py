@@ -22,7 +22,7 @@ MODELS: dict[str, str] = {
 }
 # Builds a model of one kind, by its name; raises ModelError if the network is not of this kind.
 Factory: TypeAlias = Callable[[Session, ModelSettings, str], PersonModel]
-PROBE_SIZE = (256, 320)  # [px] at which a network of unknown kind that takes any size is run
+PROBE_SIZE = (256, 320)  # size of the probe image of a network of any size and unknown kind [px]
 
 
 def load_model(settings: ModelSettings) -> PersonModel:
@@ -74,7 +74,7 @@ def recognise(session: Session, settings: ModelSettings, path: str) -> str:
     Raises:
         ModelError: No kind has such outputs.
     """
-    outputs = ImageInput.of(session, settings, PROBE_SIZE).try_out(session, path)
+    outputs = ImageInput.from_session(session, settings, PROBE_SIZE).try_out(session, path)
     kind = kind_of(outputs)
     if not kind:
         got = ", ".join(f"{name} {array.shape}" for name, array in outputs.items())
@@ -89,7 +89,7 @@ def recognise(session: Session, settings: ModelSettings, path: str) -> str:
 
 
 def kind_of(outputs: Mapping[str, Array]) -> str:
-    """Return the kind that has such outputs, empty if none has."""
+    """Return the kind with such outputs, or an empty text."""
     if any(
         maps <= outputs.keys() for maps in ({"center_map", "kpt_map"}, {"center", "kpt_heatmap"})
     ):

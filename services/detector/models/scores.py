@@ -1,7 +1,7 @@
 """Scores of detections as probabilities (docs/method.md section 21).
 
-Networks mean different things by a score: of detections with MoveNet's 0.15 nearly all are people,
-of those with YOLOv8's 0.15 every third. Calibrated, a score is the probability of a person, and one
+Each network's scores have another meaning: nearly all detections with MoveNet's 0.15 are people,
+but every third with YOLOv8's 0.15. A calibrated score is the probability of a person, and one
 threshold suits all models.
 """
 
@@ -17,7 +17,7 @@ from people4d.messages import F64
 class ScoreCalibration:
     """Logistic function of the logarithm of a score."""
 
-    midpoint: float  # score of detections of which one half are people
+    midpoint: float  # score at which half of the detections are people
     slope: float  # > 0, steepness
 
     def probability(self, scores: npt.ArrayLike) -> F64:

@@ -17,12 +17,12 @@ from services.detector.models.letterbox import Letterbox
 from services.detector.models.network import NetworkModel, Outputs, check_output
 from services.detector.models.scores import ScoreCalibration
 
-GREY = 114  # of the bars that the networks were trained with
+GREY = 114  # value of the bars in the networks' training
 DEFAULT_SIZE = (480, 640)
 SCORE_MIN = 0.25
 IOU_MAX = 0.6  # in crowded frames, pairs of boxes above it shared their keypoints: one person
 POSE_CALIBRATION = ScoreCalibration(midpoint=0.212, slope=2.7)
-BOXES_PER_PERSON = 30  # columns that one person may fill before the best are taken
+BOXES_PER_PERSON = 30  # maximum number of boxes to compare, for each person
 
 BOX_ROWS = 4
 KEYPOINT_ROWS = 17 * 3

@@ -31,9 +31,9 @@ from services.detector.models.yolo import (
 
 SEG_CALIBRATION = ScoreCalibration(midpoint=0.119, slope=3.1)
 MASK_ROWS = 32
-# Of two people, one hides the other: their masks share no more than their blurred edges, 0.55 of
-# the smaller one at most on 640x480 frames of up to five people; two boxes on one body, whose
-# overlap may be as low as 0.4 where the body is half hidden, share 0.91 and more.
+# Maximum shared part of two people's masks, of the smaller mask. Two people share blurred edges, at
+# most 0.55 on 640x480 frames of up to five people; two boxes on one body, whose overlap may be as
+# low as 0.4 if the body is half hidden, share 0.91 and more
 SHARED_MAX = 0.75
 
 
@@ -62,7 +62,9 @@ class YoloSeg(NetworkModel):
         found = decode(columns, self._classes, self._limits)
         prototypes = outputs[self._prototypes][0].astype(np.float32, copy=False)
         view = MaskView(letterbox, *letterbox.image_size, prototypes)
-        return each_once([mask_person(found, index, view) for index in range(len(found.scores))])
+        return drop_duplicates(
+            [mask_person(found, index, view) for index in range(len(found.scores))]
+        )
 
 
 def output_names(outputs: Outputs, name: str) -> tuple[str, str]:
@@ -94,8 +96,8 @@ def mask_person(found: YoloCandidates, index: int, view: MaskView) -> DetectedPe
     )
 
 
-def each_once(people: Sequence[DetectedPerson]) -> list[DetectedPerson]:
-    """Drop people, best first, whose mask is that of a better one, or a part of it."""
+def drop_duplicates(people: Sequence[DetectedPerson]) -> list[DetectedPerson]:
+    """Drop people, best first, whose mask is part of a better one's."""
     selected: list[DetectedPerson] = []
     for person in people:
         if all(shared_part(person.mask, other.mask) <= SHARED_MAX for other in selected):
@@ -114,10 +116,10 @@ def shared_part(a: InstanceMask | None, b: InstanceMask | None) -> float:
 
 
 def draw_mask(box: F64, coefficients: F32, view: MaskView) -> InstanceMask | None:
-    """Return the pixels inside a box where the mask is more likely than not.
+    """Return the pixels inside a box that are more likely on the mask than not.
 
-    The logit is interpolated: it is 0 exactly where its sigmoid is one half. None where the box
-    (xyxy in pixels of the image) has no pixel of the image.
+    The interpolated logit is 0 exactly if its sigmoid is one half. None if the box (xyxy in pixels
+    of the image) contains no pixel of the image.
     """
     sides = [view.image_width, view.image_height] * 2
     left, top, right, bottom = np.clip(np.round(box), 0, sides).astype(int)

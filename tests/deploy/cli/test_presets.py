@@ -175,7 +175,7 @@ def test_a_preset_extends_one_of_its_own_folder_wherever_it_is_used(
 
 def test_infinity_and_booleans_keep_their_type() -> None:
     settings = preset_settings("pose-strongsort")
-    assert "tracker.strongsort3d.displacement_max_m=inf" in settings
+    assert "tracker.strongsort3d.jump_min=inf" in settings
     assert "tracker.publish_lost=false" in settings
 
 

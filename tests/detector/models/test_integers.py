@@ -50,7 +50,7 @@ def test_people_are_found_as_in_float(images: list[U8]) -> None:
 def test_thresholds_are_those_of_the_kind() -> None:
     settings = ModelSettings(score_min=0.1)
     scaled = msgspec.structs.replace(settings, score_scale=1.5)
-    assert astuple(Limits.of(settings, 0.05, 0.6)) == (0.1, 0.6, 20)
-    assert Limits.of(scaled, 0.05, 0.6).score_min == pytest.approx(0.15)
+    assert astuple(Limits.from_settings(settings, 0.05, 0.6)) == (0.1, 0.6, 20)
+    assert Limits.from_settings(scaled, 0.05, 0.6).score_min == pytest.approx(0.15)
     absent = ModelSettings(score_scale=2.0)
-    assert Limits.of(absent, 0.05, 0.6).score_min == pytest.approx(0.1)
+    assert Limits.from_settings(absent, 0.05, 0.6).score_min == pytest.approx(0.1)
