@@ -109,10 +109,8 @@ def shows_people(tracks: Tracks) -> bool:
 
 
 def predicted(tracks: Tracks) -> bool:
-    """Return whether a message was made without a frame and shows someone."""
-    return not any(person.state == "confirmed" for person in tracks.tracks) and any(
-        person.time_since_update_s > 0 for person in tracks.tracks
-    )
+    """Return whether a message was made without a frame; where frames are slow it is empty."""
+    return tracks.predicted
 
 
 def works_again(service: str, pid: int) -> Callable[[Health], bool]:
