@@ -241,6 +241,19 @@ def test_stamps_that_nodes_of_ros_drop_are_reported(
     assert f"s {where} this machine's clock" in found.what
 
 
+def test_people_that_are_not_sent_to_ros_are_reported_with_the_reason(heard: Heard) -> None:
+    heard.counters["ros2_bridge-1"] = ({"not_extrapolated": 1}, {"not_extrapolated": 3})
+    reason = "people are 3.2 s behind the time of their message, and moved by at most 0.5 s"
+    heard.fields["ros2_bridge-1"] = {"state": "degraded", "reason": reason}
+    found = heard.found("ros2")
+    assert (found.level, found.what) == ("problem", f"people are not sent to ROS 2: {reason}")
+
+
+def test_frames_that_stop_are_reported(heard: Heard) -> None:
+    heard.count("tracker-1", not_extrapolated=2)
+    assert heard.found("frames").what.startswith("frames stop for more than 0.5 s")
+
+
 def test_stamps_near_the_clock_are_good_for_nodes_of_ros(heard: Heard) -> None:
     heard.counters["ros2_bridge-1"] = ({}, {})
     heard.fields["ros2_bridge-1"] = {"gauges": {"stamps_behind_s": 0.2}}
