@@ -24,7 +24,7 @@ InputSide = Annotated[
 
 
 def shipped_model() -> str:
-    """Return the model that ships and suits this processor: of integers where they are fast."""
+    """Return the shipped model that suits this processor: int8 if that is fast."""
     return "movenet-multipose-int8" if has_integer_dot_products() else "movenet-multipose"
 
 
@@ -37,10 +37,9 @@ class ModelSettings(Config, frozen=True, kw_only=True):
     folder: str = ""  # folder that is searched first for named models; empty: none
     input_height: InputSide = 0  # [px] of the network; 0: as the model is made
     input_width: InputSide = 0  # [px] of the network; 0: as the model is made
-    score_min: Ratio | None = None  # of the network's own scores, least; absent: the kind's default
-    # Scores of this network are so many times those of its kind, as of one of integers
-    score_scale: Positive = 1.0
-    # Published scores: "probability" that the detection is a person, or those of the network
+    score_min: Ratio | None = None  # minimum of the network's own scores; absent: kind's default
+    score_scale: Positive = 1.0  # ratio of the network's scores to the usual ones of its kind
+    # Published scores: "probability" that the detection is a person, or the network's own scores
     scores: Literal["probability", "network"] = "probability"
     iou_max: Ratio | None = None  # overlap above which two boxes are one person; absent: default
     engine: Engine = "onnxruntime"  # "openvino": faster on Intel's processors, an extra
@@ -58,7 +57,7 @@ class NearInputConfig(Config, frozen=True, kw_only=True):
     """Smaller input of the network while all people in view are near; docs/methods/models.md."""
 
     height: InputSide = 0  # [px] of the smaller input; 0: every frame gets the full one
-    width: InputSide = 0  # [px] likewise
+    width: InputSide = 0  # [px] 0 if the height is 0
 
     def __post_init__(self) -> None:
         """Check that height and width are given together."""

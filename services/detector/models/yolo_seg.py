@@ -106,7 +106,7 @@ def drop_duplicates(people: Sequence[DetectedPerson]) -> list[DetectedPerson]:
 
 
 def shared_part(a: InstanceMask | None, b: InstanceMask | None) -> float:
-    """Return the pixels that two masks share, over those of the smaller mask, 0 to 1."""
+    """Return the shared pixels of two masks, over the smaller mask's pixels, 0 to 1."""
     if a is None or b is None:
         return 0.0
     smaller = min(np.count_nonzero(a.window), np.count_nonzero(b.window))

@@ -19,7 +19,7 @@ from services.detector.position.axis import covariance
 from services.detector.position.torso import LayeredTorso, TorsoJoints
 
 INTERVAL_MAX_S = 0.25  # maximum time between two compared frames [s]
-COLUMNS, ROWS = 6, 8  # points on a torso
+COLUMNS, ROWS = 5, 8  # points on a torso
 MARGIN, MARGIN_DOWN = 0.25, 0.06  # margin beside the joints, of their width and of the box's height
 UPPER_BODY = 0.2, 0.2, 0.8, 0.55  # part of a box if joints are unknown: left, top, right, bottom
 WINDOW_PX, LEVELS = 9, 2  # window and pyramid of the optical flow
@@ -166,10 +166,9 @@ def _area(torso: TorsoJoints) -> F64:
 def _depths(pixels: F64, frame: RgbdFrame) -> F64:
     """Return the depth at pixels (...x2) in metres, NaN outside the image; 0: no reading."""
     height, width = frame.depth_mm.shape
-    u, v = np.moveaxis(pixels, -1, 0)
-    inside = (u >= 0) & (v >= 0) & (u <= width - 1) & (v <= height - 1)
-    columns, rows = (np.where(inside, axis, 0).round().astype(np.intp) for axis in (u, v))
-    return np.where(inside, frame.depth_mm[rows, columns] / 1000.0, np.nan)
+    inside = ((pixels >= 0) & (pixels <= (width - 1, height - 1))).all(axis=-1)
+    whole = np.rint(np.where(inside[..., None], pixels, 0)).astype(np.intp)
+    return np.where(inside, frame.depth_mm[whole[..., 1], whole[..., 0]] / 1000.0, np.nan)
 
 
 def _follow(pixels: F64, scale: float, pair: FramePair) -> F64:
@@ -188,7 +187,7 @@ def _follow(pixels: F64, scale: float, pair: FramePair) -> F64:
     there, found, _ = cv2.calcOpticalFlowPyrLK(
         now, before, start, start.copy(), winSize=(WINDOW_PX, WINDOW_PX), maxLevel=LEVELS
     )
-    earlier = (np.asarray(there, np.float64)[:, 0] + 0.5) / scales - 0.5 + first
+    earlier = (there[:, 0] + 0.5) / scales - 0.5 + first
     return np.where(np.asarray(found) > 0, earlier, np.nan)
 
 
