@@ -1,7 +1,8 @@
 """The last seconds of what viewers were sent, in bounded memory."""
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections import deque
+from collections.abc import Set
 from dataclasses import dataclass
 
 NEAR_MS = 2000.0  # of a time before which a packet no longer shows it
@@ -15,6 +16,12 @@ class Packet:
     # a newer packet of the same key replaces one that still waits; empty: all are sent
     key: str
     parts: tuple[tuple[str, bytes], ...]  # kind and bytes
+    stamp_ns: int = 0  # of the frame that it belongs to; 0: of none
+
+    @property
+    def follows(self) -> bool:
+        """True for what comes after its frame, and is shown with that frame only."""
+        return self.parts[0][0] == "skeletons"
 
     @property
     def size(self) -> int:
@@ -58,17 +65,20 @@ class History:
         ):
             self._size -= self._packets.popleft().size
 
-    def at(self, at_ms: float) -> list[Packet]:
-        """Return the newest packet of each key at a time, oldest first."""
-        times = [packet.at_ms for packet in self._packets]
-        found: dict[str, Packet] = {}
-        for index in range(bisect_right(times, at_ms) - 1, -1, -1):
-            packet = self._packets[index]
-            if at_ms - packet.at_ms > NEAR_MS:
-                break
-            found.setdefault(packet.key, packet)
-        return sorted(found.values(), key=lambda packet: packet.at_ms)
+    def at(self, at_ms: float, kinds: Set[str] = frozenset()) -> list[Packet]:
+        """Return the newest packet of each key at a time, and what belongs to their frames.
 
-    def parts(self, kind: str) -> list[bytes]:
-        """Return all parts of a kind, oldest first."""
-        return [data for packet in self._packets for name, data in packet.parts if name == kind]
+        Args:
+            at_ms: The time.
+            kinds: Parts of a frame; older frames that have all of them are preferred.
+        """
+        times = [packet.at_ms for packet in self._packets]
+        begin, end = bisect_left(times, at_ms - NEAR_MS), bisect_right(times, at_ms)
+        near = [self._packets[index] for index in range(begin, end)]
+        near.sort(key=lambda packet: len(kinds & dict(packet.parts).keys()))  # stable
+        found = {packet.key: packet for packet in near if not packet.follows}
+        stamps = {packet.stamp_ns for packet in found.values() if packet.stamp_ns}
+        last = bisect_right(times, at_ms + NEAR_MS)
+        following = (self._packets[index] for index in range(begin, last))
+        found |= {p.key: p for p in following if p.follows and p.stamp_ns in stamps}
+        return sorted(found.values(), key=lambda packet: packet.at_ms)

@@ -16,8 +16,9 @@ from services.dashboard.history import History, Packet
 
 POSITIONS_MAX = 600
 QUEUE_MAX = 256  # packets of which none replaces another
+FRAME = ("scene", "image", "cloud")  # parts of the packet of a frame
 IMAGES = ("image", "cloud")  # kinds of parts that hold pixels
-RECORDED = ("scene", "image", "skeletons", "predictions")  # kinds that can be gone back to
+RECORDED = ("scene", "skeletons", "predictions")  # kinds that can be gone back to
 
 
 class TooSlowError(Exception):
@@ -149,7 +150,7 @@ class Hub:
 
     def seek(self, viewer: Viewer, at_ms: float) -> None:
         """Send a paused viewer what was shown at a time."""
-        for packet in self.history.at(at_ms):
+        for packet in self.history.at(at_ms, {kind for kind in FRAME if viewer.wants(kind)}):
             viewer.put(packet)
 
     def _distribute(self, packet: Packet, stays: bool) -> None:
@@ -159,8 +160,7 @@ class Hub:
         if stays:
             self._latest[packet.key] = packet
         for viewer in self._viewers:
-            pixels = any(kind == "cloud" for kind, _ in packet.parts)
-            if not viewer.paused or not (recorded or pixels):
+            if not viewer.paused or not recorded:
                 viewer.put(packet)
 
 

@@ -72,6 +72,7 @@ class DashboardNode(Node):
         self._demand, self._wanted = Demand(), Demand()
         self._detected: dict[Key, _Detected] = {}
         self._cloud_ns: dict[str, int] = {}
+        self._last: dict[str, tuple[int, dict[str, Any]]] = {}  # newest scene of each camera
         self._events: deque[dict[str, Any]] = deque(maxlen=EVENTS_MAX)
         self._edits: deque[ZoneEdit] = deque(maxlen=8)
         self._edit_sequence = 0
@@ -108,12 +109,14 @@ class DashboardNode(Node):
             detected = self._detected.pop(key, None)
             self._show(key, detected.detections if detected else None, message)
         elif isinstance(message, RgbdFrame | CompressedRgbdFrame):
-            self._show_image(message, time.time() * 1000)
+            self._show_late(message)
         elif isinstance(message, Predictions):
             packet = {"type": "predictions", "people": predictions_of(message)}
             self._publish("predictions", packet)
         elif isinstance(message, Skeletons):
-            self._publish(f"skeletons {message.camera}", skeletons_of(message))
+            packet = {"frame": str(message.stamp_ns), "camera": message.camera}
+            packet |= skeletons_of(message)
+            self._publish(f"skeletons {message.camera}", packet, stamp_ns=message.stamp_ns)
         elif isinstance(message, Event):
             self._events.append(event_of(message, time.time() * 1000))
             self._publish("", self._events[-1])
@@ -196,37 +199,46 @@ class DashboardNode(Node):
         self._loop.demand(kinds)
 
     def _show(self, key: Key, detections: Detections | None, tracks: Tracks | None) -> None:
-        """Send a frame to the pages."""
+        """Send a frame to the pages: people, and image and cloud of the same stamp."""
         at_ms = time.time() * 1000
         frame = self._frame(key)
         scene = self._scenes.scene(key, detections, tracks)
         if scene["people"] is not None:
             positions = [(one["id"], *one["position_m"][:2]) for one in scene["people"]]
             self._hub.positions.append({"at_ms": at_ms, "people": positions})
-        data = _pack({**scene, "at_ms": at_ms})
-        self._hub.publish(Packet(at_ms, f"scene {key[0]}", (("scene", data),)))
+        self._last[key[0]] = key[1], scene
+        self._send(key, {**scene, "at_ms": at_ms}, frame)
+
+    def _show_late(self, frame: RgbdFrame | CompressedRgbdFrame) -> None:
+        """Send the newest people of a camera again with their image, which came after them."""
+        stamp_ns, scene = self._last.get(frame.camera, (None, {}))
+        if stamp_ns == frame.stamp_ns and self._selection.holds_frames:
+            at_ms = time.time() * 1000
+            self._send((frame.camera, frame.stamp_ns), {**scene, "at_ms": at_ms}, frame)
+
+    def _send(
+        self, key: Key, scene: dict[str, Any], frame: RgbdFrame | CompressedRgbdFrame | None
+    ) -> None:
+        at_ms, about = scene["at_ms"], {"frame": scene["frame"], "at_ms": scene["at_ms"]}
+        parts = [("scene", _pack({**scene, "has_image": frame is not None}))]
         if frame is not None:
-            self._show_image(frame, at_ms)
-
-    def _show_image(self, frame: RgbdFrame | CompressedRgbdFrame, at_ms: float) -> None:
-        """Send an image to the pages; one that comes late has missed its people."""
-        if not self._selection.holds_frames:
-            return
-        data = _pack({"type": "image", "at_ms": at_ms, **self._scenes.image(frame)})
-        self._hub.publish(Packet(at_ms, f"image {frame.camera}", (("image", data),)))
-        self._images += 1
-        if isinstance(frame, RgbdFrame) and self._demand.cloud:
-            self._show_cloud(frame, at_ms)
-
-    def _show_cloud(self, frame: RgbdFrame, at_ms: float) -> None:
-        now_ns = time.monotonic_ns()
-        if now_ns - self._cloud_ns.get(frame.camera, 0) < 0.8e9 / self._config.cloud_hz:
-            return
-        cloud = self._scenes.cloud(frame)
+            image = self._scenes.image(frame)
+            parts.append(("image", _pack({"type": "image", **about, **image})))
+            self._images += 1
+        cloud = self._cloud(frame) if isinstance(frame, RgbdFrame) else None
         if cloud:
-            self._cloud_ns[frame.camera] = now_ns
-            data = _pack({"type": "cloud", "camera": frame.camera, **cloud})
-            self._hub.publish(Packet(at_ms, f"cloud {frame.camera}", (("cloud", data),)))
+            packed = _pack({"type": "cloud", **about, "camera": key[0], **cloud})
+            parts.append(("cloud", packed))
+        self._hub.publish(Packet(at_ms, f"scene {key[0]}", tuple(parts), key[1]))
+
+    def _cloud(self, frame: RgbdFrame) -> dict[str, Any] | None:
+        """Return the depth cloud of a frame if one is due."""
+        now_ns = time.monotonic_ns()
+        due_ns = self._cloud_ns.get(frame.camera, 0) + 0.8e9 / self._config.cloud_hz
+        if not self._demand.cloud or now_ns < due_ns:
+            return None
+        self._cloud_ns[frame.camera] = now_ns
+        return self._scenes.cloud(frame)
 
     def _frame(self, key: Key) -> RgbdFrame | CompressedRgbdFrame | None:
         """Decode the frame of a camera and stamp, if images are shown and it is there."""
@@ -239,10 +251,12 @@ class DashboardNode(Node):
             self._images_failed += 1
         return frame if isinstance(frame, RgbdFrame) else None
 
-    def _publish(self, key: str, packet: dict[str, Any], stays: bool = False) -> None:
+    def _publish(
+        self, key: str, packet: dict[str, Any], stays: bool = False, stamp_ns: int = 0
+    ) -> None:
         at_ms = time.time() * 1000
         data = _pack({"at_ms": at_ms, **packet})
-        self._hub.publish(Packet(at_ms, key, ((str(packet["type"]), data),)), stays)
+        self._hub.publish(Packet(at_ms, key, ((str(packet["type"]), data),), stamp_ns), stays)
 
 
 def _decoded(payload: bytes | None) -> Message | None:

@@ -190,7 +190,7 @@ class SceneBuilder:
         scene: dict[str, Any] = {
             "type": "scene",
             "camera": camera,
-            "stamp_s": stamp_ns / 1e9,
+            "frame": str(stamp_ns),  # as text: JavaScript's numbers have 53 bits
             "frame_id": self._frame_id,
             "people": people_of(tracks, None if pose is None else pose[:3, 3]) if tracks else None,
             "boxes": boxes_of(detections, tracks) if detections else [],

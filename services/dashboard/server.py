@@ -1,6 +1,7 @@
 """The web server in a thread of its own."""
 
 import asyncio
+import errno
 import logging
 import socket
 import ssl
@@ -24,6 +25,7 @@ from services.dashboard.web import REQUEST_MAX, WebApp
 START_S = 10.0
 STOP_S = 3.0
 BACKLOG = 128
+PORTS = 10  # that are tried
 DEAD_MS = 20_000  # after which a connection is ended whose other end takes nothing
 
 log = logging.getLogger("people4d")
@@ -111,18 +113,26 @@ class WebServer:
 
 
 def _listen(host: str, port: int) -> socket.socket:
+    """Listen at a port, or at the first free one of those after it."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    try:
-        listener = socket.create_server(
-            (host, port), family=family, backlog=BACKLOG, dualstack_ipv6=host == "::"
-        )
-    except OSError as error:
-        raise ConfigError(
-            f"the dashboard cannot listen at {host}:{port} ({error.strerror or error})",
-            "Does another one run there? Else --set dashboard.port=NUMBER.",
-        ) from error
-    listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, DEAD_MS)
-    return listener
+    last = min(port + PORTS - 1, 65535) if port else 0
+    for one in range(port, last + 1):
+        try:
+            listener = socket.create_server(
+                (host, one), family=family, backlog=BACKLOG, dualstack_ipv6=host == "::"
+            )
+        except OSError as error:
+            if error.errno == errno.EADDRINUSE and one < last:
+                continue
+            raise ConfigError(
+                f"the dashboard cannot listen at {host}:{one} ({error.strerror or error})",
+                "Does another one run there? Else --set dashboard.port=NUMBER.",
+            ) from error
+        if one != port:
+            log.warning("port %d is taken, the dashboard listens at %d", port, one)
+        listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, DEAD_MS)
+        return listener
+    raise AssertionError("the last port is refused by an error")
 
 
 def _url(config: DashboardConfig, listener: socket.socket, secure: bool) -> str:

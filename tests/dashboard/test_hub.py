@@ -45,6 +45,34 @@ def test_history_returns_the_newest_of_each_key_at_a_time() -> None:
     assert history.at(999) == []
 
 
+def frame_packet(at_ms: float, stamp_ns: int, *kinds: str) -> Packet:
+    return Packet(at_ms, "scene front", tuple((kind, b"") for kind in kinds), stamp_ns)
+
+
+def test_history_prefers_frames_with_all_parts_that_a_viewer_shows() -> None:
+    history = History(60, 10**6)
+    history.add(frame_packet(1000, 1, "scene", "image", "cloud"))
+    history.add(frame_packet(1100, 2, "scene", "image"))
+    history.add(frame_packet(1200, 3, "scene"))
+    for kinds, stamp_ns in (
+        ({"scene", "image", "cloud"}, 1),
+        ({"scene", "image"}, 2),
+        ({"scene"}, 3),
+    ):
+        assert [one.stamp_ns for one in history.at(1250, kinds)] == [stamp_ns]
+
+
+def test_history_returns_skeletons_of_the_frame_alone() -> None:
+    history = History(60, 10**6)
+    history.add(frame_packet(1000, 1, "scene"))
+    history.add(Packet(1050, "skeletons front", (("skeletons", b""),), 1))
+    history.add(frame_packet(1100, 2, "scene"))
+    history.add(frame_packet(1200, 3, "scene"))
+    history.add(Packet(1250, "skeletons front", (("skeletons", b""),), 3))
+    assert [one.at_ms for one in history.at(1210)] == [1200, 1250]
+    assert [one.at_ms for one in history.at(1150)] == [1100]  # its skeletons never came
+
+
 def test_history_begins_anew_when_the_clock_is_set_back() -> None:
     history = History(60, 10**6)
     history.add(packet(5000))

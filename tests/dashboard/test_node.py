@@ -20,6 +20,7 @@ from services.dashboard.build import build
 from services.dashboard.config import DashboardConfig
 from services.dashboard.node import DashboardNode
 from services.dashboard.selection import FrameSelection
+from services.dashboard.server import PORTS
 
 WAIT_S = 20.0
 
@@ -212,3 +213,55 @@ def test_tracks_that_come_before_their_detections_are_found() -> None:
 @pytest.mark.parametrize("junk", [b"", b"\xc1", b"\x90", b"\x93" * 1000])
 def test_bytes_without_a_header_go_to_the_decoder_that_counts_them(junk: bytes) -> None:
     assert FrameSelection(10).admits("people", junk)
+
+
+def test_image_that_comes_late_is_sent_with_its_people_in_one_packet(run: RunningNode) -> None:
+    feed = feed_of()
+    run.feed(feed.info, feed.pose)
+    with run.connect() as socket:
+        run.wait("RgbdFrame")
+        first, *others = feed.frame(3, 10**9)
+        run.feed(*others)
+        alone = receive(socket, "scene")
+        run.feed(first)
+        scene, image = receive(socket, "scene"), receive(socket, "image")
+    assert (alone["has_image"], scene["has_image"]) == (False, True)
+    assert alone["frame"] == scene["frame"] == image["frame"] == str(10**9)
+    assert alone["people"] == scene["people"]
+
+
+def test_paused_viewer_gets_image_and_cloud_of_the_frame_that_it_seeks(run: RunningNode) -> None:
+    feed = feed_of()
+    run.feed(feed.info, feed.pose)
+    with run.connect(type="watch", images=True, cloud=True) as socket:
+        run.wait("RgbdFrame")
+        end_s = time.monotonic() + WAIT_S
+        while not run.node._demand.cloud and time.monotonic() < end_s:
+            run.node.tick(time.monotonic_ns())
+        run.feed(*feed.frame(3, 10**9))
+        at_ms = receive(socket, "cloud")["at_ms"]
+        run.node._selection.rate_hz = 1e9
+        for number in range(4, 8):  # sooner than the next cloud is due
+            run.feed(*feed.frame(number, number * 10**9))
+        socket.send(msgspec.msgpack.encode({"type": "pause"}))
+        socket.send(msgspec.msgpack.encode({"type": "seek", "at_ms": at_ms + 1000}))
+        shown: dict[str, str] = {}  # newest frame of each kind, as the page keeps it
+        while "cloud" not in shown:
+            packet = msgspec.msgpack.decode(socket.recv(WAIT_S, decode=False))
+            if packet["type"] in ("scene", "image", "cloud"):
+                shown[packet["type"]] = packet["frame"]
+    assert shown == dict.fromkeys(("scene", "image", "cloud"), str(10**9))
+
+
+def test_next_free_port_is_taken_if_the_port_is_not_free() -> None:
+    first = RunningNode()
+    port = int(first.url.rstrip("/").rpartition(":")[2])
+    second: DashboardNode = build(DashboardConfig(port=port))
+    try:
+        second.attach(LoopCallbacks(robot="robby"))
+        assert second._server
+        other = int(second._server.address.url.rstrip("/").rpartition(":")[2])
+        assert port < other < port + PORTS
+    finally:
+        second.close()
+        first.node.close()

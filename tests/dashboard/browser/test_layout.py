@@ -1,5 +1,7 @@
 """The page in Chromium on a telephone, in dark and light, and for assistive technology."""
 
+import itertools
+
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
@@ -88,3 +90,42 @@ def test_everything_is_reached_by_the_tab_key(open_page: Open) -> None:
     page.keyboard.press("Enter")
     assert page.evaluate("document.activeElement.id") == "people"
     assert stored(page, "selected") is None
+
+
+def test_stages_of_the_latency_chart_have_colours_of_their_own(open_page: Open) -> None:
+    page = open_page()
+    colours = page.evaluate("""async () => {
+      const { emit } = await import("/js/store.js");
+      const stage = (name, ms) => ({ stage: name, p50_ms: ms, beside: false });
+      const process = { instance: "x", service: "x", state: "ready", rates_hz: {}, losses: {},
+        cpu_percent: null, memory_mb: null };
+      for (let k = 1; k < 30; k++) { // other stages become the longest, one after the other
+        const stages = Array.from({ length: 12 }, (_, n) => stage(`s${k + n}`, 10 * k + n));
+        emit("message:health", { at_ms: 1e15 + 20000 * k, processes: [{ ...process, stages }],
+          end_to_end: null });
+      }
+      return [...document.querySelectorAll("#latency-legend .dot")].map((d) => d.style.background);
+    }""")
+    assert len(colours) == 9
+    assert len(set(colours)) == 9
+
+
+def test_labels_of_people_close_together_do_not_hide_one_another(open_page: Open) -> None:
+    page = open_page()
+    taken = page.evaluate("""async () => {
+      const { label } = await import("/js/canvas.js");
+      const context = document.createElement("canvas").getContext("2d"), taken = [];
+      for (let k = 0; k < 6; k++) label(context, `#${k} 3.0 m`, 5 * k, 60, "#000", "#fff", taken);
+      return taken;
+    }""")
+    tops = sorted((one["y"] - one["height"], one["y"]) for one in taken)
+    assert all(low <= top for (_, low), (top, _) in itertools.pairwise(tops))
+    assert tops[0][0] >= 0
+
+
+def test_no_column_of_a_wide_page_is_half_empty(open_page: Open) -> None:
+    page = open_page(width=1440)
+    ends = page.evaluate("""() => [...document.querySelectorAll(".column")].map((column) =>
+      column.lastElementChild.getBoundingClientRect().bottom)""")
+    height = page.evaluate("document.documentElement.scrollHeight")
+    assert abs(ends[0] - ends[1]) < 0.25 * height

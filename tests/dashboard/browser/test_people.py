@@ -161,6 +161,87 @@ def has_people(page: Page) -> bool:
     return {tuple(bytes.fromhex(one)) for one in expected} <= colours(page)
 
 
+def test_cloud_goes_back_with_the_people(open_page: Open) -> None:
+    page = open_page()
+    page.locator(SPACE).scroll_into_view_if_needed()
+    begin_ms = stored(page, "atMs")
+    until(lambda: cloud_frame(page), page)
+    until(lambda: stored(page, "atMs") > begin_ms + 8000, page)
+    pause(page)
+    page.wait_for_timeout(300)
+    before = cloud_frame(page)
+    assert before == next(iter(stored(page, "frames").values()))
+    page.locator("#time").fill("-4")
+    frame = until(lambda: cloud_frame(page) not in ("", before) and cloud_frame(page), page)
+    assert int(before) - int(frame) > 2e9
+    until(lambda: stored(page, "frames") == {"front": frame}, page)
+
+
+def cloud_frame(page: Page) -> str:
+    """Return the frame whose depth cloud is shown, empty for none."""
+    return page.locator(SPACE).get_attribute("data-cloud") or ""
+
+
+# Decoding takes 0.3 s, in which newer people come; what is drawn is recorded.
+SLOW = """
+const frames = new Map(), boxes = new Map();
+const sum = (bytes) => bytes.reduce((one, other) => (31 * one + other) % 1000003, 0);
+window.drawn = [];
+let real;
+const property = { configurable: true, set(value) { real = value; }, get() {
+  return real && new Proxy(real, { get: (pack, name) => name !== "decode" ? pack[name] : (data) => {
+    const message = pack.decode(data);
+    if (message.type === "image") frames.set(sum(message.jpeg), message.frame);
+    if (message.type === "scene") {
+      const lefts = message.boxes.map(({ box_px }) => box_px[0]);
+      boxes.set(message.frame, [...(boxes.get(message.frame) ?? []), lefts]);
+    }
+    return message;
+  } });
+} };
+Object.defineProperty(window, "MessagePack", property);
+window.createImageBitmap = ((get) => async (blob) => {
+  await new Promise((done) => setTimeout(done, 300));
+  const bitmap = await get(blob);
+  bitmap.frame = frames.get(sum(new Uint8Array(await blob.arrayBuffer())));
+  return bitmap;
+})(window.createImageBitmap);
+let last = null;
+const context = CanvasRenderingContext2D.prototype;
+context.drawImage = ((get) => function (image, ...rest) {
+  last = { frame: image.frame, scale: rest[2] / image.width, lefts: [] };
+  window.drawn.push(last);
+  get.call(this, image, ...rest);
+})(context.drawImage);
+context.clearRect = ((get) => function (...rest) { last = null; get.call(this, ...rest); })(
+  context.clearRect);
+context.strokeRect = ((get) => function (left, ...rest) {
+  if (last) last.lefts.push(left / last.scale);
+  get.call(this, left, ...rest);
+})(context.strokeRect);
+window.expected = (frame) => boxes.get(frame);
+"""
+
+
+def test_boxes_are_drawn_on_the_image_of_their_frame_under_load(open_page: Open) -> None:
+    page = open_page(script=SLOW)
+    until(lambda: page.evaluate("window.drawn.length") > 6, page)
+    drawn = page.evaluate(
+        "window.drawn.map((one) => ({ ...one, expected: window.expected(one.frame) }))"
+    )
+    assert max(len(one["lefts"]) for one in drawn) == PEOPLE
+    for one in drawn:  # a frame comes once more if its image or its boxes came late
+        assert any(one["lefts"] == pytest.approx(lefts, abs=0.1) for lefts in one["expected"])
+
+
+def test_space_pauses_after_a_click_on_a_button(open_page: Open) -> None:
+    page = open_page()
+    page.locator(f"{ROW}[data-id='1']").get_by_role("button").click()
+    page.keyboard.press(" ")
+    expect(page.locator("#when")).to_have_text("paused")
+    expect(page.locator(f"{ROW}.chosen")).to_have_count(1)
+
+
 def test_browser_without_webgl_shows_a_hint_and_everything_else(open_page: Open) -> None:
     without = "HTMLCanvasElement.prototype.getContext = ((get) => function (kind, ...rest) {\
         return kind.startsWith('webgl') ? null : get.call(this, kind, ...rest); })(\

@@ -9,10 +9,15 @@ export function fitCanvas(canvas, height = null) {
   return { context, width, height: tall };
 }
 
-export function label(context, text, x, y, ground, ink, size = 12) {
+// Labels of one drawing: one that would hide another is moved above or below it.
+export function label(context, text, x, y, ground, ink, taken, size = 12) {
   context.font = `600 ${size}px system-ui, sans-serif`;
   context.textBaseline = "middle";
   const width = context.measureText(text).width + 10, height = size + 7;
+  const hides = (bottom) => taken.some((other) => x < other.x + other.width && other.x < x + width && bottom - height < other.y && other.y - other.height < bottom);
+  const places = Array.from({ length: 9 }, (_, k) => y + (k % 2 ? -1 : 1) * Math.ceil(k / 2) * (height + 1));
+  y = places.find((bottom) => bottom >= height && !hides(bottom)) ?? y;
+  taken.push({ x, y, width, height });
   context.fillStyle = ground;
   context.beginPath();
   context.roundRect(x, y - height, width, height, 4);

@@ -60,7 +60,8 @@ function draw() {
   const largest = new Map();
   for (const { stages } of samples) for (const [name, ms] of stages) largest.set(name, Math.max(ms, largest.get(name) ?? 0));
   const names = [...largest].sort((p, q) => q[1] - p[1]).slice(0, STAGES.length - 1).map(([name]) => name);
-  for (const name of names) if (!colours.has(name)) colours.set(name, STAGES[colours.size % (STAGES.length - 1)]);
+  for (const name of colours.keys()) if (!names.includes(name)) colours.delete(name);
+  for (const name of names) if (!colours.has(name)) colours.set(name, STAGES.find((colour) => ![...colours.values()].includes(colour)));
   const order = [...largest.keys()].filter((name) => names.includes(name));
   const sums = samples.map(({ stages }) => [...stages.values()].reduce((sum, ms) => sum + ms, 0));
   const top = Math.max(10, ...sums) * 1.1;

@@ -5,6 +5,8 @@ import { on, select, store } from "./store.js";
 
 const LIMBS = [[0, 1], [0, 2], [1, 3], [2, 4], [5, 6], [5, 7], [7, 9], [6, 8], [8, 10], [5, 11], [6, 12], [11, 12], [11, 13], [13, 15], [12, 14], [14, 16]];
 const SCORE_MIN = 0.3;
+const SCENES_MAX = 32; // that wait for their image
+const IMAGE_MS = 1000; // without an image, after which boxes are drawn without one
 const views = new Map();
 const holder = document.getElementById("images");
 
@@ -16,7 +18,7 @@ function viewOf(camera) {
     canvas.setAttribute("role", "img");
     figure.append(canvas, caption);
     holder.append(figure);
-    const view = { canvas, caption, scene: null, bitmap: null, next: null, decodes: false, labelled: 0 };
+    const view = { canvas, caption, scene: null, bitmap: null, shown: 0, scenes: new Map(), next: null, decodes: false, labelled: 0 };
     canvas.addEventListener("click", (event) => pick(view, event));
     views.set(camera, view);
   }
@@ -30,15 +32,21 @@ export async function takeImage(message) {
   if (view.decodes) return;
   view.decodes = true;
   while (view.next) {
-    const { jpeg } = view.next;
+    const { jpeg, frame } = view.next;
     view.next = null;
     const bitmap = await createImageBitmap(new Blob([jpeg], { type: "image/jpeg" })).catch(() => null);
-    if (!bitmap) continue;
-    view.bitmap?.close();
-    view.bitmap = bitmap;
-    draw(view);
+    const scene = view.scenes.get(frame);
+    if (bitmap && scene) show(view, scene, bitmap);
+    else bitmap?.close();
   }
   view.decodes = false;
+}
+
+// An image is drawn with the boxes of its own frame only.
+function show(view, scene, bitmap) {
+  view.bitmap?.close();
+  Object.assign(view, { scene, bitmap, shown: performance.now() });
+  draw(view);
 }
 
 function pick(view, event) {
@@ -57,6 +65,7 @@ function draw(view) {
   const { context, width } = fitCanvas(canvas, height);
   canvas.style.height = `${height}px`;
   view.scale = width / imageWidth;
+  const labels = [], taken = []; // labels are drawn last, so that no line crosses them
   context.clearRect(0, 0, width, height);
   if (view.bitmap) context.drawImage(view.bitmap, 0, 0, width, height);
   else {
@@ -65,8 +74,9 @@ function draw(view) {
     context.fillText(store.privacy ? "Images stay on the robot (privacy)." : store.images ? "No image." : "This token shows no images.", 12, 24);
   }
   const people = new Map((scene.people ?? []).map((person) => [person.id, person]));
-  for (const box of scene.boxes) drawBox(context, view, box, people.get(box.id));
-  for (const person of people.values()) drawPerson(context, view, person);
+  for (const box of scene.boxes) drawBox(context, view, box, people.get(box.id), labels);
+  for (const person of people.values()) drawPerson(context, view, person, labels);
+  for (const [text, x, y, colour] of labels) label(context, text, x, y, colour, inkOn(colour), taken);
   view.caption.textContent = scene.camera;
   const now = performance.now();
   if (now - view.labelled > 2000) {
@@ -75,7 +85,7 @@ function draw(view) {
   }
 }
 
-function drawBox(context, view, box, person) {
+function drawBox(context, view, box, person, labels) {
   const s = view.scale, colour = colourOf(box.id), chosen = box.id !== null && box.id === store.selected;
   const [left, top, right, bottom] = box.box_px.map((value) => value * s);
   context.lineWidth = chosen ? 4 : 2;
@@ -87,7 +97,7 @@ function drawBox(context, view, box, person) {
   const texts = person ? [`#${box.id}`] : [box.score.toFixed(2)];
   if (person?.distance_m !== null && person) texts.push(`${person.distance_m.toFixed(2)} m`);
   if (person) texts.push(`${Math.hypot(...person.velocity_mps).toFixed(1)} m/s`);
-  label(context, texts.join("  "), Math.max(0, left - 1), Math.max(19, top), colour, inkOn(colour));
+  labels.push([texts.join("  "), Math.max(0, left - 1), Math.max(19, top), colour]);
 }
 
 function drawSkeleton(context, keypoints, scale, colour) {
@@ -110,7 +120,7 @@ function drawSkeleton(context, keypoints, scale, colour) {
   }
 }
 
-function drawPerson(context, view, person) {
+function drawPerson(context, view, person, labels) {
   const ends = view.scene.arrows[person.id], colour = colourOf(person.id);
   if (!ends) return;
   const [u, v, tipU, tipV] = ends.map((value) => value * view.scale);
@@ -123,14 +133,17 @@ function drawPerson(context, view, person) {
     context.arc(u, v, 12, 0, 7);
     context.stroke();
     context.setLineDash([]);
-    label(context, `#${person.id} ${person.state}`, u + 8, v - 8, colour, inkOn(colour));
+    labels.push([`#${person.id} ${person.state}`, u + 8, v - 8, colour]);
   }
 }
 
 on("scene", (scene) => {
   const view = viewOf(scene.camera);
-  view.scene = scene;
-  if (!store.images || store.privacy || !view.bitmap) draw(view);
+  view.scenes.delete(scene.frame);
+  view.scenes.set(scene.frame, scene);
+  if (view.scenes.size > SCENES_MAX) view.scenes.delete(view.scenes.keys().next().value);
+  const waits = scene.has_image || (!store.paused && performance.now() - view.shown < IMAGE_MS);
+  if (!store.images || store.privacy || !view.bitmap || !waits) show(view, scene, null);
 });
 const redraw = () => views.forEach(draw);
 on("selected", redraw);

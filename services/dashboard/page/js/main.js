@@ -78,6 +78,9 @@ $("theme").addEventListener("click", () => {
   setTheme(next);
 });
 
+// A button that was clicked would take the next Space; one that was reached by the keyboard keeps it.
+document.addEventListener("click", (event) => { if (event.detail) event.target.closest?.("button, [type='checkbox']")?.blur(); });
+
 document.addEventListener("keydown", (event) => {
   if (event.target.matches("input:not([type='range'], [type='checkbox'])") || event.ctrlKey || event.metaKey || event.altKey) return;
   if (event.key === " " && !event.target.matches("button, [type='checkbox']")) setPaused(!store.paused);

@@ -53,6 +53,7 @@ function draw() {
   for (const person of store.people) drawTrajectory(context, person);
   if (store.robot) drawRobot(context, store.robot);
   for (const person of store.people) drawPerson(context, person);
+  drawLabels(context);
   if (drawing.active) drawSketch(context);
 }
 
@@ -200,7 +201,14 @@ function drawPerson(context, person) {
   context.strokeStyle = lost ? colour : "#ffffff";
   context.stroke();
   context.setLineDash([]);
-  label(context, `#${person.id}`, u + 11, v - 5, colour, inkOn(colour), 11);
+}
+
+function drawLabels(context) {
+  const taken = [];
+  for (const { id, position_m: position } of store.people) {
+    const [u, v] = toScreen(position), colour = colourOf(id);
+    label(context, `#${id}`, u + 11, v - 5, colour, inkOn(colour), taken, 11);
+  }
 }
 
 function drawSketch(context) {

@@ -14,6 +14,7 @@ export function setPaused(paused) {
   pausedAt = store.atMs;
   send({ type: paused ? "pause" : "live" });
   slider.value = 0;
+  if (paused) ask(); // for parts of one frame: what is shown live comes at several rates
   show();
   emit("paused", paused);
 }

@@ -7,6 +7,7 @@ const LIMBS = [[5, 6], [5, 7], [7, 9], [6, 8], [8, 10], [5, 11], [6, 12], [11, 1
 const START = { azimuth: 2.6, height: 0.5, distance: 7, target: [2.5, 0, 0.8] };
 
 const PREDICTED_OPACITY = 0.35;
+const CLOUD_MS = 1000; // age of a cloud that is shown with newer people
 
 export function openSpace(canvas) {
   const note = document.getElementById("space-note");
@@ -93,8 +94,15 @@ export function openSpace(canvas) {
     if (field) cameras.add(lines([[...field[0], 0], [...field[1], 0], [...field[0], 0], [...field[2], 0]], css("quiet"), 0.4));
   }
 
-  let changed = true;
-  function takeScene() { changed = true; draw(); }
+  let changed = true, cloudShown = true, cloudFrame = "", cloudCamera = "", cloudMs = 0;
+  function takeScene() { changed = true; setCloud(); draw(); }
+
+  // Live the cloud comes less often than people; of the past only that of the frame is shown.
+  function setCloud() {
+    const same = cloudFrame === store.frames[cloudCamera];
+    cloud.visible = cloudShown && (same || (!store.paused && Math.abs(store.atMs - cloudMs) < CLOUD_MS));
+    canvas.dataset.cloud = cloud.visible ? cloudFrame : "";
+  }
 
   function build() {
     changed = false;
@@ -107,6 +115,7 @@ export function openSpace(canvas) {
 
   function takeCloud(packet) {
     const { width, height, fx, fy, cx, cy, pose, rgb } = packet;
+    [cloudFrame, cloudCamera, cloudMs] = [packet.frame, packet.camera, packet.at_ms];
     const depth = new DataView(packet.depth_mm.buffer, packet.depth_mm.byteOffset, packet.depth_mm.byteLength);
     const points = [], colours = [];
     for (let k = 0; k < width * height; k++) {
@@ -120,6 +129,7 @@ export function openSpace(canvas) {
     cloud.geometry = new three.BufferGeometry();
     cloud.geometry.setAttribute("position", new three.Float32BufferAttribute(points, 3));
     cloud.geometry.setAttribute("color", new three.Float32BufferAttribute(colours, 3));
+    setCloud();
     draw();
   }
 
@@ -165,6 +175,6 @@ export function openSpace(canvas) {
   theme();
   return {
     reset() { Object.assign(view, structuredClone(START)); draw(); },
-    showCloud(shown) { cloud.visible = shown; draw(); },
+    showCloud(shown) { cloudShown = shown; setCloud(); draw(); },
   };
 }

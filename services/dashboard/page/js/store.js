@@ -2,7 +2,7 @@
 const TRAJECTORY_MS = 60000;
 const SKELETONS_MS = 1000; // after which they are no longer published
 export const store = {
-  people: [], cameras: {}, robot: null, joints: {}, predicted: {}, skeletonsMs: 0, predictions: [], trajectories: new Map(), zones: [], zonesBase: 0,
+  people: [], cameras: {}, frames: {}, robot: null, joints: {}, predicted: {}, skeletonsMs: 0, predictions: [], trajectories: new Map(), zones: [], zonesBase: 0,
   selected: null, paused: false, atMs: 0, historyMs: 60000, privacy: false, images: true,
 };
 const listeners = new Map();
@@ -29,12 +29,14 @@ export function takeScene(scene) {
     store.people = scene.people;
     if (!store.paused) extendTrajectories(scene);
   }
-  // Keypoints at their depth stand in for skeletons where none are published.
-  if (Math.abs(scene.at_ms - store.skeletonsMs) > SKELETONS_MS) Object.assign(store, { joints: scene.joints, predicted: {} });
+  store.frames[scene.camera] = scene.frame;
+  // Keypoints at their depth stand in for skeletons where none are published, and of a past frame until its own come.
+  if (store.paused || Math.abs(scene.at_ms - store.skeletonsMs) > SKELETONS_MS) Object.assign(store, { joints: scene.joints, predicted: {} });
   emit("scene", scene);
 }
 
-export function takeSkeletons({ at_ms: atMs, joints, predicted }) {
+export function takeSkeletons({ at_ms: atMs, camera, frame, joints, predicted }) {
+  if (store.paused && frame !== store.frames[camera]) return;
   const ids = store.people.map(({ id }) => id);
   const known = (now, before) => Object.fromEntries(ids.flatMap((id) => (now[id] ?? before[id] ? [[id, now[id] ?? before[id]]] : [])));
   Object.assign(store, { skeletonsMs: atMs, joints: known(joints, store.joints), predicted: known(predicted, store.predicted) });
