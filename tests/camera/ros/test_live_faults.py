@@ -20,6 +20,7 @@ from tests.camera.ros.live_topics import (
     Raw,
     colour_pixels,
     depth_pixels,
+    info,
     is_frame,
     open_live,
     repeated,
@@ -36,7 +37,7 @@ def test_bad_messages_are_counted_and_frames_go_on(
 ) -> None:
     source = open_live("zenoh", namespace, network)
     image = ROS.image(colour_pixels(), "rgb8", SECOND)
-    strange = ROS.image(colour_pixels(), "yuv422", 0)
+    strange = ROS.image(colour_pixels(), "bayer_rggb8", 0)
 
     def publish(number: int) -> None:
         raw.put("color/image_raw", image, cdr=b"\0\1\0\0junk")
@@ -60,6 +61,27 @@ def test_bad_messages_are_counted_and_frames_go_on(
         until(items, lambda item: is_frame(item) and all(source.counters[n] for n in wanted))
     source.interrupt()
     assert {name: source.counters[name] > 0 for name in wanted} == dict.fromkeys(wanted, True)
+
+
+@pytest.mark.parametrize("simulated", [True, False])
+def test_stamp_of_0_is_a_time_of_a_simulation_or_none(
+    network: Network, namespace: str, raw: Raw, simulated: bool
+) -> None:
+    source = open_live("zenoh", namespace, network, tf_topics=())
+
+    def publish(number: int) -> None:
+        stamp_ns = (number - 1) * STEP_NS * simulated
+        raw.put("color/camera_info", info())
+        raw.put("color/image_raw", ROS.image(colour_pixels(), "rgb8", stamp_ns))
+        raw.put("depth/image_raw", ROS.image(depth_pixels(), "16UC1", stamp_ns))
+
+    with repeated(publish):
+        items = iter(source)
+        frames = [item for _ in range(3) for item in until(items, is_frame)]
+    source.interrupt()
+    stamps = [item.stamp_ns for item in frames if isinstance(item, SourceFrame)]
+    # Without a simulation: the time of sending, which is 1 ns here.
+    assert all(0 < stamp_ns < 3600 * SECOND if simulated else stamp_ns == 1 for stamp_ns in stamps)
 
 
 def test_change_of_size_is_followed_and_sizes_that_differ_are_counted(
