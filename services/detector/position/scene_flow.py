@@ -166,9 +166,9 @@ def _area(torso: TorsoJoints) -> F64:
 def _depths(pixels: F64, frame: RgbdFrame) -> F64:
     """Return the depth at pixels (...x2) in metres, NaN outside the image; 0: no reading."""
     height, width = frame.depth_mm.shape
-    inside = ((pixels >= 0) & (pixels <= (width - 1, height - 1))).all(axis=-1)
-    whole = np.rint(np.where(inside[..., None], pixels, 0)).astype(np.intp)
-    return np.where(inside, frame.depth_mm[whole[..., 1], whole[..., 0]] / 1000.0, np.nan)
+    inside = np.all((pixels >= 0) & (pixels <= (width - 1, height - 1)), axis=-1, keepdims=True)
+    u, v = np.moveaxis(np.rint(np.where(inside, pixels, 0)).astype(np.intp), -1, 0)
+    return np.where(inside[..., 0], frame.depth_mm[v, u] / 1000.0, np.nan)
 
 
 def _follow(pixels: F64, scale: float, pair: FramePair) -> F64:
