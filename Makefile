@@ -43,7 +43,7 @@ format: $(VENV)/.dev
 	$(BIN)/ruff check --fix .
 
 fuzz: $(VENV)/.dev
-	$(BIN)/pip install --disable-pip-version-check "atheris>=3"
+	$(BIN)/pip install -q --disable-pip-version-check "atheris>=3"
 	$(BIN)/python -m tests.fuzz --minutes 60
 
 audit: $(VENV)/.audit
@@ -60,23 +60,23 @@ $(VENV)/bin/pip:
 
 $(VENV)/.run: $(VENV)/bin/pip requirements.lock pyproject.toml people4d/pyproject.toml
 	@echo "Setting up $(VENV) (once, about a minute) ..."
-	$(BIN)/pip install --disable-pip-version-check --require-hashes -r requirements.lock
-	$(BIN)/pip install --disable-pip-version-check --no-deps --no-build-isolation -e ./people4d -e .
+	$(BIN)/pip install -q --disable-pip-version-check --require-hashes -r requirements.lock
+	$(BIN)/pip install -q --disable-pip-version-check --no-deps --no-build-isolation -e ./people4d -e .
 	@touch $@
 
 $(VENV)/.dev: $(VENV)/.run requirements-dev.lock
 	@echo "Setting up the development tools ..."
-	$(BIN)/pip install --disable-pip-version-check --require-hashes -r requirements-dev.lock
+	$(BIN)/pip install -q --disable-pip-version-check --require-hashes -r requirements-dev.lock
 	@touch $@
 
 $(VENV)/.docs: $(VENV)/.run requirements-docs.lock
 	@echo "Setting up the tools of the documentation ..."
-	$(BIN)/pip install --disable-pip-version-check --require-hashes -r requirements-docs.lock
+	$(BIN)/pip install -q --disable-pip-version-check --require-hashes -r requirements-docs.lock
 	@touch $@
 
 $(VENV)/.audit: $(VENV)/.run requirements-audit.lock
 	@echo "Setting up the tools of the supply chain ..."
-	$(BIN)/pip install --disable-pip-version-check --require-hashes -r requirements-audit.lock
+	$(BIN)/pip install -q --disable-pip-version-check --require-hashes -r requirements-audit.lock
 	@touch $@
 
 lock: $(VENV)/.run

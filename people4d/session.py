@@ -17,7 +17,8 @@ from people4d.messages.base import check_name
 from people4d.subscription import CLOSE_S, ZenohSubscription
 from people4d.topics import IMAGE_MAX_BYTES, KEYS_MAX, LOCKSTEP_MAX, Topic, prefix, query_key
 
-BUILD_PATH = re.compile(r" at /[^ ]*\.rs:\d+\.?")  # of the machine that Zenoh was built on
+BUILD_PATH = re.compile(r"( at)? ?[^ ]*\.rs:\d+(:\d+)?\.?")  # of Zenoh's sources
+NO_ANSWER = re.compile(r"Unable to connect to any of .*Timeout!")
 
 CONFIGS = Path(__file__).parent / "zenoh"
 ANSWER_S = 2.0
@@ -99,6 +100,7 @@ def _insert_credentials(config: zenoh.Config, folder: Path, mode: str, role: str
 def problem_of(error: zenoh.ZError) -> str:
     """Return what an error of Zenoh says, without its source files."""
     text = " ".join(BUILD_PATH.sub("", str(error)).split())
+    text = NO_ANSWER.sub("it does not answer", text)
     inner = re.search(r'Message { msg: "(.*)", location', text)
     return inner[1] if inner else text
 

@@ -119,7 +119,10 @@ def upside_down(evidence: Evidence) -> Iterator[Diagnostic]:
         ]
         if len(found) >= FEWEST and np.mean(found) > 0.5:
             what = f"people in the images of {camera} are upside down"
-            hint = "Is it mounted so? Let its driver rotate the images, and calibrate them so."
+            hint = (
+                "Is it mounted so? Give its mount (camera.mount_rpy_rad, or the transform of its "
+                "driver), by which its images are turned upright."
+            )
             yield problem("mount", what, hint)
 
 

@@ -161,7 +161,8 @@ def calibration(evidence: Evidence) -> Iterator[Diagnostic]:
 def depth(evidence: Evidence) -> Iterator[Diagnostic]:
     """Check that depth images hold anything."""
     for vitals in evidence.of("detector"):
-        empty, came = vitals.since("no_depth"), vitals.since("frames")
+        empty = vitals.since("no_depth")
+        came = max(vitals.since("frames"), empty)  # one frame may be between the two counts
         if empty and empty >= MOST * came:
             what = f"depth is all zero in {empty} of {came} frames: people have no positions"
             hint = (

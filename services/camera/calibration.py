@@ -1,7 +1,7 @@
 """Calibration of an RGB-D camera, from configuration or from a file."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -244,3 +244,15 @@ def to_intrinsics(matrix: F64, distortion: Any = (), width: int = 0, height: int
     return Intrinsics(
         fx=fx, fy=fy, cx=cx, cy=cy, distortion=numbers, width=int(width), height=int(height)
     )
+
+
+def renamed(
+    transforms: Sequence[StaticTransform], own: str, frame_id: str
+) -> list[StaticTransform]:
+    """Return transforms with the camera's frame under its published name."""
+    return [
+        msgspec.structs.replace(
+            transform, child=frame_id if transform.child == own else transform.child
+        )
+        for transform in transforms
+    ]

@@ -21,7 +21,7 @@ from people4d.messages import (
     Tracks,
 )
 from people4d.topics import ForeignTopic
-from services.camera.calibration import static_transform
+from services.camera.calibration import renamed, static_transform
 from services.camera.config import CameraConfig
 from services.camera.frame_check import FrameCheck
 from services.camera.pacing import RecordedPacing, SourceRate, is_jump, pacing_of
@@ -230,7 +230,7 @@ class CameraNode(Node):
         named = _info(self._config, info)
         poses = [_mount(self._config, named.frame_id)]
         if transforms or moves:
-            poses = _renamed(transforms, info.frame_id, named.frame_id)
+            poses = renamed(transforms, info.frame_id, named.frame_id)
         # The roll of a camera that pans and tilts is not that of its mount.
         swings = moves or bool(self._config.motion.transforms)
         turns = 0 if swings else turns_of(poses, named.frame_id)
@@ -289,15 +289,3 @@ def _info(config: CameraConfig, info: CameraInfo) -> CameraInfo:
 
 def _mount(config: CameraConfig, frame_id: str) -> StaticTransform:
     return static_transform(config.mount_parent, frame_id, config.mount_from_optical)
-
-
-def _renamed(
-    transforms: Sequence[StaticTransform], own: str, frame_id: str
-) -> list[StaticTransform]:
-    """Return transforms with the camera's frame under its published name."""
-    return [
-        msgspec.structs.replace(
-            transform, child=frame_id if transform.child == own else transform.child
-        )
-        for transform in transforms
-    ]

@@ -9,13 +9,14 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import zenoh
 
 import people4d
 from common.transport.ports import free_port
 from people4d.client import Client, subscribe
 from people4d.errors import ConfigError, People4dError
 from people4d.messages import Health, Message, Tracks, Truth
-from people4d.session import endpoints_of
+from people4d.session import endpoints_of, problem_of
 from tests.contract.examples import BY_NAME
 from tests.network import Network
 
@@ -167,3 +168,18 @@ def test_thread_that_fails_to_receive_ends_the_iteration_with_an_error(
         pytest.raises(People4dError, match="no room for a message"),
     ):
         next(client.messages(Tracks))
+
+
+@pytest.mark.parametrize(
+    ("error", "text"),
+    [
+        ("no key at /home/user/.cargo/src/io/tls.rs:41.", "no key"),
+        ("no key at io/zenoh-links/src/tls.rs:41:7.", "no key"),
+        (
+            "Unable to connect to any of [tcp/a:1]. Timeout! at x.rs:9.",
+            "it does not answer",
+        ),
+    ],
+)
+def test_error_of_zenoh_names_no_file_of_its_sources(error: str, text: str) -> None:
+    assert problem_of(zenoh.ZError(error)) == text

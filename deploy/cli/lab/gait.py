@@ -60,7 +60,8 @@ def gait(
     finally:
         report.finish()
     _print_measures(report.tables)
-    typer.echo(f"Wrote {out}")
+    pages = [str(out / f"person_{person}.html") for person in report.tables.people]
+    typer.echo(f"Wrote {out}; open {' or '.join(pages)}" if pages else f"Wrote {out}")
 
 
 def _box(text: str) -> tuple[float, float, float, float] | None:
