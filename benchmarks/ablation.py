@@ -63,14 +63,12 @@ PARTS = {
     "joint orientation": Part(("detector.orientation.method=separate",)),
     "density of yaw": Part(("tracker.yaw=kalman",)),
     "turning": Part(("tracker.yaw_filter.rate_gain=0",)),
-    "occlusion": Part((f"{STRONG}.occlusion.enabled=false",)),
-    "contact": Part((f"{STRONG}.contact.enabled=false",)),
+    "visibility": Part((f"{STRONG}.visibility=false",)),
     "identity": Part((f"{STRONG}.identity.enabled=false",)),
     "limit of re-identification": Part((f"{STRONG}.identity.match_max={ROUND_1_MAX}",)),
     "likelihood in round 1": Part((f"{STRONG}.likelihood=false",)),
     "life cycle by hits": Part((f"{STRONG}.lifetime=streak", f"{STRONG}.n_init=3")),
-    "standing model": Part((f"{STRONG}.imm.enabled=false",), "IMM [Blom 1988]"),
-    "jumps of position": Part((f"{STRONG}.jump_min=inf",)),
+    "standing model": Part((f"{STRONG}.standing_model=false",), "IMM [Blom 1988]"),
     "acceleration": Part((f"{STRONG}.sigma_acceleration_mps2=0.5",)),
 }
 

@@ -62,25 +62,6 @@ def gate(x: F64, P: F64, z: F64, R: F64) -> tuple[F64, F64]:
     return distances, np.asarray(np.log(determinants))
 
 
-def with_jumps(x: F64, P: F64, z: F64, R: F64, largest: float) -> F64:
-    """Return covariances that explain jumps of what is measured.
-
-    Where the squared Mahalanobis distance of an innovation is larger than `largest`, variance is
-    added along it until it is `largest`. The update then follows the measurement, but changes what
-    is not measured no more than an innovation of that distance does: a fading memory [Xia 1994] of
-    the position alone, not of the velocity.
-    """
-    y, S = innovation(x, P, z, R)
-    distance = mahalanobis(y, S)
-    if not (distance > largest).any():
-        return P
-    # y^T (S + a y y^T)^-1 y = d / (1 + a d) of a distance d
-    a = (1.0 / largest - 1.0 / np.maximum(distance, largest))[..., None, None]
-    m, P = z.shape[-1], P.copy()
-    P[..., :m, :m] += a * y[..., :, None] * y[..., None, :]
-    return P
-
-
 def update(x: F64, P: F64, z: F64, R: F64) -> tuple[F64, F64]:
     """Return predicted states and covariances updated with one measurement each.
 

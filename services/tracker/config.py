@@ -42,7 +42,6 @@ class Sort3dConfig(Config, frozen=True, kw_only=True):
     sigma_acceleration_mps2: Positive = 2.0  # [m/s^2] a walking person turning
     sigma_measurement_m: Positive = 0.15  # [m]
     noise: Literal["constant", "measured"] = "constant"  # see StrongSort3dConfig
-    noise_factor: Positive = 2.0  # see StrongSort3dConfig
     sigma_start_velocity_mps: Positive = 2.0  # [m/s] of a new track: "large", section 4
     # noise of the box
     sigma_centre_px: Positive = 5.0  # [px] measured centre

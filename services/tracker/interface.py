@@ -1,7 +1,6 @@
 """Input and interface of every tracker."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import ClassVar, NamedTuple
@@ -87,14 +86,6 @@ class GalleryEntry:
     occluded: bool = False  # the only view is the last one of an occluded person
 
 
-@dataclass(frozen=True, slots=True)
-class KnownPeople:
-    """People whom a tracker can recognise."""
-
-    embedder: str  # name of the model of their views
-    entries: Mapping[int, GalleryEntry]  # by identity
-
-
 class IdCounter:
     """Identities, each given once.
 
@@ -178,19 +169,6 @@ class Tracker(ABC):
 
         Raises:
             DecodeError: It is of another method, or damaged; nothing has changed then.
-        """
-
-    def known_people(self) -> KnownPeople | None:
-        """Return the people whom it can recognise; None if it cannot recognise any."""
-        return None
-
-    def learn_neighbours(self, people: Mapping[int, GalleryEntry]) -> None:  # noqa: B027
-        """Take the people of neighbouring areas by identity, in place of those before."""
-
-    def rename(self, identities: Mapping[int, int | None]) -> None:  # noqa: B027
-        """Give tracks the identities that neighbours have for the same people.
-
-        None: the identity is that of another person elsewhere, and the track gets a new one.
         """
 
     def postpone(self, duration_ns: int) -> None:  # noqa: B027

@@ -25,18 +25,6 @@ def test_update_on_paper() -> None:
     np.testing.assert_allclose(P, [[[2 / 3, 1 / 3], [1 / 3, 2 / 3]]])
 
 
-def test_jumps_on_paper() -> None:
-    # x = [1, 1], P = [[2, 1], [1, 1]], R = 1, S = 3; y = 9: d_M^2 = 81 / 3 = 27. For one of 3:
-    # S = 81 / 3 = 27, so P_pp = 26; K = [26/27, 1/27], x = [1 + 26/3, 1 + 1/3]. y = 3 has 3.
-    x, P = np.array([[1.0, 1.0]] * 2), np.array([[[2.0, 1.0], [1.0, 1.0]]] * 2)
-    z = np.array([[10.0], [4.0]])
-    wider = kalman.with_jumps(x, P, z, R, 3.0)
-    np.testing.assert_allclose(wider, [[[26.0, 1.0], [1.0, 1.0]], P[1]])
-    updated, _ = kalman.update(x, wider, z, R)
-    np.testing.assert_allclose(updated, [[29 / 3, 4 / 3], [3.0, 2.0]])
-    np.testing.assert_array_equal(kalman.with_jumps(x, P, z, R, np.inf), P)
-
-
 def test_update_with_a_velocity_by_the_equations_of_all_states() -> None:
     rng = np.random.default_rng(3)
     x, root, v = rng.normal(size=(5, 6)), rng.normal(size=(5, 6, 6)), rng.normal(size=(5, 3))

@@ -8,6 +8,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from common.config import load
+from common.geometry.transforms import LINK_FROM_OPTICAL
 from people4d.messages import F64
 from services.presets import preset_settings
 from services.tracker.config import TrackerConfig
@@ -17,6 +18,7 @@ from services.tracker.strongsort3d.config import StrongSort3dConfig
 FRAME_NS = 100_000_000
 FOCAL_PX = 600.0
 AT_REST = np.zeros(3)
+RED, BLUE = (1.0, 0.1, 0.0), (0.0, 0.1, 1.0)  # cosine distance 0.99
 
 
 def person(
@@ -56,6 +58,12 @@ def frame(number: int, *people: Measurement, camera: str = "camera") -> Observat
     return Observation(
         stamp_ns=number * FRAME_NS, measurements=people, camera=camera, embedder="histogram"
     )
+
+
+def with_pose(number: int, *people: Measurement) -> Observation:
+    """A frame of a camera at the origin of the map that looks along +x."""
+    observation = frame(number, *people)
+    return dataclasses.replace(observation, map_from_camera=LINK_FROM_OPTICAL, size_px=(640, 480))
 
 
 def published(**constants: Any) -> StrongSort3dConfig:

@@ -9,14 +9,13 @@ from people4d.errors import DecodeError
 from people4d.messages import Track
 from services.tracker.build import make_tracker
 from services.tracker.interface import Tracker
-from services.tracker.strongsort3d.config import ContactConfig, IdentityConfig, OcclusionConfig
+from services.tracker.strongsort3d.config import IdentityConfig
 from tests.tracker.scene import frame, person, published, published_config
 
 RED, BLUE = (1.0, 0.0, 0.1), (0.0, 1.0, 0.1)
 IDENTITY = published(
     identity=IdentityConfig(enabled=True),
-    contact=ContactConfig(enabled=True),
-    occlusion=OcclusionConfig(enabled=True),
+    visibility=True,
 )
 CONFIGS = {
     "sort3d": published_config(tracker="sort3d"),

@@ -23,8 +23,9 @@ def test_defaults_are_what_ships() -> None:
         "keypoints",
         "measured",
     )
-    policies = strong.occlusion, strong.contact, strong.identity, strong.imm
-    assert all(policy.enabled for policy in policies)
+    assert strong.visibility
+    assert strong.identity.enabled
+    assert strong.standing_model
 
 
 def test_nested_fields_are_set_by_name() -> None:

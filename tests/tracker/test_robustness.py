@@ -8,15 +8,14 @@ import pytest
 from people4d.messages import Detection, Embeddings, ImageTracks, Message, Tracks
 from services.tracker.build import TRACKERS, build
 from services.tracker.config import TrackerConfig
-from services.tracker.strongsort3d.config import ContactConfig, IdentityConfig, OcclusionConfig
+from services.tracker.strongsort3d.config import IdentityConfig
 from tests import builders
 from tests.tracker.scene import published, published_config
 
 MS = 1_000_000
 BEST = published(
     noise="measured",
-    occlusion=OcclusionConfig(enabled=True),
-    contact=ContactConfig(enabled=True),
+    visibility=True,
     identity=IdentityConfig(enabled=True),
 )
 CONFIGS = {name: published_config(tracker=name, publish_tentative=True) for name in TRACKERS} | {

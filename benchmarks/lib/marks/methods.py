@@ -11,10 +11,9 @@ HALF_FRAME = 54  # frames before it choose, the others test
 HALVES = {"first half": range(HALF_FRAME), "second half": range(HALF_FRAME, 10_000)}
 DEFAULT = "MoveNet, appearance (default)"
 SWITCHES = {
-    "contact": "tracker.strongsort3d.contact.enabled=false",
-    "occlusion": "tracker.strongsort3d.occlusion.enabled=false",
+    "visibility": "tracker.strongsort3d.visibility=false",
     "identity": "tracker.strongsort3d.identity.enabled=false",
-    "standing model": "tracker.strongsort3d.imm.enabled=false",
+    "standing model": "tracker.strongsort3d.standing_model=false",
     "yaw density": "tracker.yaw=kalman",
 }
 

@@ -13,6 +13,7 @@ from people4d.messages import AreaPeople, AreaPerson, Message
 from people4d.messages.areas import ID_MAX, PEOPLE_MAX
 from people4d.topics import ForeignTopic
 from services.tracker.areas.config import SiteAreaConfig
+from services.tracker.areas.interface import AreaTracker, KnownPeople
 from services.tracker.areas.neighbours import Neighbours
 from services.tracker.interface import GalleryEntry, IdCounter, Tracker
 
@@ -40,7 +41,8 @@ class AreaExchange:
     """
 
     def __init__(self, config: SiteAreaConfig, frame_id: str, tracker: Tracker) -> None:
-        self._config, self._frame_id, self._tracker = config, frame_id, tracker
+        self._config, self._frame_id = config, frame_id
+        self._tracker = tracker if isinstance(tracker, AreaTracker) else None
         self._neighbours = Neighbours(config, frame_id)
         self._run = secrets.randbelow(2**53)
         self._due_ns = 0
@@ -54,7 +56,7 @@ class AreaExchange:
                 "tracker.area.neighbours needs tracker.area.number",
                 "Number the areas of the site 1, 2, 3, ...",
             )
-        if config.number and (tracker.known_people() is None or tracker.ids is None):
+        if config.number and (self._known_people() is None or tracker.ids is None):
             raise ConfigError(
                 "this tracker cannot hand identities over between areas",
                 "Use tracker.tracker=strongsort3d with strongsort3d.identity.enabled.",
@@ -92,7 +94,7 @@ class AreaExchange:
             now_ns: Monotonic time.
             time_ns: Time of the frames that come now; None before the first one.
         """
-        known = self._tracker.known_people()
+        known = self._known_people()
         if message.run == self._run or known is None:
             return
         self._neighbours.add(message, known.embedder, now_ns, time_ns)
@@ -109,8 +111,8 @@ class AreaExchange:
         if not self._neighbours or (last_ns is not None and now_ns - last_ns < REFRESH_NS):
             return
         is_heard, self._refreshed_ns = last_ns is None, now_ns
-        known = self._tracker.known_people()
-        if known is None:
+        known = self._known_people()
+        if known is None or self._tracker is None:
             return
         people = self._neighbours.people(self._ids, time_ns, now_ns)
         self._count_taken_over(known.entries, people)
@@ -127,7 +129,7 @@ class AreaExchange:
             return []
         self._neighbours.start(now_ns)
         self._due_ns = now_ns + int(1e9 / self._config.share_hz)
-        known = self._tracker.known_people()
+        known = self._known_people()
         if time_ns is None or known is None:
             return []
         self._sequence += 1
@@ -167,6 +169,9 @@ class AreaExchange:
     def gauges(self) -> dict[str, float]:
         """Return the offsets of the clocks of neighbours [ms] by name."""
         return self._neighbours.gauges()
+
+    def _known_people(self) -> KnownPeople | None:
+        return self._tracker.known_people() if self._tracker else None
 
     def _joined(
         self, own: Mapping[int, GalleryEntry], people: Mapping[int, GalleryEntry], time_ns: int

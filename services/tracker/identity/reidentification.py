@@ -1,6 +1,6 @@
 """Identity policy: re-identification of people who return."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -48,6 +48,8 @@ class Reidentification(IdentityPolicy):
     if the decision is uncertain, or until a timeout.
     """
 
+    recognises = True
+
     def __init__(self, config: IdentityConfig) -> None:
         self._config = config
         self._gallery = Gallery(config)
@@ -77,45 +79,17 @@ class Reidentification(IdentityPolicy):
             self._gallery.entries.pop(to, None)
             self._gallery.entries[to] = entry
 
-    def is_absent(self, record: TrackRecord, observation: Observation) -> bool:
-        """Check that a track with an embedding was missed for too long without a reason.
-
-        Reasons are that no frame came, that the camera turned away, or that another person hides
-        this one. It ends: its person is in the gallery, and the position would be a guess.
-        """
-        # People who were partly beside the image, or were about to leave it, went on: none stays
-        # hidden there. The edge of a camera that moves comes and goes by people who stay.
-        at_edge = record.cut_off or record.visible_ratio < 1 or record.leaving
-        leaves = at_edge and not record.turned
-        if record.embedding is None or (record.occluded and not leaves):
-            return False
-        since_ns = record.missed_since_ns + record.out_of_view_ns
-        missed_s = (observation.stamp_ns - since_ns) / 1e9
-        config = self._config
-        # The own camera has missed it once: frames may be late, or far apart.
-        has_left = leaves and record.missed > 1
-        return missed_s > (config.absent_cut_off_s if has_left else config.absent_s)
-
-    def _ended(self, record: TrackRecord, observation: Observation) -> bool:
-        """Check for a confirmed track of the frame's camera that is absent."""
-        own = record.confirmed and record.camera == observation.camera
-        return own and record.detection is None and self.is_absent(record, observation)
-
-    def cosine_limits(self, records: Sequence[TrackRecord], frame: FrameContext) -> F64:
-        """Return C_cos, but the limit of people who return for tracks that were missed for long.
-
-        Where they are is a guess by then, and the nearest detection may be another person's.
-        """
-        c_cos, stamp_ns = frame.cosine_distance_max, frame.observation.stamp_ns
-        limit = self._config.limit(frame.observation.embedder, c_cos)
-        longest_ns = self._config.absent_s * 1e9
-        is_long = [t.missed > 1 and stamp_ns - t.missed_since_ns > longest_ns for t in records]
-        return np.where(is_long, min(limit, c_cos), c_cos)
-
     def after_prediction(self, tracks: TrackSet, observation: Observation) -> None:
-        """After a time without frames, end tracks that could be of others, as absent ones."""
+        """After a time without frames, end tracks that could be of others, as absent ones.
+
+        Such a time counts as one more missed frame: the distance alone says little then.
+        """
+        if not self._config.is_gap(tracks.elapsed_ns):
+            return
+        for record in tracks.records:
+            record.missed += 1
         records, measurements = tracks.confirmed, observation.measurements
-        if not (self._config.is_gap(tracks.elapsed_ns) and records and measurements):
+        if not (records and measurements):
             return
         found_m = np.array([m.position_m for m in measurements])
         ambiguous = _ambiguous(tracks.positions_m(records), found_m)
@@ -124,13 +98,11 @@ class Reidentification(IdentityPolicy):
             for record, is_ambiguous in zip(records, ambiguous, strict=True)
             if is_ambiguous and record.embedding is not None
         }
-        tracks.records = [t for t in tracks.records if t.id not in ended]
+        tracks.end(ended)
 
     def after_update(self, tracks: TrackSet, result: AssociationResult) -> None:
-        """Decide identities of new tracks, add matched ones to the gallery, end absent ones."""
+        """Decide identities of new tracks, and add matched ones to the gallery."""
         stamp_ns = result.frame.observation.stamp_ns
-        for record, measurement in result.matches:  # if they vanish, they left
-            record.cut_off = measurement.index in result.frame.cut_off
         qualities = self._qualities(result)
         self._gallery.drop_old(stamp_ns)
         for match, quality in zip(result.matches, qualities, strict=True):
@@ -143,7 +115,6 @@ class Reidentification(IdentityPolicy):
         for match, quality in zip(result.matches, qualities, strict=True):
             if match[0].identity.identity is None:
                 self._decide(tracks, match, quality, result.frame)
-        tracks.records = [t for t in tracks.records if not self._ended(t, result.frame.observation)]
         ids = {record.id for record in tracks.records}
         self._pending = {id_: p for id_, p in self._pending.items() if id_ in ids}
 
@@ -195,7 +166,7 @@ class Reidentification(IdentityPolicy):
         record.identity = decision
         if decision.id is not None:
             # The lost track of the same person ends here.
-            tracks.records = [t for t in tracks.records if t.id != decision.id]
+            tracks.end({decision.id})
             record.id = decision.id
         self._add(match, quality, stamp_ns)
 

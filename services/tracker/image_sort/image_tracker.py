@@ -32,8 +32,9 @@ from services.tracker.interface import (
     Tracker,
     UnlocatedDetection,
 )
+from services.tracker.motion.lifecycle import Lifecycle
 from services.tracker.motion.motion import PositionMotion
-from services.tracker.motion.track_set import LifecyclePolicy, TrackSet
+from services.tracker.motion.track_set import TrackSet
 from services.tracker.motion.yaw_sources import make_yaw
 from services.tracker.stateful import TrackerCheckpoint, TrackSetTracker, pack, unpack
 
@@ -66,7 +67,7 @@ class ImageTracker(TrackSetTracker):
 
     def __init__(self, config: TrackerConfig) -> None:
         self._config = config.image_sort
-        lifecycle = LifecyclePolicy(
+        lifecycle = Lifecycle(
             confirm_hits=1,
             tentative_frames=NEVER,
             lost_frames=NEVER,

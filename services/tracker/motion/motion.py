@@ -13,6 +13,8 @@ from services.tracker.config import Sort3dConfig
 from services.tracker.interface import Measurement
 from services.tracker.strongsort3d.config import StrongSort3dConfig
 
+GATE_SIGMA_M = 0.15  # standard deviation of positions on top of a measured R in gates [m]
+
 # Parts of matrices of position and velocity (6x6), by block.
 OF_POSITION = np.diag([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
 OF_VELOCITY = np.eye(6) - OF_POSITION
@@ -33,11 +35,10 @@ def confidence_factor(score: npt.ArrayLike, floor: float) -> F64:
 def measured_noise(
     constant: Callable[[Sequence[Measurement]], F64],
     measurements: Sequence[Measurement],
-    factor: float,
 ) -> F64:
-    """Return the noise of positions (Nx3x3): the detector's times a factor, else the constant."""
+    """Return the noise of positions (Nx3x3): the detector's, else the constant."""
     measured = [m.covariance_m2 for m in measurements if m.covariance_m2 is not None]
-    R: F64 = factor * np.array(measured).reshape(-1, 3, 3)
+    R: F64 = np.array(measured).reshape(-1, 3, 3)
     if len(measured) == len(measurements):
         return R
     result = constant(measurements)
@@ -72,11 +73,15 @@ class PositionMotion:
 
     def noise(self, measurements: Sequence[Measurement]) -> F64:
         """Return R of updates: as measured, or grown with depth and shrunk by the score (NSA)."""
-        return self._noise(measurements, self._score_noise, 1.0)
+        return self._noise(measurements, self._score_noise)
 
     def gate_noise(self, measurements: Sequence[Measurement]) -> F64:
-        """Return R, grown with depth only: StrongSORT gates without the score."""
-        return self._noise(measurements, self._depth_noise, self._config.noise_factor)
+        """Return R of gates: StrongSORT leaves the score out, and measured R grows by a constant.
+
+        Errors of consecutive frames are similar, so that a track is off by as much as they are.
+        """
+        added_m2 = GATE_SIGMA_M**2 if self._config.noise == "measured" else 0.0
+        return self._noise(measurements, self._depth_noise) + added_m2 * np.eye(3)
 
     def _score_noise(self, measurements: Sequence[Measurement]) -> F64:
         factor = confidence_factor([m.score for m in measurements], self._config.nsa_floor)
@@ -91,10 +96,9 @@ class PositionMotion:
         self,
         measurements: Sequence[Measurement],
         constant: Callable[[Sequence[Measurement]], F64],
-        factor: float,
     ) -> F64:
         if self._config.noise == "measured":
-            R = measured_noise(constant, measurements, factor)
+            R = measured_noise(constant, measurements)
         else:
             R = constant(measurements)
         for R_k, measurement in zip(R, measurements, strict=True):
@@ -155,8 +159,7 @@ class BoxMotion:
         R = np.square(sigmas)[:, :, None] * np.eye(7)
         if self._config.noise == "measured":
             constant = R[:, 4:, 4:].copy()
-            factor = self._config.noise_factor
-            R[:, 4:, 4:] = measured_noise(lambda _: constant, measurements, factor)
+            R[:, 4:, 4:] = measured_noise(lambda _: constant, measurements)
         return R
 
     def start(self, measurement: Measurement) -> tuple[F64, F64]:

@@ -14,9 +14,14 @@ from people4d.messages import F64
 from services.tracker.interface import VelocityMeasurement
 from services.tracker.motion.motion import Motion, PositionMotion
 from services.tracker.motion.track_record import BOOL, ImmState, TrackRecord, stack
-from services.tracker.strongsort3d.config import CHI2_3DOF_999, ImmConfig, OcclusionConfig
 
+VELOCITY_DECAY_S = 0.7  # time constant of the velocity of unmatched tracks [s]
+WALKING_SIGMA_MPS = 0.6  # standard deviation of a walking person's velocity, per axis [m/s]
 STANDING, WALKING = 0, 1  # modes
+STANDING_SIGMA_MPS = 0.03  # standard deviation of a standing person's velocity [m/s]
+DRIFT_M2PS = 0.0005  # growth of the variance of a standing person's position [m^2/s]
+STANDING_S, WALKING_S = 0.5, 10.0  # mean times until people begin to walk, and until they stop [s]
+CHI2_3DOF_999 = 16.27  # largest squared distance of a velocity that a mode explains: 99.9 %
 IS_POSITION = np.pad(np.ones((3, 3)), (0, 3))  # elements of a covariance
 ON_POSITION = IS_POSITION * np.eye(6)
 OWN = np.array([IS_POSITION, np.ones((6, 6))])  # of each mode: who stands has no velocity
@@ -42,9 +47,7 @@ def no_decay(x: F64, P: F64, unmatched: BOOL, dt_s: float) -> tuple[F64, F64]:  
     return x, P
 
 
-def decay_velocity(
-    x: F64, P: F64, unmatched: BOOL, dt_s: float, config: OcclusionConfig
-) -> tuple[F64, F64]:
+def decay_velocity(x: F64, P: F64, unmatched: BOOL, dt_s: float) -> tuple[F64, F64]:
     """Return states (Nx6) and covariances (Nx6x6) with decayed velocities of unmatched tracks.
 
     An Ornstein-Uhlenbeck process: over dt the velocity shrinks by k = exp(-dt / tau), and
@@ -53,11 +56,11 @@ def decay_velocity(
     """
     if not unmatched.any():
         return x, P
-    k = math.exp(-dt_s / config.velocity_decay_s)
+    k = math.exp(-dt_s / VELOCITY_DECAY_S)
     factor, variance = np.ones_like(x), np.zeros_like(x)
     factor[unmatched, 3:] = k
     # Walking people do not move up or down.
-    variance[unmatched, 3:5] = (1 - k**2) * config.walking_sigma_mps**2
+    variance[unmatched, 3:5] = (1 - k**2) * WALKING_SIGMA_MPS**2
     P = factor[:, :, None] * P * factor[:, None]
     return factor * x, P + variance[:, :, None] * np.eye(x.shape[1])
 
@@ -68,11 +71,10 @@ class KalmanFilter:
     Args:
         motion: The model.
         decay: Applied to unmatched tracks before each prediction.
-        jump_min: Squared Mahalanobis distance from which a position has jumped.
     """
 
-    def __init__(self, motion: Motion, decay: Decay = no_decay, jump_min: float = math.inf) -> None:
-        self._motion, self._decay, self._jump_min = motion, decay, jump_min
+    def __init__(self, motion: Motion, decay: Decay = no_decay) -> None:
+        self._motion, self._decay = motion, decay
 
     def start(self, x: F64, P: F64) -> None:
         """Return None: the state has one model only."""
@@ -89,14 +91,11 @@ class KalmanFilter:
     def update(
         self, records: Sequence[TrackRecord], z: F64, R: F64, velocities: Velocities = ()
     ) -> list[FilterState]:
-        """Return states updated with one measurement (Nxm, noise Nxmxm) each, and velocities.
-
-        Velocities come first: a position that they explain has not jumped.
-        """
+        """Return states updated with one measurement (Nxm, noise Nxmxm) each, and velocities."""
         x, P = stack(records)
         if any(velocities) and isinstance(self._motion, PositionMotion):
             x, P = kalman.update_velocity(x, P, *stacked(velocities))
-        x, P = kalman.update(x, kalman.with_jumps(x, P, z, R, self._jump_min), z, R)
+        x, P = kalman.update(x, P, z, R)
         return [FilterState(*s) for s in zip(x, P, strict=True)]
 
 
@@ -106,31 +105,23 @@ class Imm:
     A person who stands has no velocity, but a single model turns every error of the measured
     position into one. So two filters run in parallel, each as probable as it predicts the
     measurements, with transitions between them at a rate; the estimate is their mean. `decay`
-    applies to the walking mode, jumps from `jump_min` on to both, see `KalmanFilter`. Source:
-    docs/method.md, section 16 [Blom 1988].
+    applies to the walking mode. Source: docs/method.md, section 16 [Blom 1988].
     """
 
-    def __init__(
-        self,
-        motion: PositionMotion,
-        config: ImmConfig,
-        decay: Decay = no_decay,
-        jump_min: float = math.inf,
-    ) -> None:
-        self._motion, self._config, self._decay = motion, config, decay
-        self._jump_min = jump_min
-        velocity = config.standing_sigma_mps**2 * (np.eye(6) - IS_POSITION) * np.eye(6)
+    def __init__(self, motion: PositionMotion, decay: Decay = no_decay) -> None:
+        self._motion, self._decay = motion, decay
+        velocity = STANDING_SIGMA_MPS**2 * (np.eye(6) - IS_POSITION) * np.eye(6)
         self._still = np.array([velocity, np.zeros((6, 6))])  # of a standing person
-        level, up = config.walking_sigma_mps**2, config.standing_sigma_mps**2
+        level, up = WALKING_SIGMA_MPS**2, STANDING_SIGMA_MPS**2
         self._begins_to_walk = np.diag([0.0, 0.0, 0.0, level, level, up])
 
     def start(self, x: F64, P: F64) -> ImmState:
         """Begin with one state (6) and covariance (6x6); modes are as probable as in the long run.
 
-        Who is seen for the first time mostly walks. With equal modes the velocities of newcomers
-        stayed near 0 for half a second.
+        New tracks are usually walking. With equal modes their velocities would stay near 0 for half
+        a second.
         """
-        mean_times_s = np.array([self._config.standing_s, self._config.walking_s])
+        mean_times_s = np.array([STANDING_S, WALKING_S])
         return ImmState(np.array([x, x]), np.array([P, P]), mean_times_s / mean_times_s.sum())
 
     def predict(
@@ -144,10 +135,7 @@ class Imm:
     def update(
         self, records: Sequence[TrackRecord], z: F64, R: F64, velocities: Velocities = ()
     ) -> list[FilterState]:
-        """Return states updated with one measurement (Nx3, noise Nx3x3) each, and velocities.
-
-        Velocities come first, see `KalmanFilter.update`.
-        """
+        """Return states updated with one measurement (Nx3, noise Nx3x3) each, and velocities."""
         modes = self._modes(records)
         if any(velocities):
             modes = self.update_velocities(*modes, *stacked(velocities))
@@ -166,8 +154,7 @@ class Imm:
 
         States are Nx2x6, covariances Nx2x6x6 and probabilities Nx2.
         """
-        config = self._config
-        stop, start = (-math.expm1(-dt_s / s) for s in (config.walking_s, config.standing_s))
+        stop, start = (-math.expm1(-dt_s / s) for s in (WALKING_S, STANDING_S))
         transition = np.array([[1 - start, start], [stop, 1 - stop]])
         x, P, probability = mix(x, P, probability, transition)
         walking = self._decay(x[:, WALKING], P[:, WALKING], unmatched, dt_s)
@@ -180,7 +167,6 @@ class Imm:
     ) -> tuple[F64, F64, F64]:
         """Update with one measurement (3) each, and weigh the modes by its likelihood."""
         z, R = z[:, None], R[:, None]
-        P = kalman.with_jumps(x, P, z, R, self._jump_min)
         y, S = kalman.innovation(x, P, z, R)
         inverse = inverted(S)
         d_m2 = kalman.squared_lengths(y, inverse)
@@ -194,7 +180,7 @@ class Imm:
 
         The velocity of a standing person is 0. One that no mode explains does not count.
         """
-        still = self._config.standing_sigma_mps**2 * np.eye(3)
+        still = STANDING_SIGMA_MPS**2 * np.eye(3)
         y = np.stack([v, v - x[:, WALKING, 3:]], axis=1)
         S = np.stack([R + still, R + P[:, WALKING, 3:, 3:]], axis=1)
         d_m2 = kalman.squared_lengths(y, inverted(S))
@@ -221,9 +207,7 @@ class Imm:
 
     def _stand(self, x: F64, P: F64, dt_s: float, noise_factor: float) -> None:
         """Stay, with a velocity of 0 that has the variance of a person who begins to walk."""
-        config = self._config
-        moved_m2 = noise_factor * config.standing_sigma_mps**2 * dt_s**2
-        drift_m2 = moved_m2 + config.drift_m2ps * dt_s
+        drift_m2 = noise_factor * STANDING_SIGMA_MPS**2 * dt_s**2 + DRIFT_M2PS * dt_s
         x[:, 3:] = 0.0
         P *= IS_POSITION
         P += drift_m2 * ON_POSITION + self._begins_to_walk

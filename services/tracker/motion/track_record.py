@@ -60,19 +60,12 @@ class TrackRecord:
     begun_ns: int = 0  # [ns] stamp of the first match; 0: unknown
     missed_since_ns: int = 0  # [ns] stamp of the last match; of the frame after it, if much later
     missed: int = 0  # frames since the last match, this one included until it is matched
-    occluded: int = 0  # of these, frames in which another person hid this one
-    out_of_view: int = 0  # of the missed frames, those in which the camera was turned away
-    out_of_view_ns: int = 0  # [ns] total time of these
-    turned: bool = False  # the camera has moved in view of the last match's position
-    matched_position_m: F64 | None = None  # [m] 3, at the last match
-    visible_ratio: float = 1.0  # part of a person's width inside of the image there
-    leaving: bool = False  # the predicted position has left the image
-    cut_off: bool = False  # the last box reached the left or right of the image
+    hidden: int = 0  # of these, frames that could not show the person
 
     @property
     def frames_missed(self) -> int:
         """Frames since the last match that could have shown the person."""
-        return self.missed - self.occluded - self.out_of_view
+        return self.missed - self.hidden
 
 
 def stack(records: Sequence[TrackRecord]) -> tuple[F64, F64]:

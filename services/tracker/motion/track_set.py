@@ -1,13 +1,14 @@
 """The set of tracks: identities, prediction, update, and the life cycle of each."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Container, Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
 from people4d.messages import F64, Track
 from services.tracker.interface import IdCounter, Measurement, Observation
+from services.tracker.motion.lifecycle import Lifecycle
 from services.tracker.motion.motion import Motion
 from services.tracker.motion.past_frames import PastFrames, PastMatch
 from services.tracker.motion.state_filter import KalmanFilter, StateFilter
@@ -15,54 +16,8 @@ from services.tracker.motion.track_filter import TrackFilter
 from services.tracker.motion.track_record import TrackRecord, check_state
 from services.tracker.motion.yaw import VelocityYaw
 
-MISSES_MIN = 2  # frames behind others that a track survives at least; from two hits on their square
-SEVERAL_HITS = 1  # more matches that confirm a track if several cameras send
-SENDS_NS = 1_000_000_000  # [ns] since the last frame of a camera that sends
-TENTATIVE_NS = 1_000_000_000  # [ns] without a match after which, then, a tentative track ends
-INTERVAL_MAX_NS = 200_000_000  # [ns] part of a time without frames in which somebody is missed
-
-
-@dataclass(frozen=True, slots=True)
-class LifecyclePolicy:
-    """Rules by which a track is confirmed and deleted."""
-
-    confirm_hits: int  # matches in a row, the first included, that confirm a track
-    tentative_frames: int  # unmatched frames after which a tentative track is deleted
-    lost_frames: int  # unmatched frames after which a confirmed track is deleted
-    lost_s: float  # seconds without a match after which any track is deleted
-    # True: the matches that confirm need not be in a row, and a track is deleted once it was missed
-    # as often as it was matched before
-    by_hits: bool = False
-
-    def ended(self, record: TrackRecord) -> bool:
-        """Check for too many unmatched frames; occluded and out of view ones do not count.
-
-        By hits too many of these end a track, too, since what was found once or twice is often a
-        false alarm.
-        """
-        limit = self.lost_frames if record.confirmed else self.tentative_frames
-        if self.by_hits:
-            if record.missed - record.out_of_view >= max(record.hits**2, MISSES_MIN):
-                return True
-            limit = min(self.lost_frames, record.hits)
-        return record.frames_missed >= limit
-
-    def confirms(self, record: TrackRecord, several_cameras: bool) -> bool:
-        """Check for enough matches; several cameras give more in less time, and more that is wrong.
-
-        In the presets of papers matches are in a row, of one camera.
-        """
-        if not self.by_hits:
-            return record.streak >= self.confirm_hits
-        return record.hits >= self.confirm_hits + SEVERAL_HITS * several_cameras
-
-    def expired(self, record: TrackRecord, stamp_ns: int, several_cameras: bool) -> bool:
-        """Check for too long a time without a match.
-
-        A false alarm behind a person is not missed by its camera, since the person hides it.
-        """
-        is_ghost = several_cameras and self.by_hits and not record.confirmed
-        return stamp_ns - record.matched_ns > (TENTATIVE_NS if is_ghost else self.lost_s * 1e9)
+SENDS_NS = 1_000_000_000  # time since the last frame of a camera that sends [ns]
+INTERVAL_MAX_NS = 200_000_000  # longest part of a time without frames that counts as missed [ns]
 
 
 class TrackSet:
@@ -75,7 +30,7 @@ class TrackSet:
     def __init__(
         self,
         motion: Motion,
-        lifecycle: LifecyclePolicy,
+        lifecycle: Lifecycle,
         yaw: VelocityYaw,
         state_filter: StateFilter | None = None,
     ) -> None:
@@ -106,6 +61,10 @@ class TrackSet:
     def positions_m(self, records: Sequence[TrackRecord]) -> F64:
         """Return the positions (Nx3) of tracks."""
         return np.array([t.x for t in records])[:, self._position] if records else np.empty((0, 3))
+
+    def end(self, ended: Container[int]) -> None:
+        """Delete tracks by id."""
+        self.records = [t for t in self.records if t.id not in ended]
 
     def clear(self) -> None:
         """Delete all tracks and the time; identities go on counting."""
@@ -169,8 +128,7 @@ class TrackSet:
             record.camera, record.matched_ns = observation.camera, observation.stamp_ns
             record.hits += 1
             record.streak += 1
-            record.missed = record.occluded = record.out_of_view = record.out_of_view_ns = 0
-            record.turned = False
+            record.missed = record.hidden = 0
             record.confirmed |= self._lifecycle.confirms(record, self._of_several)
 
     def manage(self, unmatched: Sequence[Measurement], observation: Observation) -> list[Track]:

@@ -8,9 +8,10 @@ from common.geometry.boxes import iou_xyxy
 from people4d.messages import F64, Track
 from services.tracker.config import TrackerConfig
 from services.tracker.interface import Measurement, Observation, in_order
+from services.tracker.motion.lifecycle import Lifecycle
 from services.tracker.motion.motion import BoxMotion
 from services.tracker.motion.track_record import TrackRecord, stack
-from services.tracker.motion.track_set import LifecyclePolicy, TrackSet
+from services.tracker.motion.track_set import TrackSet
 from services.tracker.motion.yaw_sources import make_yaw
 from services.tracker.sort3d import association
 from services.tracker.stateful import TrackSetTracker
@@ -26,7 +27,7 @@ class Sort3d(TrackSetTracker):
     def __init__(self, config: TrackerConfig) -> None:
         self._config = config.sort3d
         self._motion = BoxMotion(self._config)
-        lifecycle = LifecyclePolicy(
+        lifecycle = Lifecycle(
             confirm_hits=self._config.min_hits,
             tentative_frames=self._config.t_lost,
             lost_frames=self._config.t_lost,

@@ -13,45 +13,18 @@ from common.config import Config
 from people4d.messages.base import (
     Positive,
     PositiveInt,
-    PositiveOrInfinite,
     PositiveRatio,
     Ratio,
 )
 
 CosineDistance = Annotated[float, Meta(gt=0, le=2)]
 Seconds = Annotated[float, Meta(ge=0, le=60)]
-Metres = Annotated[float, Meta(ge=0, le=10)]
-CHI2_3DOF_90, CHI2_3DOF_95, CHI2_3DOF_999 = 6.2514, 7.8147, 16.27
+CHI2_3DOF_95 = 7.8147
 
 # Measured on crops of the lab, with 2 % false matches in the second line; of the
 # appearance network on the lab and real people.
 COSINE_DISTANCE_MAX = {"appearance": 0.46, "histogram": 0.25, "osnet": 0.45}
 REIDENTIFICATION_MAX = {"appearance": 0.28, "histogram": 0.15, "osnet": 0.38}
-
-
-class OcclusionConfig(Config, frozen=True, kw_only=True):
-    """Tracks of people who are occluded, or whom the camera turns away from, live on."""
-
-    enabled: bool = True  # section 5: False
-    half_width_m: Positive = 0.25  # [m] half of a person's width
-    covered_min: Ratio = 0.4  # part of a person's width that nearer people cover if it is occluded
-    # A camera has turned away from a person if it shows less than this part of what it showed of
-    # their width at the last match
-    in_view_min: Ratio = 0.5
-    # The velocity of an unmatched track decays with this time constant, and its uncertainty goes
-    # back to that of a person who walks in any direction
-    velocity_decay_s: Positive = 0.7  # [s]
-    walking_sigma_mps: Positive = 0.6  # [m/s] standard deviation of the velocity, per axis
-
-
-class ContactConfig(Config, frozen=True, kw_only=True):
-    """People who cross or touch keep their own tracks."""
-
-    enabled: bool = True  # section 5: False
-    # A box covered by more than this may have the depth of the person in front: gates have this
-    # standard deviation on top along the ray. A match counts in full
-    depth_covered_max: Ratio = 0.35
-    depth_sigma_m: Metres = 1.0  # [m]; 0: none
 
 
 class IdentityConfig(Config, frozen=True, kw_only=True):
@@ -63,11 +36,8 @@ class IdentityConfig(Config, frozen=True, kw_only=True):
     view_gap: Annotated[float, Meta(ge=0, le=2)] = 0.03  # cosine distance of two views, at least
     identities_max: PositiveInt = 100  # people; the longest unseen is deleted first
     retention_s: Positive = 600.0  # [s] since the last match
-    # [s] A track unmatched for longer, and never occluded, ends; its person is re-identified
+    # [s] time without frames after which people are re-identified unless they stand apart
     absent_s: Seconds = 1.0
-    # [s] likewise, of a track last seen at the edge of the image or predicted out of it, which its
-    # camera has missed
-    absent_cut_off_s: Seconds = 0.2
     # Time of the decision
     # [s] a new track waits for uncut crops for so long, while an absent person could be back: for
     # one if the decision is of this confidence, else for so many
@@ -88,17 +58,6 @@ class IdentityConfig(Config, frozen=True, kw_only=True):
     def is_gap(self, elapsed_ns: int) -> bool:
         """Check for a time without frames after which everyone would be absent."""
         return self.enabled and elapsed_ns >= self.absent_s * 1e9
-
-
-class ImmConfig(Config, frozen=True, kw_only=True):
-    """Interacting models of standing and walking people (benchmarks/moving_base.md)."""
-
-    enabled: bool = True  # section 5: False
-    standing_sigma_mps: Positive = 0.03  # [m/s] standard deviation of a standing person's velocity
-    drift_m2ps: Positive = 0.0005  # [m^2/s] growth of the variance of a standing person's position
-    walking_sigma_mps: Positive = 0.6  # [m/s] of people who begin to walk, per axis
-    standing_s: Positive = 0.5  # [s] mean time until a standing person begins to walk
-    walking_s: Positive = 10.0  # [s] and until a walking person stops
 
 
 class StrongSort3dConfig(Config, frozen=True, kw_only=True):
@@ -133,17 +92,10 @@ class StrongSort3dConfig(Config, frozen=True, kw_only=True):
     # "measured": R is the covariance of the detection where the detector estimates one, and neither
     # depth nor score change it; "constant": sigma_measurement_m; section 3
     noise: Literal["constant", "measured"] = "measured"
-    # d_M^2 of an update from which the position has jumped, to another person or from another
-    # depth: it follows, the velocity does not; inf: never. section 3
-    jump_min: PositiveOrInfinite = CHI2_3DOF_90
-    # In gates R is so many times that covariance: errors of consecutive frames are similar, and
-    # longer for two people close together, so that a track may be off by as much as a measurement
-    noise_factor: Positive = 4.0
     # beyond section 5, each with its own switch
-    occlusion: OcclusionConfig = OcclusionConfig()
-    contact: ContactConfig = ContactConfig()
-    identity: IdentityConfig = IdentityConfig()
-    imm: ImmConfig = ImmConfig()
+    visibility: bool = True  # keep hidden people, end tracks of empty places; section 13
+    identity: IdentityConfig = IdentityConfig()  # re-identify people who return; section 15
+    standing_model: bool = True  # estimate standing and walking people by two models; section 16
 
     def cosine_limit(self, embedder: str) -> float:
         """Return C_cos of an embedder."""

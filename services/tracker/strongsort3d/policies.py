@@ -1,18 +1,22 @@
 """Policies around StrongSORT-3D: each base class does nothing and leaves the published method."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
+from common import kalman
 from people4d.messages import F64
 from services.tracker.interface import GalleryEntry, Measurement, Observation
 from services.tracker.motion.track_record import BOOL, TrackRecord
 from services.tracker.motion.track_set import TrackSet
 from services.tracker.sort3d.association import RoundMatches
-from services.tracker.strongsort3d import visibility
 from services.tracker.strongsort3d.config import StrongSort3dConfig
+
+EDGE_RATIO = 0.02  # distance from the image's edge at which a box may be cut off, over its width
 
 Match = tuple[TrackRecord, Measurement]
 
@@ -36,26 +40,16 @@ class FrameContext:
         return np.array([m.position_m for m in self.detections]).reshape(-1, 3)
 
     @cached_property
-    def cut_off(self) -> frozenset[int]:
-        """Indices of the detections whose box reaches the left or right of the image."""
-        return self._indices(visibility.cut_off(self._boxes, self.observation.size_px))
-
-    @cached_property
-    def depth_uncertain(self) -> frozenset[int]:
-        """Indices of the detections whose depth may be that of a person in front."""
-        # Not of those in front by depth alone: the depths are what is in doubt.
-        covered = visibility.common_ratios(self._boxes).max(axis=1, initial=0.0)
-        return self._indices(covered > self.config.contact.depth_covered_max)
-
-    @cached_property
-    def _boxes(self) -> F64:
+    def boxes(self) -> F64:
         """Boxes of the detections, Mx4."""
         boxes = [m.box_xyxy_px for m in self.detections]
         return np.array(boxes, np.float64).reshape(-1, 4)
 
-    def _indices(self, chosen: BOOL) -> frozenset[int]:
-        pairs = zip(self.detections, chosen.tolist(), strict=True)
-        return frozenset(detection.index for detection, is_chosen in pairs if is_chosen)
+    @cached_property
+    def cut_off(self) -> frozenset[int]:
+        """Indices of the detections whose box reaches the left or right of the image."""
+        pairs = zip(self.detections, cut_off(self.boxes, self.observation.size_px), strict=True)
+        return frozenset(detection.index for detection, is_cut_off in pairs if is_cut_off)
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,31 +79,45 @@ class TrackPolicy:
         """Drop the policy's own state."""
 
 
-class ContactPolicy:
-    """Association of people who touch or cross; this base leaves the published method."""
+class CostPolicy:
+    """Costs of round 1; this base leaves the published method."""
 
-    def gate_covariances_m2(
+    def added_cost(self, weight: float, log_det: F64) -> F64 | float:  # noqa: ARG002
+        """Return the cost (NxM) on top of each pair, of ln |S| (NxM) and the weight of motion."""
+        return 0.0
+
+    def unmatched_cost(self, c_cos: float) -> float:  # noqa: ARG002
+        """Return the cost of a track or detection without a partner; infinity: none is left so."""
+        return math.inf
+
+
+class VisibilityPolicy(TrackPolicy):
+    """People hidden by others, or outside of the image; this base leaves the published method."""
+
+    def gate(
         self,
-        frame: FrameContext,  # noqa: ARG002
-    ) -> F64 | None:
-        """Return the covariances (Mx3x3) by which the noise of detections grows in gates, if so."""
-        return None
+        x: F64,
+        P: F64,
+        R: F64,
+        d_cos: F64,  # noqa: ARG002
+        frame: FrameContext,
+    ) -> tuple[F64, F64]:
+        """Return d_M^2 and ln |S| (NxM) of tracks and detections.
 
-    def alpha(self, alpha: float, record: TrackRecord) -> float:  # noqa: ARG002
-        """Return the weight of a track's embedding in its moving average."""
-        return alpha
+        Args:
+            x: States of the tracks, Nx6.
+            P: Their covariances, Nx6x6.
+            R: Noise of the detections, Mx3x3.
+            d_cos: Cosine distances, NxM; NaN where unknown.
+            frame: The frame.
+        """
+        return kalman.gate(x, P, frame.positions_m, R)
 
 
 class IdentityPolicy(TrackPolicy):
     """Re-identification of people who return; this base does none."""
 
-    def is_absent(self, record: TrackRecord, observation: Observation) -> bool:  # noqa: ARG002
-        """Check that a track is left to re-identification instead of association."""
-        return False
-
-    def cosine_limits(self, records: Sequence[TrackRecord], frame: FrameContext) -> F64:
-        """Return the largest cosine distances (N) at which tracks match in round 1."""
-        return np.full(len(records), frame.cosine_distance_max)
+    recognises: ClassVar[bool] = False  # True: people who return are re-identified
 
     def entries(self) -> list[tuple[int, GalleryEntry]]:
         """Return the gallery for a checkpoint."""
@@ -129,11 +137,20 @@ class IdentityPolicy(TrackPolicy):
 class Policies:
     """All policies of one tracker."""
 
-    contact: ContactPolicy = field(default_factory=ContactPolicy)
+    cost: CostPolicy = field(default_factory=CostPolicy)
+    visibility: VisibilityPolicy = field(default_factory=VisibilityPolicy)
     identity: IdentityPolicy = field(default_factory=IdentityPolicy)
-    tracks: tuple[TrackPolicy, ...] = ()  # applied in this order, before `identity`
+    drift: TrackPolicy = field(default_factory=TrackPolicy)
 
     @property
-    def in_order(self) -> tuple[TrackPolicy, ...]:
-        """All policies of tracks."""
-        return (*self.tracks, self.identity)
+    def of_tracks(self) -> tuple[TrackPolicy, ...]:
+        """Policies of tracks, in their order; identities are decided before views are stored."""
+        return self.drift, self.identity, self.visibility
+
+
+def cut_off(boxes: F64, size_px: tuple[int, int] | None) -> BOOL:
+    """Return the boxes (Nx4, xyxy, pixels) that reach the left or right of an image of a size."""
+    if size_px is None:
+        return np.zeros(len(boxes), np.bool_)
+    edge = EDGE_RATIO * size_px[0]
+    return np.asarray((boxes[:, 0] < edge) | (boxes[:, 2] > size_px[0] - edge))

@@ -3,39 +3,32 @@
 The algorithm is that of [PIC4SeR]; whatever goes beyond composes around it as `Policies`.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 import msgspec
 import numpy as np
 
-from common import kalman
 from people4d.messages import F64, Track
-from services.tracker.interface import (
-    GalleryEntry,
-    KnownPeople,
-    Measurement,
-    Observation,
-    in_order,
-)
+from services.tracker.areas.interface import AreaTracker, KnownPeople
+from services.tracker.interface import GalleryEntry, Measurement, Observation, in_order
 from services.tracker.motion.motion import PositionMotion
 from services.tracker.motion.track_record import IdentityDecision, TrackRecord, stack
 from services.tracker.motion.track_set import TrackSet
-from services.tracker.observe import LENGTH_MIN
 from services.tracker.sort3d.association import associate, cosine_distances, distances
 from services.tracker.stateful import TrackerCheckpoint, TrackSetTracker
 from services.tracker.strongsort3d.config import StrongSort3dConfig
 from services.tracker.strongsort3d.policies import (
     AssociationResult,
-    ContactPolicy,
     FrameContext,
     Match,
     Policies,
 )
 
+LENGTH_MIN = 1e-6  # least length of a mean embedding that has a direction
 
-class StrongSort3d(TrackSetTracker):
+
+class StrongSort3d(TrackSetTracker, AreaTracker):
     """StrongSORT with the 3D position as its state.
 
     Without embeddings round 1 goes by motion alone, see `combined_cost`.
@@ -58,27 +51,30 @@ class StrongSort3d(TrackSetTracker):
         """Predict, associate in two rounds, update, and manage the life of the tracks."""
         tracks, policies = self.tracks, self._policies
         tracks.predict(observation)
-        for policy in policies.in_order:
+        for policy in policies.of_tracks:
             policy.after_prediction(tracks, observation)
         self._drop_other_embeddings(observation)
         result = self._associate(observation)
         tracks.update(result.matches, observation)
-        update_embeddings(result.matches, result.frame, policies.contact)
-        for policy in policies.in_order:
+        update_embeddings(result.matches, self._config.ema_alpha)
+        for policy in policies.of_tracks:
             policy.after_update(tracks, result)
         return tracks.manage(result.by_distance.unmatched_detections, observation)
 
     def reset(self) -> None:
         """Delete all tracks and times; identities go on counting."""
         super().reset()
-        for policy in self._policies.in_order:
+        for policy in self._policies.of_tracks:
             policy.clear()
 
     def known_people(self) -> KnownPeople | None:
         """Return the gallery; None if people who return are not re-identified."""
-        if not self._config.identity.enabled:
-            return None
-        return KnownPeople(self._embedder[0], dict(self._policies.identity.entries()))
+        identity = self._policies.identity
+        return (
+            KnownPeople(self._embedder[0], dict(identity.entries()))
+            if identity.recognises
+            else None
+        )
 
     def learn_neighbours(self, people: Mapping[int, GalleryEntry]) -> None:
         """Take the people of neighbouring areas whose views are comparable."""
@@ -88,11 +84,9 @@ class StrongSort3d(TrackSetTracker):
 
     def rename(self, identities: Mapping[int, int | None]) -> None:
         """Give tracks the identities of neighbours; None: a new one."""
-        given = set(identities.values())
-        # A lost track of the same person ends here.
-        tracks = self.tracks
-        tracks.records = [t for t in tracks.records if t.id not in given]
-        for record in tracks.records:
+        given = {to for to in identities.values() if to is not None}
+        self.tracks.end(given)  # lost tracks of the same people
+        for record in self.tracks.records:
             if record.id not in identities:
                 continue
             before, identity = record.id, identities[record.id]
@@ -120,45 +114,26 @@ class StrongSort3d(TrackSetTracker):
     def _associate(self, observation: Observation) -> AssociationResult:
         """Match confirmed tracks by motion and appearance, then recent and new ones by distance."""
         records = self.tracks.records
-        is_absent = self._policies.identity.is_absent
-        confirmed = [t for t in records if t.confirmed and not is_absent(t, observation)]
         tentative = [t for t in records if not t.confirmed]
-        detections = in_order(observation.measurements)
-        frame = FrameContext(observation, detections, self._config)
+        frame = FrameContext(observation, in_order(observation.measurements), self._config)
 
-        unmatched = frame.cosine_distance_max if self._config.likelihood else math.inf
-        cost = self._appearance_cost(confirmed, frame)
-        first = associate(cost, confirmed, detections, unmatched)
-        recent = [t for t in first.unmatched_tracks if self._just_found(t)] + tentative
+        cost = self._appearance_cost(self.tracks.confirmed, frame)
+        unmatched = self._policies.cost.unmatched_cost(frame.cosine_distance_max)
+        first = associate(cost, self.tracks.confirmed, frame.detections, unmatched)
+        recent = [t for t in first.unmatched_tracks if t.frames_missed <= 1] + tentative
         rest = first.unmatched_detections
         second = associate(self._distance_cost(recent, rest), recent, rest)
         return AssociationResult(frame, first, second)
 
-    def _just_found(self, record: TrackRecord) -> bool:
-        """Check for a track that the frame before found; after a time without frames none is.
-
-        The distance alone says little then.
-        """
-        gap = self._config.identity.is_gap(self.tracks.elapsed_ns)
-        return not gap and record.frames_missed <= 1
-
     def _appearance_cost(self, records: Sequence[TrackRecord], frame: FrameContext) -> F64:
-        motion, detections = self._motion, frame.detections
+        motion, detections, policies = self._motion, frame.detections, self._policies
         if not records or not detections:
             return np.full((len(records), len(detections)), np.inf)
-        (x, P), z, R = stack(records), frame.positions_m, motion.gate_noise(detections)
+        (x, P), R = stack(records), motion.gate_noise(detections)
         d_cos = cosine_distances(records, detections)
-        unknown = np.isnan(d_cos)
-        wider_m2 = self._policies.contact.gate_covariances_m2(frame)
-        d_m2, log_det = kalman.gate(x, P, z, R if wider_m2 is None else R + wider_m2)
-        if wider_m2 is not None and unknown.any():
-            # A wide gate needs an appearance that speaks for the pair.
-            narrow_m2, narrow_det = kalman.gate(x, P, z, R)
-            d_m2, log_det = np.where(unknown, (narrow_m2, narrow_det), (d_m2, log_det))
+        d_m2, log_det = policies.visibility.gate(x, P, R, d_cos, frame)
         cost = combined_cost(d_m2, d_cos, frame.cosine_distance_max, self._config)
-        limits = self._policies.identity.cosine_limits(records, frame)
-        cost[d_cos > limits[:, None]] = np.inf
-        return cost + self._config.motion_weight * log_det if self._config.likelihood else cost
+        return cost + policies.cost.added_cost(self._config.motion_weight, log_det)
 
     def _distance_cost(
         self, records: Sequence[TrackRecord], detections: Sequence[Measurement]
@@ -206,23 +181,20 @@ def embedder_of(observation: Observation) -> tuple[str, int] | None:
     return (observation.embedder, lengths.pop()) if lengths else None
 
 
-def update_embeddings(
-    matches: Sequence[Match], frame: FrameContext, contact: ContactPolicy
-) -> None:
+def update_embeddings(matches: Sequence[Match], alpha: float) -> None:
     """Update the embeddings of matched tracks: e <- alpha e + (1 - alpha) f."""
     known = [(record, m.embedding) for record, m in matches if m.embedding is not None]
     if not known:
         return
     f = np.array([embedding for _, embedding in known])
     e = np.array([f_k if record.embedding is None else record.embedding for record, f_k in known])
-    alpha = np.array([contact.alpha(frame.config.ema_alpha, record) for record, _ in known])
     for (record, _), mean in zip(known, moving_averages(e, f, alpha), strict=True):
         record.embedding = mean
 
 
-def moving_averages(e: F64, f: F64, alpha: F64) -> F64:
+def moving_averages(e: F64, f: F64, alpha: float) -> F64:
     """Return alpha e + (1 - alpha) f (Nxd) at unit length; f where the sum vanishes."""
-    mixed = alpha[:, None] * e + (1 - alpha[:, None]) * f
+    mixed = alpha * e + (1 - alpha) * f
     lengths = np.sqrt(np.einsum("ij,ij->i", mixed, mixed))[:, None]
     result: F64 = np.where(lengths > LENGTH_MIN, mixed / np.maximum(lengths, LENGTH_MIN), f)
     return result

@@ -1,6 +1,5 @@
 """Presets: every one loads, says what docs/method.md says, and gives way to flags."""
 
-import math
 from pathlib import Path
 from typing import TypeVar
 
@@ -21,13 +20,7 @@ from services.detector.orientation.separate import (
 from services.presets import FOLDER, PRESETS, preset_settings
 from services.reid.config import ReidConfig
 from services.tracker.config import ImageSortConfig, TrackerConfig
-from services.tracker.strongsort3d.config import (
-    ContactConfig,
-    IdentityConfig,
-    ImmConfig,
-    OcclusionConfig,
-    StrongSort3dConfig,
-)
+from services.tracker.strongsort3d.config import IdentityConfig, StrongSort3dConfig
 
 ROOT = Path(__file__).parents[3]
 T = TypeVar("T", bound=msgspec.Struct)
@@ -86,13 +79,10 @@ def test_the_other_methods_track_by_sections_3_and_5(method: str, suffix: str) -
         sigma_measurement_m=0.5,
         max_depth_m=5.0,
         nsa_floor=0.05,
-        jump_min=math.inf,
         noise="constant",
-        noise_factor=2.0,
-        occlusion=OcclusionConfig(enabled=False),
-        contact=ContactConfig(enabled=False),
+        visibility=False,
         identity=IdentityConfig(enabled=False),
-        imm=ImmConfig(enabled=False),
+        standing_model=False,
     )
     assert tracker.yaw == ("kalman" if method.startswith("pose") else "velocity")
     reid = config_of(ReidConfig, "reid", method + suffix)

@@ -2,24 +2,20 @@
 
 import dataclasses
 
-import msgspec
 import numpy as np
 import pytest
 
 from people4d.messages import Track
-from services.tracker.identity.reidentification import Reidentification
 from services.tracker.interface import Measurement
 from services.tracker.strongsort3d.build import build_strongsort3d
-from services.tracker.strongsort3d.config import ContactConfig, IdentityConfig, OcclusionConfig
+from services.tracker.strongsort3d.config import IdentityConfig
 from services.tracker.strongsort3d.strongsort3d import StrongSort3d
-from tests.tracker.scene import frame, person, published, published_config
-from tests.tracker.strongsort3d.test_occlusion import BLUE, RED, with_pose
+from tests.tracker.scene import BLUE, RED, frame, person, published, published_config, with_pose
 from tests.tracker.test_invariants import assert_same, run, scene
 
 RED_TOO = (1.0, 0.12, 0.0)  # 0.0002 from RED
 ALL = published(
-    occlusion=OcclusionConfig(enabled=True),
-    contact=ContactConfig(enabled=True),
+    visibility=True,
     identity=IdentityConfig(enabled=True),
 )
 
@@ -193,22 +189,18 @@ def test_gallery_is_empty_after_a_reset() -> None:
     assert stay(sort, 0, 3, person(3, 0, embedding=RED)) == [(2, "confirmed", "new")]
 
 
-def test_track_cut_off_at_the_edge_is_absent_sooner() -> None:
+@pytest.mark.parametrize(("y_m", "identity"), [(1.5, None), (0.0, "continued")])
+def test_track_cut_off_at_the_edge_ends_sooner(y_m: float, identity: str | None) -> None:
     # At 3 m and 1.5 m to the left: u = 320 - 300 = 20 px, less 50 px of half a width: cut off.
     # Half a second later a person of similar appearance (0.1) comes in there.
-    def results(absent_cut_off_s: float) -> list[tuple[int, str, str | None]]:
-        identity = IdentityConfig(enabled=True, absent_cut_off_s=absent_cut_off_s)
-        strong = published(identity=identity)
-        sort = build_strongsort3d(published_config(strongsort3d=strong))
-        for number in range(10):
-            sort.update(with_pose(number, person(3, 1.5, embedding=RED)))
-        for number in range(10, 15):
-            sort.update(with_pose(number))
-        tracks = sort.update(with_pose(15, person(3, 1.5, embedding=(1.0, 0.6, 0.0))))
-        return [(t.id, t.state, t.identity) for t in tracks if t.detection is not None]
-
-    assert results(absent_cut_off_s=1.0) == [(1, "confirmed", "continued")]
-    assert results(absent_cut_off_s=0.3) == [(2, "tentative", None)]
+    sort = build_strongsort3d(published_config(strongsort3d=ALL))
+    for number in range(10):
+        sort.update(with_pose(number, person(3, y_m, embedding=RED)))
+    for number in range(10, 15):
+        sort.update(with_pose(number))
+    tracks = sort.update(with_pose(15, person(3, y_m, embedding=(1.0, 0.6, 0.0))))
+    (found,) = (t for t in tracks if t.detection is not None)
+    assert found.identity == identity
 
 
 @pytest.mark.parametrize(("camera", "identity"), [("camera", 2), ("other", 1)])
@@ -216,7 +208,7 @@ def test_track_cut_off_at_the_edge_is_not_absent_before_its_camera_missed_it(
     camera: str, identity: int
 ) -> None:
     # The frames of a camera that come late miss it no more than those that are not there yet.
-    sort = tracker(IdentityConfig(enabled=True))
+    sort = build_strongsort3d(published_config(strongsort3d=ALL))
     red = person(3, 1.5, embedding=RED)
     for number in range(10):
         sort.update(with_pose(number, red))
@@ -231,7 +223,7 @@ def test_person_hidden_at_the_edge_left(y_m: float) -> None:
     # RED, at 4 m, is last seen in the middle of the image or at its edge, then hidden by BLUE for
     # a second. Another person of similar appearance comes out there. In the middle RED is expected.
     identity = IdentityConfig(enabled=True)
-    strong = published(identity=identity, occlusion=OcclusionConfig(enabled=True))
+    strong = published(identity=identity, visibility=True)
     sort = build_strongsort3d(published_config(strongsort3d=strong))
     blue = person(2, y_m, index=1, embedding=BLUE)
     for number in range(10):
@@ -241,20 +233,6 @@ def test_person_hidden_at_the_edge_left(y_m: float) -> None:
     tracks = sort.update(with_pose(20, blue, person(4, 2 * y_m, embedding=(1.0, 0.6, 0.0))))
     (found,) = (t for t in tracks if t.detection == 0)
     assert (found.id == 1) == (y_m == 0)
-
-
-def test_long_absent_track_returns_only_by_reidentification() -> None:
-    # 1.5 s unseen; by a_max, 30 frames, the track would be predicted for longer.
-    def results(absent_s: float) -> list[tuple[int, str, str | None]]:
-        identity = IdentityConfig(enabled=True, absent_s=absent_s)
-        strong = published(identity=identity, a_max=30)
-        sort = build_strongsort3d(published_config(strongsort3d=strong))
-        stay(sort, 0, 5, person(3, 1, embedding=RED))
-        stay(sort, 5, 15)
-        return stay(sort, 20, 3, person(3, 1, embedding=RED))
-
-    assert results(60.0) == [(1, "confirmed", "continued")]
-    assert results(1.0) == [(1, "confirmed", "reidentified")]
 
 
 @pytest.mark.parametrize("frames", [12, 40, 55])
@@ -293,9 +271,7 @@ def test_appearance_decides_after_a_time_without_frames() -> None:
 def test_absent_track_ends_and_an_occluded_one_does_not() -> None:
     # Ten frames a second; unseen for 1.1 s: frames 5 to 15.
     def lasts(*others: Measurement) -> bool:
-        strong = published(
-            identity=IdentityConfig(enabled=True), occlusion=OcclusionConfig(enabled=True)
-        )
+        strong = published(identity=IdentityConfig(enabled=True), visibility=True)
         sort = build_strongsort3d(published_config(strongsort3d=strong))
         tracks: list[Track] = []
         for number in range(5):
@@ -308,12 +284,12 @@ def test_absent_track_ends_and_an_occluded_one_does_not() -> None:
     assert lasts(person(2, 0, embedding=BLUE))
 
 
-@pytest.mark.parametrize(("missed", "identity"), [(1, 1), (2, 2)])
+@pytest.mark.parametrize(("missed", "identity"), [(1, 1), (3, 2)])
 def test_track_at_the_edge_goes_on_in_the_next_frame_of_a_slow_camera(
     missed: int, identity: int
 ) -> None:
-    # Frames 0.5 s apart are longer than absent_cut_off_s; their next one has not missed the person.
-    sort = build_strongsort3d(published_config(strongsort3d=published(identity=IdentityConfig())))
+    # Frames 0.5 s apart are longer than EMPTY_AT_EDGE_S; each missed one counts 0.2 s.
+    sort = build_strongsort3d(published_config(strongsort3d=ALL))
     for number in range(5):
         sort.update(with_pose(5 * number, person(3, 1.5, embedding=RED)))
     for number in range(5, 4 + missed):
@@ -321,29 +297,3 @@ def test_track_at_the_edge_goes_on_in_the_next_frame_of_a_slow_camera(
     similar = person(3, 1.5, embedding=(1.0, 0.6, 0.0))
     tracks = sort.update(with_pose(5 * (4 + missed), similar))
     assert [track.id for track in tracks if track.detection is not None] == [identity]
-
-
-@pytest.mark.parametrize(("turned", "absent"), [(False, True), (True, False)])
-def test_person_hidden_at_the_edge_has_left_a_camera_that_rests(turned: bool, absent: bool) -> None:
-    sort = build_strongsort3d(published_config(strongsort3d=ALL))
-    stay(sort, 0, 10, person(3, 0, embedding=RED))
-    (record,) = sort.tracks.records
-    record.missed, record.occluded, record.visible_ratio, record.turned = 5, 5, 0.9, turned
-    policy = Reidentification(IdentityConfig())
-    assert policy.is_absent(record, frame(14)) == absent
-
-
-@pytest.mark.parametrize(("hidden_frames", "goes_on"), [(8, True), (14, False)])
-def test_person_like_one_hidden_for_long_is_new(hidden_frames: int, goes_on: bool) -> None:
-    # RED is hidden behind BLUE. Who comes out is 0.2 from RED: more than re-identification takes of
-    # histograms (0.15), less than C_cos (0.25); 0.8 m aside is beyond round 2.
-    like_red = (1.0, 0.89, 0.0)
-    sort = build_strongsort3d(published_config(strongsort3d=msgspec.structs.replace(ALL, a_max=30)))
-    behind, before = person(4, 0, embedding=RED), person(2, 0, 1, 0.8, BLUE)
-    for number in range(10):
-        sort.update(with_pose(number, behind))
-    for number in range(10, 10 + hidden_frames):
-        sort.update(with_pose(number, before))
-    for number in range(10 + hidden_frames, 16 + hidden_frames):
-        tracks = sort.update(with_pose(number, person(4, 0.8, embedding=like_red)))
-    assert (1 in [t.id for t in tracks if t.state == "confirmed"]) is goes_on

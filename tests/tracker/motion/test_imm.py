@@ -2,7 +2,6 @@
 
 import dataclasses
 
-import msgspec
 import numpy as np
 import pytest
 
@@ -12,7 +11,6 @@ from services.tracker.motion.motion import PositionMotion
 from services.tracker.motion.state_filter import STANDING, WALKING, Imm, mix
 from services.tracker.motion.track_record import ImmState
 from services.tracker.strongsort3d.build import build_strongsort3d
-from services.tracker.strongsort3d.config import CHI2_3DOF_90, ImmConfig
 from tests.tracker.scene import frame, person, published, published_config
 
 UNMATCHED = np.array([False])
@@ -21,12 +19,12 @@ CONFIG = published(
     sigma_measurement_m=0.15,
     nsa_floor=1.0,
     max_depth_m=1e9,
-    imm=ImmConfig(enabled=True),
+    standing_model=True,
 )
 
 
-def imm(**settings: float) -> Imm:
-    return Imm(PositionMotion(CONFIG), ImmConfig(enabled=True, **settings))
+def imm() -> Imm:
+    return Imm(PositionMotion(CONFIG))
 
 
 def stacked(modes: ImmState) -> tuple[F64, F64, F64]:
@@ -56,17 +54,17 @@ def test_mixing_of_modes_by_hand() -> None:
 def test_mean_of_both_modes() -> None:
     # 0.75 stand at 0, 0.25 walk at 1 m with 2 m/s: at 0.25 m with 0.5 m/s. Variance of the place:
     # 0.1 within, and 0.75 * 0.0625 + 0.25 * 0.5625 = 0.1875 between; of the velocity
-    # 0.75 * 0.01 + 0.25 * 0.1 within and 0.75 * 0.25 + 0.25 * 2.25 = 0.75 between.
+    # 0.75 * 0.03^2 + 0.25 * 0.1 = 0.025675 within and 0.75 * 0.25 + 0.25 * 2.25 = 0.75 between.
     both = ImmState(
         np.array([state(0.0, 0.0), state(1.0, 2.0)]),
         np.array([0.1 * np.eye(6)] * 2),
         np.array([0.75, 0.25]),
     )
-    (found,) = imm(standing_sigma_mps=0.1).means(*stacked(both))
+    (found,) = imm().means(*stacked(both))
     x, P = found.x, found.P
     np.testing.assert_allclose(x[[0, 3]], [0.25, 0.5])
     assert P[0, 0] == pytest.approx(0.2875)
-    assert P[3, 3] == pytest.approx(0.0325 + 0.75)
+    assert P[3, 3] == pytest.approx(0.025675 + 0.75)
 
 
 def test_zero_time_step_changes_nothing() -> None:
@@ -161,47 +159,3 @@ def test_measured_velocities_are_followed_at_once() -> None:
 
     assert speed(measured=True) > 0.8
     assert speed(measured=False) < 0.5
-
-
-@pytest.mark.parametrize("enabled", [False, True])
-def test_a_jump_moves_the_position_and_hardly_the_velocity(enabled: bool) -> None:
-    # Two seconds at rest, then 1.5 m behind, as a person hidden by the one in front.
-    def after_jump(jump_min: float) -> tuple[float, float]:
-        config = msgspec.structs.replace(
-            CONFIG,
-            imm=ImmConfig(enabled=enabled),
-            jump_min=jump_min,
-            distance_max_m=2.0,  # round 2 admits the pair
-        )
-        tracker = build_strongsort3d(published_config(strongsort3d=config))
-        for number in range(21):
-            (track,) = tracker.update(frame(number, person(5.0 if number == 20 else 3.5, 0)))
-        return float(track.position_m[0]), float(track.velocity_mps[0])
-
-    position_m, velocity_mps = after_jump(CHI2_3DOF_90)
-    assert position_m > 4.85
-    assert abs(velocity_mps) < 0.5
-    assert after_jump(np.inf)[1] > 2.0
-
-
-@pytest.mark.parametrize("enabled", [False, True])
-def test_a_position_that_the_measured_velocity_explains_has_not_jumped(enabled: bool) -> None:
-    # Two seconds at rest, then as far ahead as at 3 m/s, which is measured, too.
-    def speed_mps(velocity: VelocityMeasurement | None) -> float:
-        config = msgspec.structs.replace(
-            CONFIG,
-            imm=ImmConfig(enabled=enabled),
-            sigma_measurement_m=0.03,
-            jump_min=CHI2_3DOF_90,
-        )
-        tracker = build_strongsort3d(published_config(strongsort3d=config))
-        for number in range(21):
-            (track,) = tracker.update(frame(number, person(3.5, 0)))
-        moved = dataclasses.replace(person(3.8, 0), velocity=velocity)
-        (track,) = tracker.update(frame(21, moved))
-        return float(track.velocity_mps[0])
-
-    # Of the position alone it jumped, and its velocity stays; so does most of it if the position
-    # comes first (1.3 m/s).
-    assert speed_mps(None) < 0.5
-    assert speed_mps(VelocityMeasurement(np.array([3.0, 0.0, 0.0]), 0.3 * np.eye(3))) > 1.4

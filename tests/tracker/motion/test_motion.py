@@ -100,12 +100,12 @@ def test_a_shrinking_area_stays_positive() -> None:
 
 
 def test_measured_noise_is_the_covariance_of_the_detection() -> None:
-    # Measured diag(1, 4, 9) cm^2, times 2 in gates; neither depth nor score change it.
+    # Measured diag(1, 4, 9) cm^2, with 0.15 m on top in gates; neither depth nor score change it.
     results = np.diag([1e-4, 4e-4, 9e-4])
     certain, plain = replace(measurement(), covariance_m2=results), measurement()
-    motion = PositionMotion(published(noise="measured", noise_factor=2.0))
+    motion = PositionMotion(published(noise="measured"))
     np.testing.assert_allclose(motion.noise([certain])[0], results)
-    np.testing.assert_allclose(motion.gate_noise([certain])[0], 2 * results)
+    np.testing.assert_allclose(motion.gate_noise([certain])[0], results + 0.15**2 * np.eye(3))
     np.testing.assert_allclose(motion.start(certain)[1][:3, :3], results)
     # Without a covariance, and in constant mode with one, it is [PIC4SeR]'s.
     np.testing.assert_allclose(motion.noise([certain, plain])[1], 0.075 * np.eye(3))
@@ -118,7 +118,7 @@ def test_measured_noise_of_a_box_does_not_change_the_pixels() -> None:
     results = np.diag([1e-4, 4e-4, 9e-4])
     certain = replace(measurement(), covariance_m2=results)
     constant = BoxMotion(Sort3dConfig()).noise([certain])[0]
-    measured = BoxMotion(Sort3dConfig(noise="measured", noise_factor=2.0)).noise([certain])[0]
-    np.testing.assert_allclose(measured[4:, 4:], 2 * results)
+    measured = BoxMotion(Sort3dConfig(noise="measured")).noise([certain])[0]
+    np.testing.assert_allclose(measured[4:, 4:], results)
     np.testing.assert_array_equal(measured[:4, :4], constant[:4, :4])
     assert BoxMotion(Sort3dConfig(noise="measured")).noise([]).shape == (0, 7, 7)

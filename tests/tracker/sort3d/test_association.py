@@ -129,7 +129,7 @@ def test_distances() -> None:
 def test_moving_averages_of_embeddings() -> None:
     # 0.9 (1, 0) + 0.1 (0, 1) = (0.9, 0.1), length sqrt(0.82) = 0.905539; opposite ones vanish.
     e, f = np.array([[1.0, 0.0], [1.0, 0.0]]), np.array([[0.0, 1.0], [-1.0, 0.0]])
-    means = moving_averages(e, f, np.array([0.9, 0.5]))
+    means = np.vstack([moving_averages(e[:1], f[:1], 0.9), moving_averages(e[1:], f[1:], 0.5)])
     np.testing.assert_allclose(means, [[0.993884, 0.110432], [-1.0, 0.0]], atol=1e-6)
 
 

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from common.geometry.transforms import (
     LINK_FROM_OPTICAL,
@@ -16,9 +17,17 @@ from common.geometry.transforms import (
 from people4d.messages import F64, Track
 from services.tracker.interface import ImageEdges, Measurement, Observation
 from services.tracker.strongsort3d.build import build_strongsort3d
-from services.tracker.strongsort3d.config import ContactConfig, IdentityConfig, OcclusionConfig
-from services.tracker.strongsort3d.occlusion import visible_ratios
-from tests.tracker.scene import FOCAL_PX, frame, published, published_config, unit
+from services.tracker.strongsort3d.config import IdentityConfig
+from services.tracker.strongsort3d.visibility import visible_ratios
+from tests.tracker.scene import (
+    FOCAL_PX,
+    frame,
+    person,
+    published,
+    published_config,
+    unit,
+    with_pose,
+)
 
 EDGES = ImageEdges(  # 28 degrees to each side
     left=-320 / FOCAL_PX, right=320 / FOCAL_PX, top=-240 / FOCAL_PX, bottom=240 / FOCAL_PX
@@ -27,8 +36,7 @@ RED, BLUE = unit((1.0, 0.0, 0.1)), unit((0.0, 1.0, 0.1))
 PEOPLE = (np.array([4.0, 0.5, 1.0]), np.array([4.5, -0.5, 1.0]))
 ALL = published(
     identity=IdentityConfig(enabled=True),
-    contact=ContactConfig(enabled=True),
-    occlusion=OcclusionConfig(enabled=True),
+    visibility=True,
     sigma_acceleration_mps2=3.0,
     sigma_measurement_m=0.3,
     a_max=5,
@@ -73,10 +81,10 @@ def test_visible_ratio_at_the_edge_of_the_image() -> None:
     level = [[4, 0, 1], [4, -y_m, 1], [4, -y_m - 0.125, 1], [4, -3, 1], [-4, 0, 1.0]]
     positions = np.array([*level, [4, 0, 2.5], [4, 0, 2.7], [4, 0, -0.7]])
     camera = dataclasses.replace(frame(0), map_from_camera=turned(0), edges=EDGES)
-    parts = visible_ratios(positions, camera, 0.25)
-    assert parts is not None
-    np.testing.assert_allclose(parts, [1, 0.5, 0.25, 0, 0, 1, 0, 0], atol=1e-9)
-    assert visible_ratios(positions, dataclasses.replace(camera, edges=None), 0.25) is None
+    np.testing.assert_allclose(
+        visible_ratios(positions, camera), [1, 0.5, 0.25, 0, 0, 1, 0, 0], atol=1e-9
+    )
+    assert visible_ratios(positions, dataclasses.replace(camera, edges=None)) == 8 * [1.0]
 
 
 @pytest.mark.parametrize("embeddings", [True, False])
@@ -148,3 +156,48 @@ def test_people_at_the_edge_of_a_camera_that_turns_have_not_left(
         sort.update(dataclasses.replace(missed, measurements=()))
     tracks = sort.update(detected(14, -20.5, embeddings=True))
     assert [t.id for t in tracks if t.detection == 0] == [identity]
+
+
+def test_person_who_left_while_the_camera_was_turned_ends_within_a_second_in_view() -> None:
+    # The camera turns away from RED for half a second; back again it sees the place empty for
+    # longer than EMPTY_S.
+    sort = build_strongsort3d(published_config(strongsort3d=replace(ALL, a_max=30)))
+    for number in range(20):
+        sort.update(detected(number, 0.0, embeddings=True))
+    for number in range(20, 25):
+        assert len(sort.update(detected(number, 90.0, embeddings=True))) == 2
+    lost = []
+    for number in range(25, 40):
+        back = detected(number, 0.0, embeddings=True)
+        tracks = sort.update(dataclasses.replace(back, measurements=back.measurements[1:]))
+        lost.append(sum(track.detection is None for track in tracks))
+    assert lost == [1] * 10 + [0] * 5
+
+
+def test_absent_track_ends_though_it_was_occluded_before() -> None:
+    # BLUE passes before RED, who leaves meanwhile: a second of the empty place ends the track.
+    sort = build_strongsort3d(published_config(strongsort3d=replace(ALL, a_max=30)))
+    for number in range(20):
+        sort.update(with_pose(number, person(4, 0, embedding=(1.0, 0.0, 0.1))))
+    blue = (0.0, 1.0, 0.1)
+    for number in range(20, 25):
+        tracks = sort.update(with_pose(number, person(2, 0, embedding=blue)))
+        assert {track.id for track in tracks} == {1, 2}
+    lost = []
+    for number in range(25, 40):
+        tracks = sort.update(with_pose(number, person(2, 0.15 * (number - 22), embedding=blue)))
+        lost.append(any(track.id == 1 for track in tracks))
+    assert lost[5]
+    assert not lost[-1]
+
+
+def test_track_out_of_view_ends_once_its_position_is_unknown() -> None:
+    # While hidden, velocities have 0.6 m/s for 0.7 s: the variance of a position grows to about
+    # 2 * 0.6^2 * 0.7 t, which is 1 m^2 after 2 s, and later by the time until it does so.
+    sort = build_strongsort3d(published_config(strongsort3d=replace(ALL, a_max=100)))
+    for number in range(20):
+        sort.update(detected(number, 0.0, embeddings=True))
+    away = range(20, 60)
+    lost = [len(sort.update(detected(number, 90.0, embeddings=True))) for number in away]
+    assert 15 < sum(number == 2 for number in lost) < 30
+    assert lost[-1] == 0

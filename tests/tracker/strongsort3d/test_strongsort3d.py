@@ -11,11 +11,8 @@ from common.geometry.transforms import LINK_FROM_OPTICAL, transform_from
 from people4d.messages import Track
 from services.tracker.interface import Measurement, Observation
 from services.tracker.strongsort3d.build import build_strongsort3d
-from services.tracker.strongsort3d.config import OcclusionConfig
 from services.tracker.strongsort3d.strongsort3d import StrongSort3d
-from tests.tracker.scene import frame, person, published, published_config
-
-RED, BLUE = (1.0, 0.1, 0.0), (0.0, 0.1, 1.0)  # cosine distance 1 - 0.01 / 1.01 = 0.99
+from tests.tracker.scene import BLUE, RED, frame, person, published, published_config
 
 
 def tracker(**fields: Any) -> StrongSort3d:
@@ -85,11 +82,11 @@ def test_by_hits_a_track_ends_after_as_many_misses_as_matches() -> None:
         assert [states(tracks) for tracks in results] == [[(1, "lost")]] * survives + [[]]
 
 
-@pytest.mark.parametrize(("matches", "survives"), [(1, 1), (2, 3), (5, 24), (12, 40)])
+@pytest.mark.parametrize(("matches", "survives"), [(1, 1), (2, 3), (4, 15)])
 def test_by_hits_a_track_behind_others_ends_after_the_square_of_its_matches(
     matches: int, survives: int
 ) -> None:
-    sort = tracker(lifetime="hits", n_init=1, a_max=5, occlusion=OcclusionConfig(enabled=True))
+    sort = tracker(lifetime="hits", n_init=1, a_max=5, visibility=True)
     before = person(2, 0, index=1)
     for number in range(matches):
         sort.update(observed(frame(number, person(4, 0))))
@@ -221,7 +218,7 @@ def test_of_two_detections_the_certain_one_is_likelier(likelihood: bool, index: 
         one = person(3, y, number, embedding=RED)
         return dataclasses.replace(one, covariance_m2=sigma_m**2 * np.eye(3))
 
-    sort = tracker(likelihood=likelihood, noise="measured", noise_factor=1.0)
+    sort = tracker(likelihood=likelihood, noise="measured")
     for number in range(5):
         sort.update(frame(number, found(0.0, 0.05, 0)))
     tracks = sort.update(frame(5, found(0.1, 0.05, 0), found(-0.2, 0.5, 1)))

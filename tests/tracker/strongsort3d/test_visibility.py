@@ -3,12 +3,8 @@
 import numpy as np
 
 from common.geometry.transforms import LINK_FROM_OPTICAL, invert
-from services.tracker.strongsort3d.visibility import (
-    common_ratios,
-    cut_off,
-    intervals,
-    overlap_ratios,
-)
+from services.tracker.strongsort3d.policies import cut_off
+from services.tracker.strongsort3d.visibility import common_ratios, intervals, overlap_ratios
 
 OPTICAL_FROM_LINK = invert(LINK_FROM_OPTICAL)
 
@@ -16,7 +12,7 @@ OPTICAL_FROM_LINK = invert(LINK_FROM_OPTICAL)
 def test_overlap_of_two_intervals() -> None:
     # At 2 m, half a width of 0.25 m covers -0.125 to 0.125; at 4 m and 0.5 m to the left -0.1875 to
     # -0.0625. They share 0.0625: a quarter of the first, half of the second.
-    people, depth_m = intervals(np.array([[2, 0, 1], [4, 0.5, 1.0]]), OPTICAL_FROM_LINK, 0.25)
+    people, depth_m = intervals(np.array([[2, 0, 1], [4, 0.5, 1.0]]), OPTICAL_FROM_LINK)
     np.testing.assert_allclose(people, [[-0.125, 0.125], [-0.1875, -0.0625]])
     np.testing.assert_allclose(depth_m, [2, 4])
     np.testing.assert_allclose(overlap_ratios(people, people), [[1, 0.25], [0.5, 1]])

@@ -1,0 +1,60 @@
+"""Life cycle of tracks: confirmation and deletion (docs/method.md, section 5)."""
+
+from dataclasses import dataclass
+
+from services.tracker.motion.track_record import TrackRecord
+
+MISSES_MIN = 2  # least number of hidden frames that a track survives
+SEVERAL_HITS = 1  # additional matches that confirm a track while several cameras send
+TENTATIVE_S = 1.0  # time without a match after which a tentative track ends then [s]
+
+
+@dataclass(frozen=True, slots=True)
+class Lifecycle:
+    """Confirmation by consecutive matches, deletion by unmatched frames [Wojke 2017]."""
+
+    confirm_hits: int  # matches, the first included, that confirm a track
+    tentative_frames: int  # unmatched frames after which a tentative track is deleted
+    lost_frames: int  # unmatched frames after which a confirmed track is deleted
+    lost_s: float  # seconds without a match after which any track is deleted
+
+    def confirms(self, record: TrackRecord, several_cameras: bool) -> bool:  # noqa: ARG002
+        """Check for enough matches; `several_cameras` send."""
+        return record.streak >= self.confirm_hits
+
+    def ended(self, record: TrackRecord) -> bool:
+        """Check for too many unmatched frames; hidden ones do not count."""
+        limit = self.lost_frames if record.confirmed else self.tentative_frames
+        return record.frames_missed >= limit
+
+    def expired(self, record: TrackRecord, stamp_ns: int, several_cameras: bool) -> bool:  # noqa: ARG002
+        """Check for too long a time without a match."""
+        return stamp_ns - record.matched_ns > self.lost_s * 1e9
+
+
+class HitsLifecycle(Lifecycle):
+    """Confirmation by matches that need not be consecutive, deletion after as many misses.
+
+    Several cameras give more matches in less time, and more false alarms.
+    """
+
+    def confirms(self, record: TrackRecord, several_cameras: bool) -> bool:
+        """Check for enough matches."""
+        return record.hits >= self.confirm_hits + SEVERAL_HITS * several_cameras
+
+    def ended(self, record: TrackRecord) -> bool:
+        """Check for as many misses as matches, or for the square of that with hidden frames.
+
+        A track that was found once or twice is often a false alarm.
+        """
+        if record.missed >= max(record.hits**2, MISSES_MIN):
+            return True
+        return record.frames_missed >= min(self.lost_frames, record.hits)
+
+    def expired(self, record: TrackRecord, stamp_ns: int, several_cameras: bool) -> bool:
+        """Check for too long a time without a match.
+
+        A false alarm behind a person is not missed by its camera, since the person hides it.
+        """
+        limit_s = TENTATIVE_S if several_cameras and not record.confirmed else self.lost_s
+        return stamp_ns - record.matched_ns > limit_s * 1e9
