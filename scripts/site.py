@@ -63,7 +63,7 @@ def site_link(page: Path, link: str) -> str:
         target = str(in_docs.relative_to(DOCS))
     else:
         return link
-    return os.path.relpath(target, Path(_place(page)).parent)
+    return os.path.relpath(target, Path(_site_path(page)).parent)
 
 
 def on_files(files: Files, config: Any) -> Files:
@@ -84,7 +84,7 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     )
 
 
-def _place(page: Path) -> str:
+def _site_path(page: Path) -> str:
     """Return the path of a page in the site's source."""
     if page.is_relative_to(DOCS):
         return str(page.relative_to(DOCS))

@@ -101,8 +101,8 @@ def read_rows(path: Path) -> MotRows:
 def _are_classes(columns: F64) -> bool:
     """Check whether columns 8 and 9 are class and visibility, as in MOT16, and no metres."""
     classes, visibility, _ = columns[~np.isnan(columns[:, 0])].T
-    whole = (classes >= 1) & (classes <= CLASSES_MAX) & (classes % 1 == 0)
-    return bool(np.all(whole & (visibility >= 0) & (visibility <= 1)))
+    integral = (classes >= 1) & (classes <= CLASSES_MAX) & (classes % 1 == 0)
+    return bool(np.all(integral & (visibility >= 0) & (visibility <= 1)))
 
 
 def read_info(path: Path) -> MotInfo:

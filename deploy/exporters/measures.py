@@ -10,7 +10,7 @@ from common.runtime.throughput import losses
 from people4d.messages import Health
 from people4d.messages.status import State
 
-# Names come from messages, which anybody may send where there are no keys. A robot has about a
+# Names come from messages, which any process may send where there are no keys. A robot has about a
 # thousand sets of labels; libraries keep each set that they were given.
 SAMPLES_MAX, STAGES_MAX, CAMERAS_MAX = 4096, 512, 64
 LENGTH_MAX = 128  # characters of a label

@@ -33,7 +33,7 @@ class RunLimits:
         self._reasons: dict[tuple[str, str], str] = {}  # the last one, with its numbers
         self._ends_ns: dict[type[Message], int] = {}  # last stamps
         self._odometry_used = False
-        self._placed: set[bool] = set()  # of transforms: False is the default mount
+        self._mounts: set[bool] = set()  # of transforms: False is the default mount
 
     def add(self, message: Message, now_ns: int) -> None:
         """Take a message that came at this monotonic time."""
@@ -43,9 +43,9 @@ class RunLimits:
         elif isinstance(message, Health):
             self._add_health(message, now_ns)
         elif isinstance(message, StaticTransform):
-            self._placed.add(not np.array_equal(message.matrix, LINK_FROM_OPTICAL))
+            self._mounts.add(not np.array_equal(message.matrix, LINK_FROM_OPTICAL))
         elif isinstance(message, MovingTransform):
-            self._placed.add(True)
+            self._mounts.add(True)
         elif isinstance(message, Truth | Odometry):
             self._ends_ns[type(message)] = message.stamp_ns
 
@@ -80,7 +80,7 @@ class RunLimits:
             parts.append("odometry (none came: the base stands)")
         elif not self._odometry_used:
             parts.append("odometry (the tracker takes none)")
-        if True not in self._placed:
+        if True not in self._mounts:
             parts.append("mount (none given: the camera is the origin of the map)")
         if Truth not in self._ends_ns:
             parts.append("truth (none came)")

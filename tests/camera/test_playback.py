@@ -55,7 +55,7 @@ def test_loop_over_a_clock_that_jumps_back_still_rises_between_rounds() -> None:
     assert stamps_ms(source, Selection(loop=True), limit=5) == [1000, 1100, 0, 100, 2466]
 
 
-def test_loop_over_a_clock_that_is_set_takes_as_long_as_the_frames() -> None:
+def test_loop_over_a_clock_that_is_set_lasts_as_long_as_the_frames() -> None:
     # Two frames of 1970, then the clock is set to 2026: two parts of 100 ms and one mean gap
     # (200 / 3 = 66 ms) make a round of 266 ms, not of 56 years, without end.
     late = 56 * 365 * 86_400_000

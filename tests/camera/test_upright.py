@@ -37,13 +37,13 @@ def test_turns_follow_the_roll(roll_deg: float, turns: int) -> None:
     assert found == turns
 
 
-def test_camera_that_looks_at_the_floor_is_not_turned() -> None:
+def test_camera_facing_the_floor_is_not_turned() -> None:
     assert quarter_turns(pose(180, pitch_deg=80)) == 0
     assert quarter_turns(pose(180, pitch_deg=-80)) == 0
 
 
 @pytest.mark.parametrize("turns", [1, 2, 3])
-def test_point_is_seen_where_the_turned_image_shows_it(turns: int) -> None:
+def test_point_is_where_the_turned_image_shows_it(turns: int) -> None:
     # A point in the map is projected by the camera, and by the turned camera: the pixel of the one
     # image, turned, is the pixel of the other.
     camera = static_transform(MAP, FRAME, pose(0))

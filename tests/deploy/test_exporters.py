@@ -123,7 +123,7 @@ def test_negative_durations_are_counted(prometheus: PrometheusExporter) -> None:
 
 
 def forge(exporter: Exporter, number: int) -> None:
-    """Give an exporter heartbeats and a frame with names that nobody has used before."""
+    """Give an exporter heartbeats and a frame with unused names."""
     health = healths()[0]
     counters = {f"received_{number}_{k}": 1 for k in range(50)} | {
         f"bad_{number}_{k}": 1 for k in range(50)

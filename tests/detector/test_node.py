@@ -278,7 +278,7 @@ def test_confidence_of_keypoints_suits_the_model_unless_set() -> None:
         ("keypoint_confidence_min=2", "keypoint_confidence_min: expected .* < 1"),
         ("input_height=100", "input_height: expected a multiple of 32"),
         ("depth_error_per_m=0", "depth_error_per_m: expected .* > 0"),
-        ("near_input.heigth=32", "Did you mean height"),
+        ("near_input.heihgt=32", "Did you mean height"),
         ("position=guess", "position"),
         ("crop_height_max_px=3", "crop_height_max_px: expected .* >= 16"),
         ("threads=0", "threads: expected .*>= 1"),
@@ -388,8 +388,8 @@ def test_crop_is_without_who_stands_before_the_person() -> None:
     left, _, right, _ = person().box_xyxy_px.astype(int)
     depth_mm[:, : left + (right - left) // 3] = 1000
     message = msgspec.structs.replace(behind, depth_mm=depth_mm)
-    for seen, is_blanked in ((message, True), (behind, False)):
-        crops = only(Crops, MemoryBus([node(person(), position="torso")]).publish(INFO, seen))
+    for sent, is_blanked in ((message, True), (behind, False)):
+        crops = only(Crops, MemoryBus([node(person(), position="torso")]).publish(INFO, sent))
         assert (crops.crops[0].rgb == HIDDEN_RGB).all(axis=2).any() == is_blanked
 
 

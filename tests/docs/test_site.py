@@ -22,17 +22,17 @@ def test_link_of_a_page_outside_docs_leads_back_to_docs() -> None:
 
 def test_every_relative_link_leads_to_a_file_of_the_site() -> None:
     copied = linked_files(PAGES)
-    places = {page: str(page.relative_to(DOCS)) for page in PAGES}
-    places |= {file: f"{FOLDER}/{file.relative_to(ROOT)}" for file in copied}
-    in_site = set(places.values())
+    paths = {page: str(page.relative_to(DOCS)) for page in PAGES}
+    paths |= {file: f"{FOLDER}/{file.relative_to(ROOT)}" for file in copied}
+    in_site = set(paths.values())
     in_site |= {str(file.relative_to(DOCS)) for file in DOCS.rglob("*") if file.is_file()}
     dead = [
-        (place, link)
-        for page, place in places.items()
+        (path, link)
+        for page, path in paths.items()
         if page.suffix == ".md"
         for _, link, _, _ in LINK.findall(CODE.sub("", page.read_text("utf-8")))
         if not re.match("[a-z]+:", link)
-        and os.path.normpath(os.path.join(os.path.dirname(place), site_link(page, link)))
+        and os.path.normpath(os.path.join(os.path.dirname(path), site_link(page, link)))
         not in in_site
     ]
     assert not dead

@@ -81,9 +81,9 @@ def assign_layers(people: Sequence[DepthSamples]) -> list[PersonLayer | None]:
     finite = [np.isfinite(person.depth_m) for person in people]
     alone = [_best_layer(*one) for one in zip(people, finite, strict=True)]
     order = sorted(range(len(people)), key=lambda k: (people[k].size is None, -alone[k].score))
-    for place, k in enumerate(order):
+    for rank, k in enumerate(order):
         own = finite[k]
-        for other in order[:place]:
+        for other in order[:rank]:
             layer = layers[other]
             if layer is not None:
                 own = own & ~(own & _on(people[k], people[other], layer))

@@ -69,10 +69,10 @@ def test_depth_is_found_by_the_encoding_of_its_images(
     assert len(captures(source)) == 3
 
 
-def test_coloured_picture_of_depth_is_not_depth(tmp_path: Path) -> None:
+def test_coloured_image_of_depth_is_not_depth(tmp_path: Path) -> None:
     ros = Ros(2)
-    picture = ("/camera/depth/image_jet", IMAGE_TYPE, S, ros.image(rgb(7), "rgb8", S))
-    source = opened(tmp_path, [*frames(ros), picture])
+    image = ("/camera/depth/image_jet", IMAGE_TYPE, S, ros.image(rgb(7), "rgb8", S))
+    source = opened(tmp_path, [*frames(ros), image])
     assert (source.topics.colour, source.topics.depth) == (COLOUR, DEPTH)
 
 
@@ -211,7 +211,7 @@ def test_stamps_of_a_simulation_begin_at_0_s(tmp_path: Path) -> None:
     assert source.counters["zero_stamps"] == 0
 
 
-def test_loop_of_a_simulation_takes_as_long_as_the_recording(tmp_path: Path) -> None:
+def test_loop_of_a_simulation_lasts_as_long_as_the_recording(tmp_path: Path) -> None:
     # Three frames 0.1 s apart: each round takes 0.3 s, without end.
     source = opened(tmp_path, at_zero(frames(Ros(2))))
     stamps = [item.stamp_ns for item in itertools.islice(play(source, Selection(loop=True)), 30)]
@@ -240,7 +240,7 @@ def with_odometry(*topics: str) -> list[Entry]:
     return entries
 
 
-def test_fused_odometry_is_used_in_place_of_what_it_is_made_of(tmp_path: Path) -> None:
+def test_fused_odometry_is_preferred_to_its_inputs(tmp_path: Path) -> None:
     source = opened(tmp_path, with_odometry(ODOMETRY, "/odometry/filtered"))
     assert [t.parent for t in source.transforms] == ["base_link"]
     assert [item.x_m for item in source if isinstance(item, Odometry)] == [4]

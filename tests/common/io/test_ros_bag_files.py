@@ -47,7 +47,7 @@ def test_path_with_characters_of_a_uri_is_the_file_that_it_names(tmp_path: Path,
     ros = Ros(2)
     # Unquoted, run%201 would be the file beside it.
     ros.write(tmp_path / "run 1", frames(ros, count=1))
-    path = shutil.move(ros.write(tmp_path / "bag", frames(ros, count=3)), tmp_path / name)
+    path = ros.write(tmp_path / "bag", frames(ros, count=3)).rename(tmp_path / name)
     (path / "bag.db3").rename(path / "run 1.db3")
     text = (path / "metadata.yaml").read_text()
     (path / "metadata.yaml").write_text(text.replace("bag.db3", "run 1.db3"))
@@ -103,7 +103,7 @@ def test_folder_with_a_recording_of_our_own_is_no_bag(tmp_path: Path) -> None:
     with (tmp_path / "a.mcap").open("wb") as file:
         writer = Writer(file)
         writer.start(profile="people4d", library="")
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]
     assert not is_bag(tmp_path)
 
 
@@ -112,7 +112,7 @@ def test_mcap_of_ros_1_is_refused_by_name(tmp_path: Path) -> None:
     with path.open("wb") as file:
         writer = Writer(file)
         writer.start(profile="ros1", library="mcap go")
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]
     with pytest.raises(SourceError, match=r"MCAP file of ROS 1, which is not read.*Give the .bag"):
         images(path)
 

@@ -46,7 +46,7 @@ def test_two_sources_are_rejected(requested: list[LaunchRequest]) -> None:
 def test_help_of_up_has_panels_and_flags_without_a_type() -> None:
     output = CliRunner().invoke(app, ["up", "--help"], env={"COLUMNS": "140"}).stdout
     panels = ("Source", "Methods", "Extras", "Network")
-    places = [output.index(f"─ {panel} ─") for panel in panels]
-    assert places == sorted(places)
+    lines = [output.index(f"─ {panel} ─") for panel in panels]
+    assert lines == sorted(lines)
     assert "<bool>" not in output
     assert "BOOLEAN" not in output
