@@ -38,16 +38,18 @@ class RefusedPayload(bytes):
     Args:
         reason: What was expected, and what came.
         number: How many.
+        counter: Name of the counter that they count in, before that of the topic.
     """
 
-    def __new__(cls, reason: str, number: int = 1) -> "RefusedPayload":
+    def __new__(cls, reason: str, number: int = 1, counter: str = "bad") -> "RefusedPayload":
         """Return it."""
         made = super().__new__(cls)
-        made.reason, made.number = reason, number
+        made.reason, made.number, made.counter = reason, number, counter
         return made
 
     reason: str
     number: int
+    counter: str
 
 
 class MessageQueue:
@@ -102,8 +104,8 @@ class MessageQueue:
                 )
         except DecodeError as error:
             with self._changed:
-                number = payload.number if isinstance(payload, RefusedPayload) else 1
-                self.counters[f"bad_{topic.name}"] += number
+                refused = payload if isinstance(payload, RefusedPayload) else RefusedPayload("")
+                self.counters[f"{refused.counter}_{topic.name}"] += refused.number
                 self.last_error = str(error)
                 self._failed_s = time.monotonic()
             return

@@ -14,6 +14,7 @@ import zenoh.ext
 from people4d import credentials
 from people4d.errors import ConfigError, People4dError
 from people4d.messages.base import check_name
+from people4d.ownership import Announcements, KeyOwners
 from people4d.subscription import CLOSE_S, ZenohSubscription
 from people4d.topics import IMAGE_MAX_BYTES, KEYS_MAX, LOCKSTEP_MAX, Topic, prefix, query_key
 
@@ -141,6 +142,7 @@ class ZenohSession:
         self.robot = robot
         self._subscriptions: list[ZenohSubscription] = []
         self._threads: list[threading.Thread] = []
+        self._announcements, self._follows = Announcements(), False
         # A command reports errors itself; raw lines of Zenoh belong into the logs of services.
         is_client = "client" in config.get_json("mode")
         zenoh.init_log_from_env_or("off" if is_client else "error")
@@ -169,8 +171,14 @@ class ZenohSession:
             )
         else:
             subscriber = self._session.declare_subscriber(key, channel, allowed_origin=origin)
-        self_id = None if own else str(self._session.info.zid())
-        return self._keep(subscriber, topic.max_bytes, topic.keys_max, self_id)
+        self_id = None if own else self.identity
+        owners = KeyOwners(topic, self._follow_announcements()) if topic.owned else None
+        return self._keep(subscriber, topic.max_bytes, topic.keys_max, self_id, owners)
+
+    @property
+    def identity(self) -> str:
+        """Identity of the session, as Zenoh writes it."""
+        return str(self._session.info.zid())
 
     def present(self) -> list[tuple[str, str, str]]:
         """Return robot, service and instance of every live process, of all robots."""
@@ -216,10 +224,30 @@ class ZenohSession:
         max_bytes: int = IMAGE_MAX_BYTES,
         keys_max: int = KEYS_MAX,
         but: str | None = None,
+        owners: KeyOwners | None = None,
     ) -> ZenohSubscription:
         self._subscriptions = [one for one in self._subscriptions if not one.closed]
-        self._subscriptions.append(ZenohSubscription(subscriber, max_bytes, keys_max, but))
+        self._subscriptions.append(ZenohSubscription(subscriber, max_bytes, keys_max, but, owners))
         return self._subscriptions[-1]
+
+    def _follow_announcements(self) -> Announcements:
+        """Return the announcements of processes, followed from the first call on."""
+        if not self._follows:
+            self._follows = True
+            key = f"{prefix(self.robot)}/alive/*/*/*"
+            # A queue that is read at once: a ring would lose tokens.
+            channel: Any = zenoh.handlers.FifoChannel(256)
+            tokens = self._keep(
+                self._session.liveliness().declare_subscriber(key, channel, history=True)
+            )
+
+            def follow() -> None:
+                for sample in tokens.samples():
+                    is_present = sample.kind == zenoh.SampleKind.PUT
+                    self._announcements.note(str(sample.key_expr), is_present)
+
+            self._start(follow, "announcements")
+        return self._announcements
 
     def _start(self, work: Callable[[], None], name: str) -> None:
         """Run what waits for Zenoh in a thread of its own, which has ended when `close` returns."""

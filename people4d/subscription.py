@@ -10,6 +10,7 @@ from typing import Any
 
 import zenoh
 
+from people4d.ownership import KeyOwners
 from people4d.queue import RefusedPayload
 from people4d.topics import IMAGE_MAX_BYTES, KEYS_MAX
 
@@ -55,6 +56,7 @@ class ZenohSubscription:
         max_bytes: Longest payload that is read.
         keys_max: Keys of which payloads are read.
         but: Identifier of a session whose payloads are passed over; None: of none.
+        owners: Owners of the keys; None: anyone may publish on them.
     """
 
     def __init__(
@@ -63,8 +65,9 @@ class ZenohSubscription:
         max_bytes: int = IMAGE_MAX_BYTES,
         keys_max: int = KEYS_MAX,
         but: str | None = None,
+        owners: KeyOwners | None = None,
     ) -> None:
-        self._subscriber = subscriber
+        self._subscriber, self._owners = subscriber, owners
         self._max_bytes = max_bytes
         self._keys = KeyLimit(keys_max)
         self._but = but
@@ -108,14 +111,17 @@ class ZenohSubscription:
         if is_admitted and size > self._max_bytes:
             text = f"expected at most {self._max_bytes} bytes, got {size}"
             received.append((key, RefusedPayload(text)))
+        elif is_admitted and self._owners:
+            payload = sample.payload.to_bytes()
+            owned = self._owners.receive(key, session_of(sample), payload)
+            received += [(key, one) for one in owned]
         elif is_admitted:
             received.append((key, sample.payload.to_bytes()))
         return received
 
     def _is_passed_over(self, sample: Any) -> bool:
         # The cache of this session replies to its own subscribers, too.
-        source = sample.source_info if self._but else None
-        return source is not None and str(source.source_id.zid) == self._but
+        return self._but is not None and session_of(sample) == self._but
 
     def _receive(self) -> Any:
         """Wait for a sample; None once closed."""
@@ -138,6 +144,12 @@ class ZenohSubscription:
             # Python aborts if it ends while a thread is still inside of Zenoh.
             if self._receiving.acquire(timeout=CLOSE_S):
                 self._receiving.release()
+
+
+def session_of(sample: Any) -> str:
+    """Return the session that a sample says it is of, empty if it does not say."""
+    source = sample.source_info
+    return "" if source is None else str(source.source_id.zid)
 
 
 def _release_memory() -> None:

@@ -60,6 +60,8 @@ class Topic:
     # roles that may read it where access is restricted, separated by spaces, "*": all: services,
     # "planner", and "operator" (the command line). See common/transport/access.py
     readers: str = field(default="", kw_only=True)
+    # one message has a lasting effect: none but its producers are read, see people4d/ownership.py
+    owned: bool = field(default=False, kw_only=True)
     # it may leave the host that it was made on, where access is restricted
     leaves_host: bool = field(default=True, kw_only=True)
 
@@ -122,17 +124,17 @@ TOPICS: tuple[Topic, ...] = (
           readers="dashboard detector report operator"),
     Topic("camera_info", "camera/{camera}/info", CameraInfo, 0, "latched", 8, "camera",
           readers="dashboard detector tracker skeleton gait visual_odometry gt_bridge report "
-                  "planner operator"),
+                  "planner operator", owned=True),
     Topic("static_transforms", "transforms/{child}", StaticTransform, 0, "latched", 32, "camera",
           readers="dashboard events tracker skeleton gait visual_odometry gt_bridge predictor "
-                  "ros2_bridge report planner operator"),
+                  "ros2_bridge report planner operator", owned=True),
     Topic("moving_transforms", "moving/{child}", MovingTransform, 50, "queue", 256,
           "camera visual_odometry",
           readers="dashboard events tracker skeleton gait gt_bridge predictor ros2_bridge report "
-                  "operator"),
+                  "operator", owned=True),
     Topic("odometry", "odometry", Odometry, 50, "queue", 256, "camera visual_odometry",
           readers="dashboard events tracker skeleton gait visual_odometry gt_bridge predictor "
-                  "ros2_bridge report operator"),
+                  "ros2_bridge report operator", owned=True),
     Topic("detections", "detections/{camera}", Detections, 30, "queue", 64, "detector",
           readers="dashboard camera detector tracker skeleton gait visual_odometry gt_bridge "
                   "ros2_bridge report operator"),
@@ -154,13 +156,13 @@ TOPICS: tuple[Topic, ...] = (
     Topic("events", "events", Event, 1, "queue", 256, "events",
           readers="dashboard planner operator"),
     Topic("zones", "zones", Zones, 0, "latched", 8, "events",
-          readers="dashboard planner operator"),
+          readers="dashboard planner operator", owned=True),
     Topic("zone_edits", "zone_edits", ZoneEdit, 1, "queue", 8, "dashboard",
           readers="events operator"),
     Topic("boxes", "boxes/{camera}", ImageTracks, 30, "queue", 64, "tracker",
           readers="planner operator"),
     Topic("truth", "truth", Truth, 100, "queue", 256, "gt_bridge",
-          readers="report operator"),
+          readers="report operator", owned=True),
     Topic("score", "score", Score, 30, "queue", 256, "gt_bridge",
           readers="report operator"),
     Topic("health", "health/{service}/{instance}", Health, 2, "queue", 256, EVERY_SERVICE,

@@ -6,6 +6,7 @@ from common.diagnosis.camera_checks import CAMERA_CHECKS, rejects_frames
 from common.diagnosis.clock_checks import clocks, outward_stamps
 from common.diagnosis.event_table import EVENTS
 from common.diagnosis.evidence import Diagnostic, Evidence, Vitals, ok, problem, warning
+from common.diagnosis.owner_checks import owners
 from common.text import listed
 
 NEEDED = ("camera", "detector", "tracker")
@@ -260,6 +261,7 @@ CHECKS: tuple[Callable[[Evidence], Iterator[Diagnostic]], ...] = (
         services,
         names,
         unannounced,
+        owners,
         releases,
         clocks,
         exceptions,

@@ -50,11 +50,6 @@ class ZenohLink(ZenohSession):
         super().__init__(read_config(config), "ros2")
         self._tokens: list[Any] = []
 
-    @property
-    def identity(self) -> str:
-        """Identity of the session, as Zenoh writes it."""
-        return str(self._session.info.zid())
-
     def publisher(self, key: str, qos: Qos) -> Any:
         """Declare a publisher; late joiners get its last messages if the quality says so."""
         drop: Any = zenoh.CongestionControl.DROP  # a consumer that hangs must not hold up others

@@ -143,6 +143,7 @@ class Heartbeat:
         counters.update(dict(self._inbox.counters))
         counters.update(dict(self._activity.counters))
         counters.update(self._clock.counters())
+        counters.update(dict(self._bus.counters))
         now, reason = (state, status.reason) if state else self._assess(status, counters)
         self._sequence += 1
         return Health(

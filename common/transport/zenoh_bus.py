@@ -1,10 +1,11 @@
 """The bus between processes, on a Zenoh session that also publishes."""
 
+import contextlib
 import json
 import os
 import re
 import threading
-import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,18 +17,20 @@ import zenoh.ext
 
 from common.transport.access import LOCAL_INTERFACES, access_control, downsampling, privacy_control
 from common.transport.exchange import Exchange
+from common.transport.publisher import Publisher
 from people4d import session
 from people4d.codec import encode
 from people4d.credentials import uses_certificates
 from people4d.errors import ConfigError
 from people4d.messages import Health, Message, RgbdFrame, Span
+from people4d.ownership import FOREIGN
 from people4d.session import ZenohSession, check_chunk
-from people4d.subscription import ZenohSubscription
+from people4d.subscription import ZenohSubscription, session_of
 from people4d.topics import BY_MESSAGE, Topic, prefix, query_key
 
 SLOW_HZ = "10"  # of each topic through $PEOPLE4D_SLOW_LINKS
 QUERIES_MAX = 64  # that may wait for a reply
-UNSURE_S = 1.0  # from the first message of a key, in which its subscribers may not all be known
+REPEAT_S = 2.0  # between two repetitions of a latched message by its owner
 
 
 def read_config(
@@ -112,26 +115,6 @@ class ZenohMembers:
         self._tokens.close()
 
 
-@dataclass(frozen=True)
-class _Publisher:
-    """Publisher of one key."""
-
-    declared: Any  # of Zenoh
-    always: bool  # it sends without subscribers, too: late joiners get the last message
-    since_s: float  # monotonic time of its declaration
-
-    def is_wanted(self, now_s: float) -> bool:
-        """Check whether another session subscribes to the key, as far as that is known."""
-        if self.always or now_s - self.since_s < UNSURE_S:
-            return True
-        matching: bool = self.declared.matching_status.matching
-        return matching
-
-    def put(self, payload: bytes) -> None:
-        """Send."""
-        self.declared.put(payload)
-
-
 class ZenohBus(ZenohSession):
     """Publishes and subscribes through one Zenoh session.
 
@@ -156,9 +139,12 @@ class ZenohBus(ZenohSession):
     ) -> None:
         super().__init__(config, robot, connect_timeout_s)
         self.exchange = exchange
-        self._publishers: dict[str, _Publisher] = {}
-        self._tokens: dict[str, Any] = {}
+        self._publishers: dict[str, Publisher] = {}
+        self._tokens: dict[str, list[Any]] = {}
         self._lock = threading.Lock()
+        self._closing = threading.Event()
+        self._guarded: list[Topic] = []
+        self.counters: Counter[str] = Counter()  # messages in the name of this session
 
     def publish(self, message: Message, publishing: Callable[[], Span] | None = None) -> None:
         """Send a message on the key that the topic table gives it.
@@ -186,8 +172,14 @@ class ZenohBus(ZenohSession):
             isinstance(message, Health) and message.state == "stopping"
         )
         publisher = self._publisher(topic, topic.key_of(message, self.robot), lossless)
-        if not self.exchange or publisher.is_wanted(time.monotonic()):
-            publisher.put(encode(message, publishing))
+        if not self.exchange or publisher.is_wanted():
+            payload = encode(message, publishing)
+            if topic.owned and self.exchange:
+                self._announcements.own[topic.key_of(message, self.robot)] = (
+                    self.identity,
+                    payload,
+                )
+            publisher.put(payload)
 
     def subscribe(self, topic: Topic, own: bool = True) -> ZenohSubscription:
         """Receive a topic as `ZenohSession.subscribe` does; through Zenoh only what others send.
@@ -200,13 +192,19 @@ class ZenohBus(ZenohSession):
         """Declare a liveliness token: it vanishes when this process does."""
         check_chunk("instance", instance)
         key = f"{prefix(self.robot)}/alive/{service}/{instance}"
-        self._tokens[service] = self._session.liveliness().declare_token(key)
+        liveliness, session = self._session.liveliness(), f"{key}/{self.identity}"
+        self._tokens[service] = [liveliness.declare_token(one) for one in (key, session)]
+        self._announcements.note(session, is_present=True)
 
     def withdraw(self, service: str) -> None:
-        """Take the liveliness token of a service back."""
-        token = self._tokens.pop(service, None)
-        if token:
+        """Take the liveliness tokens of a service back."""
+        for token in self._tokens.pop(service, ()):
             token.undeclare()
+
+    def close(self) -> None:
+        """End all subscriptions and leave the network."""
+        self._closing.set()
+        super().close()
 
     def members(self, service: str) -> ZenohMembers:
         """Receive the liveliness tokens of a service."""
@@ -229,34 +227,36 @@ class ZenohBus(ZenohSession):
 
         self._start(send_replies, name)
 
-    def _publisher(self, topic: Topic, key: str, lossless: bool) -> "_Publisher":
+    def _publisher(self, topic: Topic, key: str, lossless: bool) -> Publisher:
         name = f"{key}{'!' if lossless else ''}"
+        to = zenoh.Locality.REMOTE if self.exchange else zenoh.Locality.ANY
         with self._lock:
             if name not in self._publishers:
-                declared = self._declare(topic, key, lossless)
-                always = topic.delivery == "latched"
-                self._publishers[name] = _Publisher(declared, always, time.monotonic())
+                self._publishers[name] = Publisher(self._session, topic, key, lossless, to)
+            if topic.delivery == "latched" and self._tokens and topic not in self._guarded:
+                self._guarded.append(topic)
+                self._start(lambda: self._guard(topic), f"guard {topic.name}")
+                if len(self._guarded) == 1:
+                    self._start(self._repeat, "repeat")
             return self._publishers[name]
 
-    def _declare(self, topic: Topic, key: str, lossless: bool) -> Any:
-        # A slow link must not hold up live frames, and nothing a heartbeat but the last one;
-        # everything else is small enough to wait for.
-        wait = lossless or (topic.delivery != "newest" and topic.message is not Health)
-        control = zenoh.CongestionControl.BLOCK if wait else zenoh.CongestionControl.DROP
-        to = zenoh.Locality.REMOTE if self.exchange else zenoh.Locality.ANY
-        if topic.delivery == "latched":
-            return zenoh.ext.declare_advanced_publisher(
-                self._session,
-                key,
-                congestion_control=control,
-                allowed_destination=to,
-                cache=zenoh.ext.CacheConfig(max_samples=1),
-                publisher_detection=True,
-                # Numbers its messages, since sessions do not stamp them.
-                sample_miss_detection=zenoh.ext.MissDetectionConfig(
-                    heartbeat=None, sporadic_heartbeat=None
-                ),
-            )
-        return self._session.declare_publisher(
-            key, congestion_control=control, express=True, allowed_destination=to
-        )
+    def _repeat(self) -> None:
+        """Send latched messages periodically, for subscribers that read another's meanwhile."""
+        while not self._closing.wait(REPEAT_S):
+            with self._lock:
+                publishers = list(self._publishers.values()) if self._tokens else []
+            with contextlib.suppress(zenoh.ZError):  # the session was closed
+                for publisher in publishers:
+                    publisher.repeat()
+
+    def _guard(self, topic: Topic) -> None:
+        """Note messages of other sessions in the name of this one."""
+        channel: Any = zenoh.handlers.RingChannel(QUERIES_MAX)
+        key, origin = topic.key_expression(self.robot), zenoh.Locality.REMOTE
+        with contextlib.suppress(zenoh.ZError):  # the session was closed
+            others = self._session.declare_subscriber(key, channel, allowed_origin=origin)
+            for sample in self._keep(others).samples():
+                publisher = self._publishers.get(str(sample.key_expr))
+                if publisher and session_of(sample) == self.identity:
+                    publisher.is_copied = True
+                    self.counters[f"{FOREIGN}_{topic.name}"] += 1

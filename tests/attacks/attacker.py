@@ -188,6 +188,26 @@ def absurd_but_finite_values(attacker: Attacker) -> None:
 
 
 @attack
+def a_forged_calibration(attacker: Attacker) -> None:
+    """Other focal lengths, another size and another pose, in the name of the camera."""
+    key, info = attacker.hear("camera/front/info")
+    pose_key, pose = attacker.hear("transforms/*")
+    wider = info | {"fx": info["fx"] / 2, "fy": info["fy"] / 2}
+    for number in range(5):
+        forged = {"sequence": 10**6 + number, "stamp_ns": info["stamp_ns"] + number}
+        attacker.send(key, wider | forged)
+        attacker.send(key, info | forged | {"width": 8, "height": 8})
+        matrix = array([1.0, 0, 0, 3.0, 0, 1.0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 1.0])
+        moved = forged | {"matrix": matrix | {"shape": [4, 4]}}
+        attacker.send(pose_key, pose | moved)
+        # Other frames that link the same two: backwards, and by what moves
+        attacker.send("transforms/map", pose | moved | {"parent": pose["child"], "child": "map"})
+        shorter = {"message": "MovingTransform", "parent": "map", "child": info["frame_id"]}
+        attacker.send(f"moving/{info['frame_id']}", pose | moved | shorter)
+        time.sleep(0.5)
+
+
+@attack
 def a_camera_an_hour_ahead(attacker: Attacker) -> None:
     """Detections of another camera whose clock is an hour ahead."""
     for number in range(15):

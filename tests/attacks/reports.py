@@ -27,7 +27,12 @@ REPORTS = {
     "garbage_on_every_topic": Report("tracker", "bad_detections", "MessagePack", "state"),
     "messages_of_one_topic_on_all_others": Report("tracker", "bad_embeddings", "got", "state"),
     "extreme_values_in_every_field": Report("tracker", "bad_detections", "expected", "state"),
-    "absurd_but_finite_values": Report("detector", "bad_camera_info", "expected", "state"),
+    "absurd_but_finite_values": Report(
+        "detector", "foreign_camera_info", "another process sends", "owners"
+    ),
+    "a_forged_calibration": Report(
+        "tracker", "foreign_static_transforms", "another process sends", "owners"
+    ),
     "a_camera_an_hour_ahead": Report("tracker", "apart", "ahead of that of front", "clocks"),
     "a_camera_half_a_second_behind": Report(check="clocks"),
     "frames_in_the_name_of_a_camera": Report(

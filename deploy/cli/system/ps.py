@@ -17,7 +17,7 @@ from people4d.errors import People4dError
 from people4d.messages import Health
 
 LISTEN_S = 1.2  # two heartbeats
-LOSSES = ("bad_", "dropped", "gaps_", "errors")
+LOSSES = ("bad_", "foreign_", "dropped", "gaps_", "errors")
 
 
 class Row(msgspec.Struct, frozen=True, kw_only=True):

@@ -134,6 +134,20 @@ def test_heartbeats_of_processes_without_a_token_are_a_warning(heard: Heard) -> 
     assert [f for f in heard.diagnostics() if f.check == "state"] == []
 
 
+def test_refused_messages_of_another_process_than_the_owner_are_a_warning(heard: Heard) -> None:
+    heard.counters["detector-1"][1]["foreign_camera_info"] = 2
+    heard.counters["tracker-1"][1].update(foreign_camera_info=2, foreign_static_transforms=1)
+    reason = "camera_info: another process sends people4d/v1/robot/camera/front/info than its owner"
+    heard.fields["detector-1"] = {"state": "degraded", "reason": reason}
+    found = heard.found("owners")
+    assert found.level == "warning"
+    assert found.what == (
+        "another process than the owner sends camera_info, static_transforms, "
+        "refused by detector-1, tracker-1"
+    )
+    assert [f for f in heard.diagnostics() if f.check == "state"] == []
+
+
 def test_absent_service_is_a_problem(heard: Heard) -> None:
     del heard.counters["detector-1"]
     found = heard.found("services")

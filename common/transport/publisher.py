@@ -1,0 +1,90 @@
+"""Publisher of one key of a Zenoh session."""
+
+import time
+from typing import Any
+
+import zenoh
+import zenoh.ext
+
+from people4d.messages import Health
+from people4d.topics import Topic
+
+UNSURE_S = 1.0  # from the first message of a key, in which its subscribers may not all be known
+
+
+class Publisher:
+    """Publisher of one key.
+
+    Args:
+        session: Session of Zenoh.
+        topic: Topic of the key.
+        key: Full key.
+        lossless: A subscriber that is slow holds up the publisher.
+        to: Subscribers that get the messages.
+    """
+
+    def __init__(
+        self, session: zenoh.Session, topic: Topic, key: str, lossless: bool, to: zenoh.Locality
+    ) -> None:
+        self.topic = topic
+        self._session, self._key, self._lossless, self._to = session, key, lossless, to
+        self._declared = self._declare()
+        self._since_s = time.monotonic()
+        self._sent = 0
+        self._last = b""  # message of a latched topic
+        self.is_copied = False  # another session sends in the name of this publisher
+
+    def is_wanted(self) -> bool:
+        """Check whether another session subscribes to the key, as far as that is known."""
+        # Late joiners get the last message of a latched topic.
+        if self.topic.delivery == "latched" or time.monotonic() - self._since_s < UNSURE_S:
+            return True
+        matching: bool = self._declared.matching_status.matching
+        return matching
+
+    def put(self, payload: bytes) -> None:
+        """Send."""
+        self._sent += 1
+        if self.topic.delivery == "latched":
+            self._last = payload
+            self._declared.put(payload)
+        elif self.topic.owned:
+            source = zenoh.SourceInfo(self._declared.id, self._sent)
+            self._declared.put(payload, source_info=source)
+        else:
+            self._declared.put(payload)
+
+    def repeat(self) -> None:
+        """Send the last message of a latched topic once more.
+
+        Subscribers skip what has a lower number than a copied name, so a new name is taken.
+        """
+        if self.is_copied:
+            self.is_copied = False
+            self._declared.undeclare()
+            self._declared = self._declare()
+        if self._last:
+            self._declared.put(self._last)
+
+    def _declare(self) -> Any:
+        # A slow link must not hold up live frames, and nothing a heartbeat but the last one;
+        # everything else is small enough to wait for.
+        topic = self.topic
+        wait = self._lossless or (topic.delivery != "newest" and topic.message is not Health)
+        control = zenoh.CongestionControl.BLOCK if wait else zenoh.CongestionControl.DROP
+        if topic.delivery == "latched":
+            return zenoh.ext.declare_advanced_publisher(
+                self._session,
+                self._key,
+                congestion_control=control,
+                allowed_destination=self._to,
+                cache=zenoh.ext.CacheConfig(max_samples=1),
+                publisher_detection=True,
+                # Numbers its messages, since sessions do not stamp them.
+                sample_miss_detection=zenoh.ext.MissDetectionConfig(
+                    heartbeat=None, sporadic_heartbeat=None
+                ),
+            )
+        return self._session.declare_publisher(
+            self._key, congestion_control=control, express=True, allowed_destination=self._to
+        )
