@@ -65,7 +65,8 @@ class Announcements:
         return self.publishes(session, topic)
 
     def _has_producer(self, topic: Topic) -> bool:
-        return any(self._running[service] for service in topic.producers)
+        # The first: visual odometry reads odometry itself, and is silent where another comes.
+        return self._running[topic.producer.split()[0]] > 0
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,7 @@ class KeyOwners:
             return [payload]
         if session != owner.session and self._announcements.publishes(owner.session, self._topic):
             return self._refused(key, payload, owner)
-        if session == owner.session and owner.payload == hash(payload):
+        if session and session == owner.session and owner.payload == hash(payload):
             return []
         self._accepted[key] = _Accepted(session, hash(payload), _content(payload))
         self._forget()
