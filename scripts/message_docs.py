@@ -44,7 +44,7 @@ WORDS = {int: "int", float: "float", str: "text", bool: "bool", bytes: "binary",
 DELIVERY = {
     "newest": "the newest message wins, older ones are dropped and counted",
     "queue": "queued in order",
-    "latched": "sent once; late joiners get the last one of each key",
+    "latched": "sent once, and repeated by its owner; late joiners get the last one of each key",
 }
 
 
