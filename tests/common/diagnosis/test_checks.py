@@ -364,6 +364,9 @@ def test_absent_odometry_is_reported(heard: Heard) -> None:
 def test_empty_depth_is_a_problem(heard: Heard) -> None:
     heard.count("detector-1", no_depth=30, frames=30)
     assert "all zero in 30 of 30 frames" in heard.found("depth").what
+    between = Heard()
+    between.count("detector-1", no_depth=30, frames=29)  # a heartbeat between the two counts
+    assert "all zero in 30 of 30 frames" in between.found("depth").what
     other = Heard()
     other.count("detector-1", no_depth=2, frames=30)  # a frame now and then is no fault
     assert all(f.check != "depth" for f in other.diagnostics())
