@@ -29,24 +29,26 @@ OWN_COUNTERS = (
     *("no_camera_info", "no_transform", "wrong_size", "stale", "clock_resets", "other_cameras"),
     *("calibration_changes", "other_odometry", "unanswered"),
 )
-OWN_MAX = 256  # own messages that may come back
-SILENT_FRAMES = 5  # without odometry, after which the reason is reported
+OWN_MAX = 256  # maximum number of remembered own messages
+SILENT_FRAMES = 5  # minimum number of frames without odometry before the reason is reported
+PEOPLE_AGE_S = 0.4  # maximum age of detections used as regions of people [s]
+CLOCK_JUMP_S = 1.0  # minimum step back of the clock that is a reset; smaller: a stale frame [s]
 CAUSES = {
-    "no_texture": "the image has no texture that could be tracked",
-    "no_depth": "the texture that can be tracked has no depth",
-    "not_followed": "nothing of the last images is found again",
-    "too_few_agree": "too few points of the image move alike",
+    "no_texture": "the image has no texture",
+    "no_depth": "the texture in the image has no depth",
+    "not_followed": "no point of the last images could be tracked",
+    "too_few_agree": "too few points agree on one motion",
     "uncertain": "the image does not determine the motion well enough",
-    "implausible": "the motion would be faster than the base can move",
+    "implausible": "the motion is faster than the base can move",
 }
 
 
 class VisualOdometryNode(Node):
     """Estimates the motion of the base that one camera is mounted on.
 
-    Every frame is answered by an Odometry of its stamp (a MovingTransform if the base moves
-    freely), or by nothing, counted `unanswered` beside its cause. Where another process publishes
-    odometry of the base, this one is silent: two origins would make people jump.
+    Each frame gives one Odometry with its stamp (a MovingTransform if the base moves freely). A
+    frame without odometry is counted as `unanswered`, and by its cause. If another process
+    publishes odometry of the base, this node is silent: two origins would make tracks jump.
     """
 
     inputs: tuple[type[Message], ...] = (
@@ -74,13 +76,13 @@ class VisualOdometryNode(Node):
         self._cause = ""
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
-        """Take one message; return the odometry that follows from a frame."""
+        """Process one message; return the odometry of a frame."""
         if isinstance(message, RgbdFrame):
             return self._estimate(message)
         if isinstance(message, Detections):
             self._mark_people(message)
         elif isinstance(message, CameraInfo):
-            if message.camera in self._infos or len(self._infos) < 64:  # more are no cameras
+            if message.camera in self._infos or len(self._infos) < 64:  # limit of memory
                 self._infos[message.camera] = message
         elif isinstance(message, StaticTransform):
             self._frames.add(message)
@@ -89,7 +91,7 @@ class VisualOdometryNode(Node):
         return ()
 
     def status(self) -> Status:
-        """Return counters, and as the reason the cause of missing odometry."""
+        """Return the counters, and the cause of missing odometry as the reason."""
         reason = self._reason()
         return Status(
             state="degraded" if reason else "ready",
@@ -105,7 +107,7 @@ class VisualOdometryNode(Node):
         if odometer:
             before = dict(self._counters)
             with span("motion"):
-                pose = odometer.update(self._with_people(frame))
+                pose = odometer.add_frame(self._with_people(frame))
             self._pose = odometer.pose
             self._cause = next((c for c in CAUSES if self._counters[c] > before[c]), self._cause)
         if pose is None or self._others:
@@ -116,12 +118,12 @@ class VisualOdometryNode(Node):
         return [self._odometry(frame, pose)]
 
     def _is_next(self, frame: RgbdFrame) -> bool:
-        """Check that a frame is of this camera and newer; begin anew after a clock reset."""
+        """Check that a frame is from this camera and newer; restart after a clock reset."""
         self._camera = self._camera or frame.camera
         if frame.camera != self._camera:
             self._counters["other_cameras"] += 1
             return False
-        last_ns, jump_ns = self._last_ns, self._config.clock_jump_s * 1e9
+        last_ns, jump_ns = self._last_ns, CLOCK_JUMP_S * 1e9
         if last_ns is not None and last_ns - frame.stamp_ns > jump_ns:
             self._counters["clock_resets"] += 1
             self._odometer, self._pose, self._found = None, START, None
@@ -132,7 +134,7 @@ class VisualOdometryNode(Node):
         return True
 
     def _ready(self, frame: RgbdFrame) -> Odometer | None:
-        """Return the odometer, made anew if calibration or mounting changed."""
+        """Return the odometer, restarted if calibration or mounting changed."""
         info = self._infos.get(frame.camera)
         mount = self._frames.lookup(self._config.child_frame_id, info.frame_id) if info else None
         if info is None or mount is None or frame.rgb.shape[:2] != (info.height, info.width):
@@ -146,11 +148,10 @@ class VisualOdometryNode(Node):
         self._counters["calibration_changes"] += changed
         if self._odometer is None or changed:
             self._info, self._mount = info, mount
-            camera = ReducedCamera(info, self._config.corners.width_px)
-            camera_mount = BaseMount(mount, self._config.planar)
-            self._odometer = Odometer(
-                self._config, camera, camera_mount, self._counters, self._pose
-            )
+            config = self._config
+            camera = ReducedCamera(info, config.width_px, (config.range_min_m, config.range_max_m))
+            camera_mount = BaseMount(mount, config.planar)
+            self._odometer = Odometer(config, camera, camera_mount, self._counters, self._pose)
         return self._odometer
 
     def _with_people(self, frame: RgbdFrame) -> OdometryFrame:
@@ -158,7 +159,7 @@ class VisualOdometryNode(Node):
         if self._found:
             found_ns, found = self._found
             age_s = (frame.stamp_ns - found_ns) / 1e9
-            people = found if 0 <= age_s <= self._config.corners.people_age_s else people
+            people = found if 0 <= age_s <= PEOPLE_AGE_S else people
         return OdometryFrame(frame.stamp_ns, frame.rgb, frame.depth_mm, people)
 
     def _mark_people(self, detections: Detections) -> None:
@@ -168,7 +169,7 @@ class VisualOdometryNode(Node):
         if self._found is None or detections.stamp_ns > self._found[0] or self._odometer is None:
             self._found = detections.stamp_ns, found
         if self._odometer:
-            self._odometer.mark(detections.stamp_ns, found)
+            self._odometer.mark_people(detections.stamp_ns, found)
 
     def _check_origin(self, odometry: Odometry) -> None:
         if odometry.child_frame_id != self._config.child_frame_id:
@@ -216,8 +217,8 @@ class VisualOdometryNode(Node):
             return ""
         size = f"{self._infos[self._camera].width} px wide" if self._camera in self._infos else ""
         inputs = {
-            "no_camera_info": f"no calibration of camera {self._camera} came",
-            "wrong_size": f"images of {self._camera} differ from its calibration ({size})",
+            "no_camera_info": f"no calibration of camera {self._camera} was received",
+            "wrong_size": f"images of {self._camera} differ in size from its calibration ({size})",
             "no_transform": f"no transform {config.child_frame_id} <- {self._camera} "
             f"(set camera.mount_parent={config.child_frame_id})",
         }

@@ -1,7 +1,7 @@
 """Reprojection of points of known or unknown depth after a motion of the base.
 
 The covariance of a reprojection error is S = sigma^2 I + sigma_rho^2 j j', rho the inverse depth
-and j the derivative by it: an error that an unknown depth may explain does not count
+and j the derivative by it: an error along the epipolar line of an unknown depth does not count
 (docs/method.md section 18 [Civera 2008]).
 """
 
@@ -18,24 +18,24 @@ Flags = npt.NDArray[np.bool_]
 Indices = npt.NDArray[np.intp]
 
 ALL = np.arange(6)  # entries of a twist
-PLANAR = np.array([0, 1, 5])  # those of a base on a floor
-BEHIND = 1e-3  # depth, over that in the keyframe, below which a point is behind the camera
+PLANAR = np.array([0, 1, 5])  # entries of a twist on a floor
+BEHIND = 1e-3  # ratio of depth to depth in the keyframe, below which a point is behind
 
 
 @dataclass(frozen=True)
 class BaseMount:
-    """Mounting of a camera on a base, and the freedom of that base."""
+    """Mounting of a camera on a base, and the freedom of the base."""
 
     base_from_optical: F64  # 4x4
     planar: bool  # the base stays on a floor, the plane of its x and y axes
 
     @property
     def free(self) -> Indices:
-        """The entries of a twist that the base can have."""
+        """Free entries of a twist of the base."""
         return PLANAR if self.planar else ALL
 
-    def level(self, matrix: F64) -> F64:
-        """Return the nearest motion that the base can make."""
+    def level_motion(self, matrix: F64) -> F64:
+        """Return the nearest possible motion of the base."""
         if not self.planar:
             return matrix
         rotation = rotation_from_rpy(0.0, 0.0, float(np.arctan2(matrix[1, 0], matrix[0, 0])))
@@ -44,25 +44,25 @@ class BaseMount:
 
 @dataclass(frozen=True)
 class Matches:
-    """Points in a keyframe and in a frame, by N rays each: x / z and y / z, frame: optical."""
+    """N points in a keyframe and in a frame, as rays x / z and y / z, frame: optical."""
 
     then: F64  # Nx2
     now: F64  # Nx2
     inverse_depths: F64  # [1/m] N, 1 / z then
-    sigmas: F64  # [1/m] N, standard deviations of these
+    sigmas: F64  # [1/m] N, standard deviations of the inverse depths
     noise: F64  # N, standard deviations of each coordinate of a ray
-    people: Flags  # N, points that may be on people: they count only if they move as the others
+    people: Flags  # N, points that may be on people: they count only if they move like the room
 
 
 @dataclass(frozen=True)
 class Reprojection:
-    """Rays of M points after H motions: errors and derivatives."""
+    """Reprojection errors of M points after H motions, with derivatives."""
 
     off: F64  # HxMx2
-    by_depth: F64  # HxMx2, derivative of the error by the inverse depth
-    here: F64  # HxMx3, times the inverse depth, frame: the base now
+    by_depth: F64  # HxMx2, derivative of the error by inverse depth
+    here: F64  # HxMx3, position times inverse depth, frame: the base now
     lens: F64  # HxMx2x3, derivative of the ray by the point
-    front: Flags  # HxM, before the camera
+    front: Flags  # HxM, points in front of the camera
 
 
 class Reprojector:
@@ -75,8 +75,8 @@ class Reprojector:
         self._points = rays @ base[:3, :3].T + matches.inverse_depths[:, None] * base[:3, 3]
         self._optical_from_base = invert(base)
 
-    def project(self, poses: F64, chosen: Indices) -> Reprojection:
-        """Return points (HxM indices) after motions (Hx4x4); a point p is at p / inverse depth."""
+    def project_points(self, poses: F64, chosen: Indices) -> Reprojection:
+        """Reproject the chosen points (HxM indices) after motions (Hx4x4)."""
         optical_from_base, matches = self._optical_from_base, self.matches
         turn, inverse = optical_from_base[:3, :3], matches.inverse_depths[chosen][..., None]
         here = (self._points[chosen] - inverse * poses[:, None, :3, 3]) @ poses[:, :3, :3]
@@ -88,7 +88,7 @@ class Reprojector:
         lens = np.zeros((*z.shape, 2, 3))
         lens[..., 0, 0] = lens[..., 1, 1] = 1 / z
         lens[..., 0, 2], lens[..., 1, 2] = -x / z**2, -y / z**2
-        # As the depth grows less, a point moves by the motion of the camera.
+        # With growing inverse depth a point moves by the motion of the camera.
         moved = -np.einsum("hji,hj->hi", poses[:, :3, :3], poses[:, :3, 3])
         lever = self._mount.base_from_optical[:3, 3]
         moved = (moved + np.einsum("hji,j->hi", poses[:, :3, :3], lever)) @ turn.T
@@ -97,7 +97,7 @@ class Reprojector:
         return Reprojection(off, by_depth, here, lens, front)
 
     def by_twist(self, rays: Reprojection, chosen: Indices) -> F64:
-        """Return the derivative of errors by the free entries of a twist of the base, HxMx2xK."""
+        """Return the derivative of errors by the free entries of a twist (HxMx2xK)."""
         motions = np.zeros((*chosen.shape, 3, 6))
         motions[..., :3] = -self.matches.inverse_depths[chosen][..., None, None] * np.eye(3)
         motions[..., 3:] = cross_matrices(rays.here)

@@ -10,11 +10,11 @@ from people4d.messages import F64
 
 
 def arc_motion(twist: F64) -> F64:
-    """Return the 4x4 motion of a twist that lasts for 1 s: along an arc."""
+    """Return the motion (4x4) along an arc, of a constant twist during 1 s."""
     turn = twist[3:]
     angle = float(np.linalg.norm(turn))
     rotation = Rotation.from_rotvec(turn).as_matrix()
-    # Midpoint of the turn: exact for the direction, and for the length to angle^2 / 24.
+    # At half the turn the direction of the chord is exact.
     half = Rotation.from_rotvec(turn / 2).as_matrix()
     chord = math.sin(angle / 2) / (angle / 2) if angle > 1e-9 else 1.0
     return transform_from(chord * (half @ twist[:3]), rotation)
@@ -26,7 +26,7 @@ def twist_of(matrix: F64) -> F64:
 
 
 def adjoint(target_from_source: F64) -> F64:
-    """Return the 6x6 that makes a twist of one frame that of another fixed to it."""
+    """Return the 6x6 that transforms a twist between two rigidly connected frames."""
     turn, (x, y, z) = target_from_source[:3, :3], target_from_source[:3, 3]
     moved = np.zeros((6, 6))
     moved[:3, :3] = moved[3:, 3:] = turn
@@ -35,7 +35,7 @@ def adjoint(target_from_source: F64) -> F64:
 
 
 def small_motions(twists: F64) -> F64:
-    """Return Hx4x4 of small twists (Hx6): by Rodrigues' formula."""
+    """Return the motions (Hx4x4) of small twists (Hx6) by Rodrigues' formula."""
     angles = np.linalg.norm(twists[:, 3:], axis=1)[:, None, None]
     cross = cross_matrices(twists[:, 3:])
     motions = np.repeat(np.eye(4)[None], len(twists), axis=0)
@@ -46,7 +46,7 @@ def small_motions(twists: F64) -> F64:
 
 
 def rotation_vectors(rotations: F64) -> F64:
-    """Return rotation vectors (Hx3) of Hx3x3, by less than a quarter turn."""
+    """Return the rotation vectors (Hx3) of rotations (Hx3x3) below a quarter turn."""
     r = rotations
     sines = (
         np.stack([r[:, 2, 1] - r[:, 1, 2], r[:, 0, 2] - r[:, 2, 0], r[:, 1, 0] - r[:, 0, 1]], 1) / 2

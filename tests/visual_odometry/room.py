@@ -1,4 +1,4 @@
-"""A room with patterned walls, drawn by casting rays: the image of any motion is known."""
+"""Room with patterned walls, rendered by ray casting for any pose of the camera."""
 
 from dataclasses import dataclass
 
@@ -24,12 +24,12 @@ FRAME_NS = 66_666_667
 
 @dataclass(frozen=True)
 class Board:
-    """Something flat with a pattern of its own that faces the camera's start, frame: map.
+    """Patterned board from floor to ceiling, across the x axis of the map.
 
     Args:
-        x_m: Its distance along x.
-        y_m: Its middle.
-        half_m: Half its width; it reaches from the floor to the ceiling.
+        x_m: Distance along x.
+        y_m: Centre.
+        half_m: Half the width.
     """
 
     x_m: float
@@ -57,7 +57,7 @@ def view(
     boards: tuple[Board, ...] = (),
     noise_seed: int | None = None,
 ) -> OdometryFrame:
-    """Return the image of the camera; a seed adds noise of two grey levels."""
+    """Render the image of the camera; a seed adds noise of two grey levels."""
     pose = map_from_base @ BASE_FROM_OPTICAL
     u, v = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
     rays = np.stack([(u - INFO.cx) / FOCAL, (v - INFO.cy) / FOCAL, np.ones_like(u)], axis=-1)

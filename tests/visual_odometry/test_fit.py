@@ -1,21 +1,19 @@
-"""Motion from points: known motions, people among the points, and the covariance."""
+"""Motion from points: known motions, outliers on people, and the covariance."""
 
 import numpy as np
 import pytest
 
 from common.geometry.transforms import apply, invert, rotation_from_rpy, transform_from
 from people4d.messages import F64
-from services.visual_odometry.config import FitConfig
-from services.visual_odometry.fit import MotionFit, MotionPrior, fit_motion
+from services.visual_odometry import fit as fitting
+from services.visual_odometry.fit import SIGMA_FACTOR, MotionFit, MotionPrior, fit_motion
+from services.visual_odometry.odometer import SIGMA_PX
 from services.visual_odometry.reprojection import BaseMount, Matches
 from tests.visual_odometry.room import BASE_FROM_OPTICAL, base
 
 FOCAL_PX = 600.0
 PLANAR = BaseMount(BASE_FROM_OPTICAL, planar=True)
 ANY = BaseMount(BASE_FROM_OPTICAL, planar=False)
-
-
-CONFIG = FitConfig()
 
 
 def points(count: int, seed: int = 0) -> F64:
@@ -26,13 +24,13 @@ def points(count: int, seed: int = 0) -> F64:
 
 
 def rays_after(points_m: F64, motion: F64) -> F64:
-    """Return rays to points of then after the base moved."""
+    """Return the rays to known points after a motion of the base."""
     now = apply(invert(BASE_FROM_OPTICAL) @ invert(motion) @ BASE_FROM_OPTICAL, points_m)
     return np.asarray(now[:, :2] / now[:, 2:])
 
 
 def prior(mount: BaseMount, sigma: float = 10.0) -> MotionPrior:
-    """Return a prior that is hardly informative."""
+    """Return a prior with little information."""
     return MotionPrior(np.eye(4), sigma**2 * np.eye(len(mount.free)))
 
 
@@ -40,7 +38,6 @@ def fitted(
     points_m: F64,
     rays: F64,
     mount: BaseMount = PLANAR,
-    config: FitConfig = CONFIG,
     known: dict[str, F64] | None = None,
 ) -> MotionFit | None:
     depths, known = points_m[:, 2], known or {}
@@ -49,25 +46,25 @@ def fitted(
         rays,
         known.get("inverse", 1 / depths),
         known.get("sigmas", np.full(len(depths), 1e-4)),
-        np.full(len(depths), config.sigma_px / FOCAL_PX),
+        np.full(len(depths), SIGMA_PX / FOCAL_PX),
         np.zeros(len(depths), np.bool_),
     )
-    return fit_motion(matches, mount, prior(mount), config)
+    return fit_motion(matches, mount, prior(mount))
 
 
 @pytest.mark.parametrize(
     "motion", [base(0.2, 0.05, 0.15), base(-0.1, 0.0, -0.2), base(0.0, 0.0, 0.0)]
 )
-def test_a_motion_on_the_floor_is_found_exactly(motion: F64) -> None:
+def test_motion_on_the_floor_is_exact_without_noise(motion: F64) -> None:
     known = points(80)
     fit = fitted(known, rays_after(known, motion))
     assert fit is not None
     assert fit.before_from_now == pytest.approx(motion, abs=1e-6)
     assert fit.inliers.all()
-    assert fit.covariance.shape == (3, 3)  # on a floor nothing rises, rolls or pitches
+    assert fit.covariance.shape == (3, 3)  # on a floor x, y and yaw only
 
 
-def test_any_motion_is_found_by_a_camera_that_is_carried() -> None:
+def test_motion_of_a_carried_camera_has_six_degrees_of_freedom() -> None:
     known = points(80)
     motion = transform_from((0.1, -0.05, 0.08), rotation_from_rpy(0.1, -0.05, 0.1))
     fit = fitted(known, rays_after(known, motion), ANY)
@@ -76,8 +73,8 @@ def test_any_motion_is_found_by_a_camera_that_is_carried() -> None:
     assert (np.diag(fit.covariance) > 0).all()
 
 
-def test_a_third_of_the_points_on_a_walking_person_changes_nothing() -> None:
-    """A person steps 10 cm aside; 40 of 120 points go with them, the room's 80 decide."""
+def test_a_third_of_the_points_on_a_walking_person_are_outliers() -> None:
+    """A person steps 10 cm aside with 40 of 120 points; the 80 points of the room decide."""
     known, motion = points(120), base(0.05, 0.0, 0.1)
     walked = known.copy()
     walked[:40, 0] += 0.1
@@ -88,8 +85,8 @@ def test_a_third_of_the_points_on_a_walking_person_changes_nothing() -> None:
     assert fit.inliers[:40].mean() < 0.2
 
 
-def test_points_too_far_for_the_sensor_give_the_rotation_but_not_the_translation() -> None:
-    """Of 40 points between 6 and 20 m nothing is known but 1/z = 0.1 +- 0.06 1/m."""
+def test_points_beyond_the_range_give_rotation_without_translation() -> None:
+    """40 points between 6 and 20 m have an inverse depth of 0.1 +- 0.06 1/m."""
     known = points(40)
     known *= np.random.default_rng(4).uniform(6, 20, (40, 1)) / known[:, 2:]
     far = {"inverse": np.full(40, 0.1), "sigmas": np.full(40, 0.06)}
@@ -105,7 +102,7 @@ def test_points_too_far_for_the_sensor_give_the_rotation_but_not_the_translation
 
 
 def test_a_known_motion_gives_depth() -> None:
-    """0.2 m ahead, half of the points of known depth: that of others is estimated to some %."""
+    """0.2 m ahead with half of the depths known: errors of the other depths are some percent."""
     known, motion = points(60), base(0.2, 0.05, 0.05)
     inverse = 1 / known[:, 2]
     thought, sigmas = inverse.copy(), np.full(60, 1e-4)
@@ -120,57 +117,57 @@ def test_a_known_motion_gives_depth() -> None:
 
 
 def test_errors_agree_with_the_covariance() -> None:
-    """Of a hundred motions from points seen 0.7 px off, the mean chi-squared is about 1."""
+    """Mean chi-squared of 100 motions with noise of 0.7 px is about 1, without the inflation."""
     rng, motion = np.random.default_rng(1), base(0.1, 0.0, 0.1)
-    config, values = FitConfig(sigma_factor=1.0), []
+    values = []
     for seed in range(100):
         known = points(60, seed)
         rays = rays_after(known, motion) + rng.normal(0, 0.7 / FOCAL_PX, (60, 2))
-        fit = fitted(known, rays, config=config)
+        fit = fitted(known, rays)
         assert fit is not None
         off = invert(motion) @ fit.before_from_now
         error = np.array([off[0, 3], off[1, 3], np.arctan2(off[1, 0], off[0, 0])])
-        values.append(error @ np.linalg.inv(fit.covariance) @ error / 3)
+        values.append(error @ np.linalg.inv(fit.covariance / SIGMA_FACTOR**2) @ error / 3)
     assert 0.6 < np.mean(values) < 1.4
 
 
-def test_more_noise_increases_the_covariance() -> None:
-    """Three times the noise that was thought: about nine times the variance, and more."""
+def test_more_noise_increases_the_covariance(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three times the assumed noise gives about nine times the variance, if all are inliers."""
+    monkeypatch.setattr(fitting, "GATE_SIGMAS", 12.0)
     rng, known, variances = np.random.default_rng(2), points(60), []
     for noise_px in (0.7, 2.1):
         rays = rays_after(known, base()) + rng.normal(0, noise_px / FOCAL_PX, (60, 2))
-        fit = fitted(known, rays, config=FitConfig(gate_sigmas=12.0))
+        fit = fitted(known, rays)
         assert fit is not None
         variances.append(fit.covariance[2, 2])
     assert 5 < variances[1] / variances[0] < 25
 
 
-def test_the_prior_counts() -> None:
-    """Two points cannot say much; a base that was known to 1 mm stays where it was."""
+def test_motion_far_from_its_prior_is_rejected() -> None:
+    """5 cm is 50 standard deviations from a prior of 1 mm, and half of one from 0.1 m."""
     known = points(14)
     matches = Matches(
         known[:, :2] / known[:, 2:],
         rays_after(known, base(0.05)),
         1 / known[:, 2],
         np.full(14, 1e-4),
-        np.full(14, 0.7 / FOCAL_PX),
+        np.full(14, SIGMA_PX / FOCAL_PX),
         np.zeros(14, np.bool_),
     )
     certain = MotionPrior(np.eye(4), np.diag([1e-3, 1e-3, 1e-3]) ** 2)
-    assert fit_motion(matches, PLANAR, certain, CONFIG) is None  # 50 standard deviations off
+    assert fit_motion(matches, PLANAR, certain) is None  # 50 standard deviations off
     wide = MotionPrior(np.eye(4), np.diag([0.1, 0.1, 0.1]) ** 2)
-    fit = fit_motion(matches, PLANAR, wide, CONFIG)
+    fit = fit_motion(matches, PLANAR, wide)
     assert fit is not None
     assert fit.before_from_now[0, 3] == pytest.approx(0.05, abs=1e-3)
 
 
 def test_undetermined_motion_gives_none() -> None:
     known = points(30)
-    few = FitConfig(points_min=25)
-    assert fitted(known[:20], rays_after(known[:20], base()), config=few) is None
+    assert fitted(known[:11], rays_after(known[:11], base())) is None  # 12 are required
     chaos = np.random.default_rng(3).uniform(-0.4, 0.4, (30, 2))
-    assert fitted(known, chaos, config=few) is None
-    same = np.repeat(known[:1], 30, axis=0)  # one point, thirty times: any turn about it may be
+    assert fitted(known, chaos) is None
+    same = np.repeat(known[:1], 30, axis=0)  # one point, thirty times: rotation about it is unknown
     fit = fitted(same, rays_after(same, base()), ANY)
     assert fit is not None
     assert np.sqrt(np.diag(fit.covariance)).max() > 5

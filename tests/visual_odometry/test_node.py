@@ -1,4 +1,4 @@
-"""The node: its answers, its refusals, and a tracker that uses it."""
+"""Node: odometry, counted drops, and a tracker that uses the odometry."""
 
 import math
 
@@ -67,7 +67,7 @@ def test_every_frame_is_answered_by_odometry_of_its_stamp() -> None:
     assert one.status().counters["unanswered"] == 0
 
 
-def test_where_a_map_knows_odom_the_base_moves_in_odom() -> None:
+def test_odometry_is_in_odom_if_the_map_has_a_transform_to_it() -> None:
     one = node()
     one.handle(builders.static_transform(base(1.0), child="odom"), 0)
     odometry = odometry_of(one, frame(base(), 0))
@@ -85,7 +85,7 @@ def test_motion_of_a_free_base_is_a_transform() -> None:
     assert second.matrix[:3, 3] == pytest.approx([0.03, 0, 0], abs=0.004)
 
 
-def test_frames_that_come_twice_or_late_are_counted() -> None:
+def test_duplicate_and_late_frames_are_counted() -> None:
     one = node()
     odometry_of(one, frame(base(), 5))
     assert odometry_of(one, frame(base(), 5)) is None
@@ -94,8 +94,8 @@ def test_frames_that_come_twice_or_late_are_counted() -> None:
     assert odometry_of(one, frame(base(), 6)) is not None
 
 
-def test_a_clock_that_goes_back_begins_anew() -> None:
-    """A recording that is played again: the base is where it was at its beginning."""
+def test_clock_reset_restarts_at_the_origin() -> None:
+    """A recording loops: the base is at its first pose."""
     one = node()
     for number in range(3):
         odometry_of(one, frame(base(0.03 * number), 30 + number))
@@ -105,7 +105,7 @@ def test_a_clock_that_goes_back_begins_anew() -> None:
     assert one.status().counters["clock_resets"] == 1
 
 
-def test_without_calibration_or_mounting_it_says_what_it_lacks() -> None:
+def test_missing_calibration_and_mounting_are_reported() -> None:
     one = build(VisualOdometryConfig())
     for number in range(6):
         assert odometry_of(one, frame(base(), number)) is None
@@ -129,7 +129,7 @@ def test_images_of_another_size_are_counted() -> None:
     assert odometry_of(one, frame(base(), 1)) is not None
 
 
-def test_another_calibration_goes_on_where_it_was() -> None:
+def test_pose_continues_after_a_change_of_calibration() -> None:
     one = node()
     odometry_of(one, frame(base(), 0))
     before = odometry_of(one, frame(base(0.05), 1))
@@ -141,15 +141,15 @@ def test_another_calibration_goes_on_where_it_was() -> None:
     assert one.status().counters["calibration_changes"] == 1
 
 
-def test_another_camera_does_not_count() -> None:
+def test_frames_of_another_camera_are_ignored() -> None:
     one = node()
     odometry_of(one, frame(base(), 0))
     assert odometry_of(one, frame(base(0.1), 1, camera="rear")) is None
     assert one.status().counters["other_cameras"] == 1
 
 
-def test_silent_where_wheels_give_odometry() -> None:
-    """Its own messages come back to it, and are none of others."""
+def test_silent_if_another_process_publishes_odometry() -> None:
+    """Own messages that the bus returns are no odometry of another process."""
     one = node()
     own = odometry_of(one, frame(base(), 0))
     assert own is not None
@@ -174,7 +174,7 @@ def test_a_white_wall_is_reported() -> None:
 
 @pytest.mark.slow
 def test_standing_person_before_a_turning_base_has_no_speed() -> None:
-    """The tracker places people by it: somebody at (3, 0.5) has no speed while the base turns."""
+    """The track of a person at (3, 0.5) has no speed while the base turns."""
     bus = MemoryBus([node(), build_tracker(TrackerConfig(tracker="sort3d"))])
     bus.publish(INFO, MOUNT)
     person, speeds = np.array([3.0, 0.5, 1.0, 1.0]), []
@@ -188,7 +188,7 @@ def test_standing_person_before_a_turning_base_has_no_speed() -> None:
     assert max(speeds[10:]) < 0.05
 
 
-def test_its_own_messages_pass_the_bus() -> None:
+def test_odometry_passes_the_bus() -> None:
     bus = MemoryBus([node()])
     bus.publish(INFO, MOUNT, *(frame(base(), number) for number in range(3)))
     assert sum(isinstance(message, Odometry) for message in bus.log) == 3

@@ -1,4 +1,4 @@
-"""Motion of a base by images of a room whose every view is known."""
+"""Motion of a base from rendered images of a room."""
 
 import math
 from collections import Counter
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from people4d.messages import F64
-from services.visual_odometry.config import CornerConfig, VisualOdometryConfig
+from services.visual_odometry.config import VisualOdometryConfig
 from services.visual_odometry.corners import PeopleRegions, ReducedCamera
 from services.visual_odometry.keyframe import PoseEstimate
 from services.visual_odometry.odometer import COUNTERS, Odometer
@@ -32,7 +32,7 @@ PLAIN = np.full((HEIGHT, WIDTH), 90, np.uint8)
 
 def odometer(config: VisualOdometryConfig = CONFIG) -> tuple[Odometer, Counter[str]]:
     counters = Counter(dict.fromkeys(COUNTERS, 0))
-    lens = ReducedCamera(INFO, config.corners.width_px)
+    lens = ReducedCamera(INFO, config.width_px, (config.range_min_m, config.range_max_m))
     mount = BaseMount(BASE_FROM_OPTICAL, config.planar)
     return Odometer(config, lens, mount, counters), counters
 
@@ -48,12 +48,12 @@ def follow(
     one: Odometer, poses: Iterable[F64], boards: tuple[Board, ...] = ()
 ) -> list[PoseEstimate | None]:
     return [
-        one.update(view(pose, number, boards, noise_seed=number))
+        one.add_frame(view(pose, number, boards, noise_seed=number))
         for number, pose in enumerate(poses)
     ]
 
 
-def test_a_base_that_drives_and_turns_is_followed() -> None:
+def test_pose_of_a_driving_and_turning_base_is_accurate() -> None:
     """Twenty frames of 2 cm and 2 degrees each: never more than 1.5 cm and 0.4 degrees off."""
     poses = [base(0.0)]
     for _ in range(20):
@@ -67,13 +67,13 @@ def test_a_base_that_drives_and_turns_is_followed() -> None:
         metres, radians = off(pose_found, pose)
         assert metres < 0.015
         assert radians < math.radians(0.4)
-    assert counters["keyframes"] > 1  # 40 degrees are two thirds of the picture
+    assert counters["keyframes"] > 1  # 40 degrees are two thirds of the field of view
     assert counters["lost"] == 0
 
 
 @pytest.mark.slow
 def test_standing_base_does_not_drift() -> None:
-    """Forty noisy pictures of one view: one keyframe, and no error that grows."""
+    """Forty noisy images of one view: one keyframe, and no growing error."""
     one, counters = odometer()
     poses_found = follow(one, [base()] * 40)
     offs = np.array([off(pose_found, base()) for pose_found in poses_found])
@@ -84,7 +84,7 @@ def test_standing_base_does_not_drift() -> None:
 
 @pytest.mark.slow
 def test_base_that_turns_back_uses_the_first_keyframe_again() -> None:
-    """40 degrees to the left and back: at the end the error is that of one picture, as at first."""
+    """40 degrees to the left and back: the last error is the error of one image."""
     angles = [20 * (1 - math.cos(math.pi * k / 15)) for k in range(31)]
     one, counters = odometer()
     poses_found = follow(one, [base(theta_rad=math.radians(a)) for a in angles])
@@ -97,7 +97,7 @@ def test_base_that_turns_back_uses_the_first_keyframe_again() -> None:
 
 @pytest.mark.slow
 def test_error_is_within_its_covariance() -> None:
-    """Five keyframes on: yaw and position are within three standard deviations."""
+    """After five keyframes yaw and position are within three standard deviations."""
     poses = [base(theta_rad=math.radians(4 * k)) for k in range(30)]
     one, _ = odometer()
     poses_found = follow(one, poses)
@@ -111,30 +111,26 @@ def test_error_is_within_its_covariance() -> None:
 
 
 @pytest.mark.slow
-def test_people_who_walk_do_not_move_the_camera() -> None:
-    """Somebody crosses at 2 m, a third of the picture wide, 6 cm a frame, not detected."""
+def test_walking_person_does_not_move_the_camera() -> None:
+    """An undetected person, a third of the image wide, crosses at 2 m by 6 cm a frame."""
     one, _ = odometer()
     for number in range(25):
         walker = Board(x_m=2.0, y_m=1.0 - 0.06 * number, half_m=0.3)
-        pose_found = one.update(view(base(), number, (walker,), noise_seed=number))
+        pose_found = one.add_frame(view(base(), number, (walker,), noise_seed=number))
         metres, radians = off(pose_found, base())
         assert metres < 0.004
         assert radians < math.radians(0.15)
 
 
-def test_marked_people_who_fill_most_of_the_image_do_not_count() -> None:
-    """1.1 m before the camera somebody moves 2 cm a frame to the left, before 70 % of the picture.
-
-    The box says whose points these are, and what is left is the room, which stands.
-    """
+def test_detected_person_in_most_of_the_image_does_not_move_the_camera() -> None:
+    """A person at 1.1 m, in 70 % of the image, moves 2 cm a frame to the left."""
     half_px, step_px = 0.4 / 1.0 * FOCAL, 0.02 / 1.0 * FOCAL
     box = np.array([[WIDTH / 2 - half_px, 0.0, WIDTH / 2 + half_px, HEIGHT]])
-    config = VisualOdometryConfig(corners=CornerConfig(people_margin=0.1, cell_px=10))
-    one, _ = odometer(config)
+    one, _ = odometer()
     for number in range(12):
         walker = Board(x_m=1.1, y_m=0.02 * number, half_m=0.35)
         image = view(base(), number, (walker,), noise_seed=number)
-        pose_found = one.update(
+        pose_found = one.add_frame(
             replace(
                 image,
                 people=PeopleRegions(
@@ -145,16 +141,16 @@ def test_marked_people_who_fill_most_of_the_image_do_not_count() -> None:
         assert off(pose_found, base())[0] < 0.01
 
 
-def test_people_found_late_are_marked_then() -> None:
+def test_late_detections_mark_the_landmarks_of_their_keyframe() -> None:
     one, _ = odometer()
-    one.update(view(base(), 0, (Board(x_m=2.0, y_m=0.0, half_m=0.4),)))
+    one.add_frame(view(base(), 0, (Board(x_m=2.0, y_m=0.0, half_m=0.4),)))
     edge_px = 0.4 / 1.9 * FOCAL
     people = PeopleRegions(
         np.array([[WIDTH / 2 - edge_px, 0.0, WIDTH / 2 + edge_px, HEIGHT]]), np.array([1.9])
     )
-    one.mark(12345, people)
+    one.mark_people(12345, people)
     assert not one._keyframes[-1].points.people.any()
-    one.mark(0, people)
+    one.mark_people(0, people)
     points = one._keyframes[-1].points
     assert 0 < points.people.sum() < len(points.pixels) - 10
     inside = np.abs(points.pixels[:, 0] - WIDTH / 2) < edge_px
@@ -162,11 +158,11 @@ def test_people_found_late_are_marked_then() -> None:
 
 
 def test_no_pose_if_all_points_may_be_on_people() -> None:
-    """Somebody before the whole picture: what is followed may be them as well as the room."""
+    """A person of unknown depth in the whole image: no point is surely in the room."""
     one, counters = odometer()
-    one.update(view(base(), 0))
-    one.mark(0, PeopleRegions(np.array([[0.0, 0.0, WIDTH, HEIGHT]]), np.array([np.nan])))
-    assert one.update(view(base(0.02), 1)) is None
+    one.add_frame(view(base(), 0))
+    one.mark_people(0, PeopleRegions(np.array([[0.0, 0.0, WIDTH, HEIGHT]]), np.array([np.nan])))
+    assert one.add_frame(view(base(0.02), 1)) is None
     assert counters["not_followed"] == 1
 
 
@@ -174,8 +170,8 @@ def test_carried_camera_moves_freely() -> None:
     lift = base()
     lift[2, 3] = 0.05
     one, _ = odometer(VisualOdometryConfig(planar=False))
-    one.update(view(base(), 0))
-    metres, _ = off(one.update(view(lift, 1)), lift)
+    one.add_frame(view(base(), 0))
+    metres, _ = off(one.add_frame(view(lift, 1)), lift)
     assert metres < 0.005
 
 
@@ -196,60 +192,60 @@ def test_without_texture_or_depth_there_is_no_motion(
     for number in range(4):
         pattern = view(base()).rgb[..., 0] if grey is None else grey
         blind = as_view(pattern, np.full((HEIGHT, WIDTH), depth_m), number)
-        pose_found = one.update(blind)
-        assert (pose_found is None) == (number > 0)  # where it begins is known by definition
+        pose_found = one.add_frame(blind)
+        assert (pose_found is None) == (number > 0)  # the first pose is known by definition
     assert counters[cause] == 4
-    # As soon as there is something to see it goes on, but no longer says that it knows where it is.
-    assert one.update(view(base(), 5)) is None
-    pose_found = one.update(view(base(), 6))
+    # With texture and depth the poses continue, with a large covariance.
+    assert one.add_frame(view(base(), 5)) is None
+    pose_found = one.add_frame(view(base(), 6))
     assert pose_found is not None
     assert pose_found.covariance[2, 2] > 0
 
 
 def test_short_darkness_is_bridged() -> None:
-    """Three frames without a picture are not told; then the room is known again, exactly."""
+    """Three dark frames have no pose; then the pose is as accurate as before."""
     one, counters = odometer()
     follow(one, [base()] * 3)
     for number in (3, 4, 5):
-        assert one.update(as_view(0 * PLAIN, np.full(PLAIN.shape, 2.0), number)) is None
+        assert one.add_frame(as_view(0 * PLAIN, np.full(PLAIN.shape, 2.0), number)) is None
     assert counters["not_followed"] == 3
-    assert off(one.update(view(base(), 6)), base())[0] < 0.003
+    assert off(one.add_frame(view(base(), 6)), base())[0] < 0.003
     assert counters["lost"] == 0
 
 
 def test_lost_base_has_a_large_covariance() -> None:
-    """The lens was covered for a second, and the base turned by 90 degrees meanwhile."""
+    """The base turns by 90 degrees while the lens is covered for a second."""
     one, counters = odometer()
     follow(one, [base()] * 3)
     for number in range(3, 18):
-        assert one.update(as_view(0 * PLAIN, np.full(PLAIN.shape, 2.0), number)) is None
+        assert one.add_frame(as_view(0 * PLAIN, np.full(PLAIN.shape, 2.0), number)) is None
     turned = base(theta_rad=math.pi / 2)
-    assert one.update(view(turned, 18)) is None
-    pose_found = one.update(view(turned, 19))
+    assert one.add_frame(view(turned, 18)) is None
+    pose_found = one.add_frame(view(turned, 19))
     assert counters["lost"] == 1
     assert pose_found is not None
     assert math.sqrt(pose_found.covariance[2, 2]) > 0.8  # [rad] half of 2 rad/s^2 for 1.07 s: 1.1
-    step = one.update(view(turned @ base(0.03), 20))
+    step = one.add_frame(view(turned @ base(0.03), 20))
     assert step is not None
     motion = np.linalg.inv(pose_found.matrix) @ step.matrix
-    assert motion[0, 3] == pytest.approx(0.03, abs=0.003)  # from there on it is followed as before
+    assert motion[0, 3] == pytest.approx(0.03, abs=0.003)  # accurate from here on
 
 
 def test_too_fast_motion_is_implausible() -> None:
-    """A metre in a fifteenth of a second is 15 m/s: what is seen is something else."""
-    one, counters = odometer(VisualOdometryConfig(speed_max_mps=1.0))
-    one.update(view(base(), 0))
-    one.update(view(base(0.01), 1))
-    assert one.update(view(base(0.5), 2)) is None
+    """Half a metre in a fifteenth of a second is 7.5 m/s, above 4 m/s."""
+    one, counters = odometer()
+    one.add_frame(view(base(), 0))
+    one.add_frame(view(base(0.01), 1))
+    assert one.add_frame(view(base(0.5), 2)) is None
     assert counters["implausible"] + counters["not_followed"] + counters["too_few_agree"] == 1
 
 
 def test_a_wide_image_is_reduced() -> None:
-    """Half as many pixels across: the same motion, from points of the small picture."""
-    one, _ = odometer(VisualOdometryConfig(corners=CornerConfig(width_px=160, cell_px=10)))
-    one.update(view(base(), 0))
+    """Half the width gives the same motion."""
+    one, _ = odometer(VisualOdometryConfig(width_px=160))
+    one.add_frame(view(base(), 0))
     assert one._keyframes[-1].grey.shape == (HEIGHT // 2, WIDTH // 2)
-    metres, radians = off(one.update(view(base(0.02, 0.0, 0.05), 1)), base(0.02, 0.0, 0.05))
+    metres, radians = off(one.add_frame(view(base(0.02, 0.0, 0.05), 1)), base(0.02, 0.0, 0.05))
     assert metres < 0.006
     assert radians < math.radians(0.3)
 

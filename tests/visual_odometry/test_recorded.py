@@ -44,7 +44,7 @@ def heading(number: int) -> float:
 
 @pytest.fixture(scope="module")
 def ride(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A base that turns, with one person found, and odometry that is wrong."""
+    """A turning base with one detected person and wrong odometry."""
     path = tmp_path_factory.mktemp("ride") / "ride.mcap"
     with RecordingWriter(path) as writer:
         for message in (INFO, MOUNT, WRONG):
@@ -58,7 +58,7 @@ def ride(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_a_recording_is_worked_through_without_its_odometry(ride: Path, tmp_path: Path) -> None:
+def test_odometry_of_a_recording_is_replaced(ride: Path, tmp_path: Path) -> None:
     messages: list[Message] = [m for _, m in open_recording(ride).messages()]
     visual = VisualMotion(CameraConfig(source=str(ride)), VisualOdometryConfig(), messages)
     motions = list(visual)
@@ -79,17 +79,17 @@ def test_a_recording_is_worked_through_without_its_odometry(ride: Path, tmp_path
     assert order == sorted(order, key=lambda item: (item[0], item[1] is Detections))
 
 
-def test_estimated_motion_is_cached_without_that_of_wheels(ride: Path, tmp_path: Path) -> None:
+def test_estimated_motion_is_cached_without_wheel_odometry(ride: Path, tmp_path: Path) -> None:
     wanted = VisualMotionJob(CameraConfig(source=str(ride)), VisualOdometryConfig(), ride, tmp_path)
     path = estimate_motion(wanted)
     odometry = [m for _, m in open_recording(path).messages(Odometry) if isinstance(m, Odometry)]
     assert len(odometry) == FRAMES
-    assert max(m.x_m for m in odometry) < 0.1  # the wheels said 9 m
+    assert max(m.x_m for m in odometry) < 0.1  # wheel odometry is 9 m
     made_ns = path.stat().st_mtime_ns
     assert estimate_motion(wanted) == path
     assert path.stat().st_mtime_ns == made_ns
-    slower = VisualOdometryConfig(overlap_min=0.6)
-    assert estimate_motion(VisualMotionJob(wanted.camera, slower, ride, tmp_path)) != path
+    other = VisualOdometryConfig(sideways=1.0)
+    assert estimate_motion(VisualMotionJob(wanted.camera, other, ride, tmp_path)) != path
 
 
 def test_frames_without_motion_are_not_written(ride: Path, tmp_path: Path) -> None:
