@@ -1,7 +1,9 @@
 """Tables of measured figures, as Markdown."""
 
 import platform
+import subprocess
 from collections.abc import Sequence
+from datetime import date
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +34,15 @@ def machine() -> str:
     if cpuinfo.exists():
         names = [x for x in cpuinfo.read_text().splitlines() if x.startswith("model name")]
         model = names[0].partition(":")[2].strip() if names else model
-    return f"{model}, {psutil.cpu_count()} cores, Python {platform.python_version()}"
+    return f"{model}, {psutil.cpu_count()} cores, Python {platform.python_version()}, {commit()}"
+
+
+def commit() -> str:
+    """Return the commit and today's date; a tree with changes says so."""
+    folder = Path(__file__).parent
+    git = ("git", "-C", str(folder), "describe", "--always", "--dirty", "--abbrev=7")
+    done = subprocess.run(git, check=False, capture_output=True, text=True)
+    return f"commit {done.stdout.strip() or 'unknown'}, {date.today().isoformat()}"
 
 
 def write(script: str, title: str, *parts: str) -> None:
