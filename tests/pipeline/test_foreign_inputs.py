@@ -1,0 +1,129 @@
+"""Inputs of other people's systems, where they are beside the repository: played right or refused.
+
+Each holds 30 frames of the demo recording with three people in the layout of another driver,
+recorder or exporter.
+"""
+
+import os
+import subprocess
+import sys
+from collections import defaultdict
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+import pytest
+
+from evaluation.pipeline import lockstep, pipeline, play
+from people4d.errors import SourceError
+from people4d.messages import F64, Tracks
+from services.camera.config import CameraConfig
+from services.camera.describe import describe
+from services.detector.config import DetectorConfig, ModelSettings
+from services.detector.models.registry import load_model
+from services.gt_bridge.config import GtBridgeConfig
+from services.gt_bridge.sources.registry import open_truth
+from services.tracker.config import TrackerConfig
+from tests import ROOT, SHARED
+
+CASES = SHARED / "cases"
+Positions: TypeAlias = tuple[tuple[float, float, float], ...]
+# Median positions of the three people [m]: in the map, and relative to a camera without a pose.
+MAP: Positions = ((3.30, 0.81, 1.18), (3.65, -1.09, 1.13), (3.71, -0.11, 1.33))
+CAMERA: Positions = ((3.29, 0.81, 0.20), (3.65, -1.09, 0.17), (3.70, -0.11, 0.37))
+ODOM: Positions = ((3.80, 0.81, 1.18), (4.15, -1.09, 1.13), (4.21, -0.11, 1.33))
+PLAYED = {
+    "binning-and-roi/binning": MAP,
+    "binning-and-roi/roi": MAP,
+    "camera-upside-down/bag": MAP,
+    "depth-as-tiff-or-npy/npy": CAMERA,
+    "exif-orientation-180/walk": CAMERA,
+    "first-depth-image-of-another-size/bag": MAP,
+    "librealsense-sdk-bag/sdk.bag": CAMERA,
+    "md5sum-star/relay.bag": MAP,
+    "names-are-times/walk": CAMERA,
+    "oak-bag/bag": CAMERA,
+    "odometry-without-map/bag": ODOM,
+    "open3d-intrinsics/walk": CAMERA,
+    "orbbec-plumb-bob-8/bag": MAP,
+    "path-with-hash/run#1": MAP,
+    "recorder-killed-mcap-folder/rosbag2_2026_01_01": MAP,
+    "simulation-from-0-s-in-a-loop/bag": MAP,
+    "static-transforms-on-tf/kinect.bag": CAMERA,
+    "two-odometry-topics/bag": ODOM,
+}
+REFUSED = {
+    "depth-as-tiff-or-npy/tiff": "tiff is of a kind that is not read",
+    "depth-smaller-than-colour/walk": "depth is 256x192, colour 640x480",
+    "kinect2-tiff-depth/kinect2.bag": "TIFF, RVL and JPEG are not read",
+    "mcap-of-ros1/walk.mcap": "MCAP file of ROS 1",
+    "mot-class-and-visibility/gt.txt": "class and visibility",
+    "recorder-killed-wal/bag/bag.db3": "bag.db3-wal holds messages",
+    "truth-bag-of-poses/vicon.bag": "no people_msgs/People. It has /vicon/1/1",
+}
+TOLERANCE_M = 0.05
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not CASES.is_dir(), reason="inputs (../shared/cases) are not there"),
+]
+
+
+def made(case: str, folder: Path) -> Path:
+    """Write the input of a case, and return its path."""
+    name = case.partition("/")[0]
+    environment = os.environ | {"PEOPLE4D_REPO": str(ROOT), "PEOPLE4D_CASES": str(folder)}
+    environment["PYTHONDONTWRITEBYTECODE"] = "1"
+    command = [sys.executable, str(CASES / name / "make.py")]
+    subprocess.run(command, check=True, env=environment, cwd=ROOT, stdout=subprocess.DEVNULL)
+    return folder / case
+
+
+def medians(path: Path, frame_id: str) -> list[F64]:
+    """Return the median position of each person that is tracked in most frames."""
+    found, frames = defaultdict[int, list[F64]](list), 0
+    camera = lockstep(CameraConfig(source=str(path)))
+    tracker = TrackerConfig(frame_id=frame_id)
+    for step in play(camera, pipeline(DetectorConfig(), tracker=tracker)):
+        for tracks in (message for message in step.messages if isinstance(message, Tracks)):
+            frames += 1
+            for track in tracks.tracks:
+                if track.state == "confirmed":
+                    found[track.id].append(track.position_m)
+    return [np.median(path_m, axis=0) for path_m in found.values() if len(path_m) > frames / 2]
+
+
+@pytest.mark.parametrize("case", PLAYED)
+def test_input_of_another_system_is_played_right(case: str, tmp_path: Path) -> None:
+    path, expected = made(case, tmp_path), PLAYED[case]
+    assert describe(path).problem == ""
+    found = medians(path, "odom" if expected is ODOM else "map")
+    assert len(found) == len(expected)
+    for position_m in expected:
+        assert min(np.abs(one - position_m).max() for one in found) < TOLERANCE_M
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_input_that_is_not_read_is_refused_by_name(case: str, tmp_path: Path) -> None:
+    path = made(case, tmp_path)
+    try:
+        if case.startswith(("mot", "truth")):
+            open_truth(GtBridgeConfig(truth=str(path)))
+            problem = ""
+        else:
+            problem = describe(path).problem
+    except SourceError as error:
+        problem = str(error)
+    assert REFUSED[case] in problem
+
+
+def test_truth_with_a_gap_goes_on_after_it(tmp_path: Path) -> None:
+    path = made("truth-with-a-gap/vicon.csv", tmp_path)
+    truth = list(open_truth(GtBridgeConfig(truth=str(path))))
+    # One of three people is lost for 100 of 901 stamps.
+    assert (len(truth), sum(len(one.people) for one in truth)) == (901, 2603)
+
+
+def test_network_with_nms_inside_is_read(tmp_path: Path) -> None:
+    path = made("yolo-with-nms-inside/pose.onnx", tmp_path)
+    assert load_model(ModelSettings(model=str(path))).name == "yolov8-pose:pose"
