@@ -31,7 +31,7 @@ class FrameGraph:
         self._with_links: Neighbours | None = None  # cache of _linked
         self._paths: dict[Edge, Edges | None] = {}  # cache of searches
 
-    def add(self, transform: StaticTransform) -> bool:
+    def add_transform(self, transform: StaticTransform) -> bool:
         """Add a transform; it replaces an earlier one between the same frames.
 
         Returns:

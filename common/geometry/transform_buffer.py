@@ -1,4 +1,4 @@
-"""Frames over time: rigid transforms, some of which change."""
+"""Frames over time: static and moving rigid transforms."""
 
 import math
 from collections import Counter
@@ -10,37 +10,39 @@ from common.geometry.frame_graph import Edge, FrameGraph, compose
 from common.geometry.planar_covariance import is_plausible
 from common.geometry.transform_history import (
     COUNTERS,
-    TransformBufferConfig,
+    HISTORY_S,
     TransformEstimate,
     TransformHistory,
 )
 from common.geometry.transforms import LINK_FROM_OPTICAL, invert, rotation_from_rpy, transform_from
 from people4d.messages import F64, MovingTransform, Odometry, StaticTransform
 
-MOVING_MAX = 128  # moving transforms, a bound against invented frames
-KNOWN_MAX = 1024  # pairs of frames
+MOVING_MAX = 128  # maximum number of moving transforms
+KNOWN_MAX = 1024  # maximum number of known poses of cameras
+SIGMA_MAX_M = 100.0  # maximum standard deviation of a known position of odometry [m]
+SIGMA_MAX_RAD = 3.2  # maximum standard deviation of a known yaw of odometry [rad]
 
 
 class TransformBuffer:
     """Static and moving transforms, each usable in both directions, like the buffer of tf2."""
 
-    def __init__(self, config: TransformBufferConfig) -> None:
+    def __init__(self, history_s: float = HISTORY_S) -> None:
         self.counters = Counter(dict.fromkeys(COUNTERS, 0))
-        self._config = config
+        self._history_s = history_s
         self._graph = FrameGraph()
         self._histories: dict[Edge, TransformHistory] = {}
-        self._odometry: set[Edge] = set()  # histories that come from odometry
+        self._odometry: set[Edge] = set()  # transforms from odometry
         self._known: set[Edge] = set()  # poses of cameras
 
     @property
     def changes(self) -> int:
-        """Number of times that fixed transforms, or the links between frames, have changed."""
+        """Number of changes of fixed transforms and of links between frames."""
         return self._graph.changes
 
-    def add(self, message: StaticTransform | MovingTransform | Odometry) -> None:
-        """Add a static transform, or a moving one at its stamp."""
+    def add_transform(self, message: StaticTransform | MovingTransform | Odometry) -> None:
+        """Add a static transform, or a sample of a moving transform."""
         if isinstance(message, StaticTransform):
-            self.counters["refused_transforms"] += not self._graph.add(message)
+            self.counters["refused_transforms"] += not self._graph.add_transform(message)
         elif isinstance(message, MovingTransform):
             self._add_sample((message.parent, message.child), message.stamp_ns, message.matrix)
         else:
@@ -52,9 +54,8 @@ class TransformBuffer:
                 self._graph.changes += 1
 
     def _usable(self, covariance: F64 | None) -> F64 | None:
-        """Return the covariance of odometry; None, and count it, if it cannot be one."""
-        limits = self._config.covariance_sigma_max_m, self._config.covariance_sigma_max_rad
-        if covariance is None or is_plausible(covariance, *limits):
+        """Return the covariance of odometry; None, counted, if it is implausible."""
+        if covariance is None or is_plausible(covariance, SIGMA_MAX_M, SIGMA_MAX_RAD):
             return covariance
         self.counters["motion_bad_covariances"] += 1
         return None
@@ -66,11 +67,11 @@ class TransformBuffer:
             if len(self._histories) >= MOVING_MAX or not self._graph.link(*edge, np.eye(4)):
                 self.counters["refused_transforms"] += 1
                 return
-            self._histories[edge] = TransformHistory(self._config, self.counters)
-        self._histories[edge].add(stamp_ns, matrix, covariance)
+            self._histories[edge] = TransformHistory(self.counters, self._history_s)
+        self._histories[edge].add_sample(stamp_ns, matrix, covariance)
 
     def lookup(self, target: str, source: str, stamp_ns: int) -> TransformEstimate | None:
-        """Return target_from_source at a time; None if the frames are not linked then."""
+        """Return target_from_source at a time; None if no transform links the frames."""
         path = self._graph.path(target, source)
         if path is None:
             return None
@@ -90,9 +91,9 @@ class TransformBuffer:
         )
 
     def camera_pose(self, frame_id: str, optical_frame_id: str, stamp_ns: int) -> F64 | None:
-        """Return frame_from_optical at a time; None if a pose was known, but not at this time.
+        """Return frame_from_optical at a time; None if a pose is known, but not at this time.
 
-        A camera of which no pose was ever known stands at the origin and looks along +x.
+        A camera without any transform is at the origin and points along +x.
         """
         found = self.lookup(frame_id, optical_frame_id, stamp_ns)
         if found is not None:
@@ -102,16 +103,16 @@ class TransformBuffer:
         return None if (frame_id, optical_frame_id) in self._known else LINK_FROM_OPTICAL
 
     def lookup_static(self, target: str, source: str) -> F64 | None:
-        """Return target_from_source if it never changes; None if it does, or is unknown."""
+        """Return target_from_source if it is fixed; None if it moves or is unknown."""
         path = self._graph.path(target, source)
         if path is None or any(self._history(edge) for edge in path):
             return None
         return compose(path.values())
 
     def fixed_frame(self, frame: str) -> str:
-        """Return the frame in which the base that carries a frame moves; else the frame itself.
+        """Return the parent frame of the base that carries a frame; else the frame itself.
 
-        A base is the child of odometry, or of another moving transform if nothing moves in it.
+        A base is the child of odometry, or of another moving transform without moving children.
         """
         parents = {parent for parent, _ in self._histories}
         for parent, child in self._histories:
@@ -121,7 +122,7 @@ class TransformBuffer:
         return frame
 
     def awaits_sample(self, target: str, source: str, stamp_ns: int) -> bool:
-        """Check that a moving transform between two frames has no sample as late as a time yet."""
+        """Check whether a moving transform between two frames ends before a time."""
         histories = map(self._history, self._graph.path(target, source) or {})
         return any(stamp_ns > (one.newest_ns or stamp_ns) for one in histories if one)
 

@@ -1,4 +1,4 @@
-"""A rigid transform over time: a base that drives, or a camera on a pan-tilt head."""
+"""Rigid transform over time: a driving base, or a camera on a pan-tilt head."""
 
 import bisect
 from collections import Counter
@@ -7,39 +7,24 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from common.config import Config
 from common.geometry.planar_covariance import PlanarCovariance, turned
 from common.geometry.transforms import invert, transform_from
 from people4d.messages import F64
-from people4d.messages.base import NonNegative, Positive
 
-SPEED_BASELINE_S = 0.04  # [s] least time over which a velocity is measured
-SMALL_RAD = 1e-5  # below which an angle is its sine
+HISTORY_S = 5.0  # length of the history [s]
+GAP_S = 0.5  # interval between two samples above which interpolation is uncertain [s]
+PREDICT_S = 0.5  # maximum duration of extrapolation at constant velocity, then rest [s]
+SPEED_MAX_MPS = 5.0  # maximum plausible speed; a faster motion is a reset of the origin [m/s]
+ANGULAR_SPEED_MAX_RADPS = 12.0  # maximum plausible angular speed [rad/s]
+CLOCK_JUMP_S = 1.0  # minimum step back of the stamps that restarts the history [s]
+SIGMA_ACCELERATION_MPS2 = 1.0  # standard deviation of unobserved acceleration [m/s^2]
+SIGMA_ANGULAR_ACCELERATION_RADPS2 = 2.0  # standard deviation of angular acceleration [rad/s^2]
+SPEED_BASELINE_S = 0.04  # minimum interval over which velocity is measured [s]
+SMALL_RAD = 1e-5  # maximum angle that is equal to its sine [rad]
 COUNTERS = (
     *("motion_duplicates", "motion_jumps", "motion_gaps", "motion_clock_resets"),
     *("motion_bad_covariances", "refused_transforms"),
 )
-
-
-class TransformBufferConfig(Config, frozen=True, kw_only=True):
-    """Limits of plausible motion and its uncertainty. All values are this project's."""
-
-    history_s: Positive = 5.0  # [s] length of the history
-    gap_s: Positive = 0.5  # [s] between two samples above which interpolation is uncertain
-    predict_s: Positive = 0.5  # [s] of extrapolation at constant velocity, at rest afterwards
-    speed_max_mps: Positive = 5.0  # [m/s] a faster motion is a reset of the origin
-    angular_speed_max_radps: Positive = 12.0  # [rad/s] likewise
-    clock_jump_s: Positive = 1.0  # [s] a sample older than the newest by more restarts the history
-    # Standard deviations of unobserved acceleration
-    sigma_acceleration_mps2: Positive = 1.0  # [m/s^2]
-    sigma_angular_acceleration_radps2: Positive = 2.0  # [rad/s^2]
-    # Standard deviations of odometry drift, which grow with the root of the distance travelled and
-    # of the rotation; 0: none
-    drift_distance_m: NonNegative = 0.02  # [m] in 1 m
-    drift_rotation_rad: NonNegative = 0.05  # [rad] in 1 rad
-    # A covariance of odometry with a larger standard deviation says that the pose is unknown
-    covariance_sigma_max_m: Positive = 100.0  # [m] of x and y
-    covariance_sigma_max_rad: Positive = 3.2  # [rad] of theta
 
 
 @dataclass(frozen=True)
@@ -48,39 +33,39 @@ class TransformEstimate:
 
     matrix: F64  # 4x4, parent_from_child
     sigma_m: float = 0.0  # standard deviation of the translation; 0 at and between samples
-    sigma_rad: float = 0.0  # standard deviation of the rotation, likewise
-    base: PlanarCovariance | None = None  # of odometry on the way; None: unknown
+    sigma_rad: float = 0.0  # standard deviation of the rotation; 0 at and between samples
+    base: PlanarCovariance | None = None  # covariance of the odometry; None: unknown
 
     @property
     def is_uncertain(self) -> bool:
-        """Extrapolated, or interpolated over a gap."""
+        """Whether it is extrapolated, or interpolated over a gap."""
         return self.sigma_m > 0 or self.sigma_rad > 0
 
 
 class TransformHistory:
     """Samples of one transform, interpolated between them and extrapolated after the last.
 
-    A sample that no plausible motion explains means that the origin of the source was reset: the
-    history continues from the extrapolated transform. It counts `COUNTERS`.
+    An implausible motion means that the source reset its origin: the history continues from the
+    extrapolated transform. It counts `COUNTERS`.
     """
 
-    def __init__(self, config: TransformBufferConfig, counters: Counter[str]) -> None:
-        self._config = config
+    def __init__(self, counters: Counter[str], history_s: float = HISTORY_S) -> None:
+        self._history_ns = int(history_s * 1e9)
         self._counters = counters
         self._stamps_ns: list[int] = []
         self._matrices: list[F64] = []
-        self._covariances: list[F64 | None] = []  # of x, y and theta, 3x3
-        self._parent_from_origin = np.eye(4)  # of the source, which may reset it
+        self._covariances: list[F64 | None] = []  # 3x3, of x, y and theta
+        self._parent_from_origin = np.eye(4)  # origin of the source, which may be reset
 
     @property
     def newest_ns(self) -> int | None:
         """Stamp of the newest sample, None if there is none."""
         return self._stamps_ns[-1] if self._stamps_ns else None
 
-    def add(self, stamp_ns: int, matrix: F64, covariance: F64 | None = None) -> None:
-        """Add a sample, 4x4 parent_from_child, in any order, with that of x, y and theta (3x3)."""
+    def add_sample(self, stamp_ns: int, matrix: F64, covariance: F64 | None = None) -> None:
+        """Add a sample in any order: parent_from_child (4x4), covariance of x, y, theta (3x3)."""
         newest = self.newest_ns
-        if newest is not None and newest - stamp_ns > self._config.clock_jump_s * 1e9:
+        if newest is not None and newest - stamp_ns > CLOCK_JUMP_S * 1e9:
             self._counters["motion_clock_resets"] += 1
             self._stamps_ns, self._matrices, self._covariances = [], [], []
             newest = None
@@ -95,7 +80,7 @@ class TransformHistory:
         if covariance is not None:
             covariance = turned(covariance, self._parent_from_origin)
         self._covariances.insert(index, covariance)
-        oldest_ns = self._stamps_ns[-1] - int(self._config.history_s * 1e9)
+        oldest_ns = self._stamps_ns[-1] - self._history_ns
         count = bisect.bisect_left(self._stamps_ns, oldest_ns)
         del self._stamps_ns[:count], self._matrices[:count], self._covariances[:count]
 
@@ -115,7 +100,7 @@ class TransformHistory:
         covariance = None
         if before is not None and after is not None:
             covariance = before + fraction * (after - before)
-        if after_ns - before_ns <= self._config.gap_s * 1e9:
+        if after_ns - before_ns <= GAP_S * 1e9:
             return self._estimate(matrix, covariance)
         return self._uncertain(matrix, covariance, min(stamp_ns - before_ns, after_ns - stamp_ns))
 
@@ -126,12 +111,12 @@ class TransformHistory:
     def _check_motion(self, stamp_ns: int, matrix: F64) -> None:
         """Detect a gap, and a reset of the origin."""
         elapsed_s = (stamp_ns - self._stamps_ns[-1]) / 1e9
-        self._counters["motion_gaps"] += elapsed_s > self._config.gap_s
+        self._counters["motion_gaps"] += elapsed_s > GAP_S
         motion = invert(self._matrices[-1]) @ self._parent_from_origin @ matrix
         distance_m, rotation_rad = displacement(motion)
         if (
-            distance_m > self._config.speed_max_mps * elapsed_s + 0.1
-            or rotation_rad > self._config.angular_speed_max_radps * elapsed_s + 0.1
+            distance_m > SPEED_MAX_MPS * elapsed_s + 0.1
+            or rotation_rad > ANGULAR_SPEED_MAX_RADPS * elapsed_s + 0.1
         ):
             self._counters["motion_jumps"] += 1
             self._parent_from_origin = self._extrapolate(stamp_ns).matrix @ invert(matrix)
@@ -143,8 +128,8 @@ class TransformHistory:
         first = max(bisect.bisect_right(self._stamps_ns, baseline_ns) - 1, 0)
         measured_ns = newest_ns - self._stamps_ns[first]
         matrix = self._matrices[-1]
-        if 0 < measured_ns <= self._config.gap_s * 1e9:
-            moving_ns = min(ahead_ns, self._config.predict_s * 1e9)
+        if 0 < measured_ns <= GAP_S * 1e9:
+            moving_ns = min(ahead_ns, PREDICT_S * 1e9)
             matrix = interpolate(self._matrices[first], matrix, 1 + moving_ns / measured_ns)
         return self._uncertain(matrix, self._covariances[-1], ahead_ns)
 
@@ -152,22 +137,21 @@ class TransformHistory:
         self, matrix: F64, covariance: F64 | None, unobserved_ns: int
     ) -> TransformEstimate:
         half_s2 = 0.5 * (unobserved_ns / 1e9) ** 2
-        config = self._config
         return replace(
             self._estimate(matrix, covariance),
-            sigma_m=config.sigma_acceleration_mps2 * half_s2,
-            sigma_rad=config.sigma_angular_acceleration_radps2 * half_s2,
+            sigma_m=SIGMA_ACCELERATION_MPS2 * half_s2,
+            sigma_rad=SIGMA_ANGULAR_ACCELERATION_RADPS2 * half_s2,
         )
 
 
 def displacement(motion: F64) -> tuple[float, float]:
-    """Return the length of the translation [m] and the angle of the rotation [rad] of a 4x4."""
+    """Return the distance [m] and the angle [rad] of a motion (4x4)."""
     angle_rad = float(np.linalg.norm(rotation_vector(motion[:3, :3])))
     return float(np.linalg.norm(motion[:3, 3])), angle_rad
 
 
 def rotation_vector(rotation: F64) -> F64:
-    """Return the axis of a rotation (3x3), as long as its angle is [rad]."""
+    """Return the rotation vector [rad] of a rotation (3x3)."""
     a = rotation
     sines: F64 = np.array([a[2, 1] - a[1, 2], a[0, 2] - a[2, 0], a[1, 0] - a[0, 1]], float) / 2
     if np.linalg.norm(sines) < SMALL_RAD and np.trace(a) > 0:
@@ -176,7 +160,7 @@ def rotation_vector(rotation: F64) -> F64:
 
 
 def interpolate(start: F64, end: F64, fraction: float) -> F64:
-    """Return the transform between two at constant velocity; fractions beyond 0..1 extrapolate."""
+    """Interpolate transforms at constant velocity; fractions outside 0..1 extrapolate."""
     turn_rad = rotation_vector((invert(start) @ end)[:3, :3])
     return transform_from(
         start[:3, 3] + fraction * (end[:3, 3] - start[:3, 3]),

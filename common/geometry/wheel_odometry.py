@@ -1,4 +1,4 @@
-"""Odometry from the ticks of two wheels (docs/method.md section 7)."""
+"""Odometry from the encoders of two wheels (docs/method.md section 7)."""
 
 import math
 
@@ -9,28 +9,19 @@ from people4d.messages.base import Count, Positive
 
 
 class WheelConfig(Config, frozen=True, kw_only=True):
-    """A base with two driven wheels; the values are those of docs/method.md section 7."""
+    """Base with two driven wheels; values from docs/method.md section 7."""
 
-    radius_m: Positive = 0.035  # [m] of a wheel
-    track_m: Positive = 0.108  # [m] between the wheels
-    # Counts of the encoder in one turn of the wheel; 2 pi if it gives radians
-    ticks_per_turn: Positive = 374.0
-    # Number of different readings of an encoder that overflows, for example 65536; 0: none
-    wraps_at: Count = 0
+    joints: tuple[str, str] = ("wheel_left_joint", "wheel_right_joint")  # names of left and right
+    radius_m: Positive = 0.035  # [m] radius of a wheel
+    track_m: Positive = 0.108  # [m] distance between the wheels
+    ticks_per_turn: Positive = math.tau  # encoder counts per turn of a wheel; 2 pi: radians
+    wraps_at: Count = 0  # number of readings before the encoder overflows, such as 65536; 0: never
     frame_id: str = "odom"  # frame of the pose
     child_frame_id: str = "base_link"  # frame of the base
 
 
-class JointConfig(WheelConfig, frozen=True, kw_only=True):
-    """A base whose wheels are joints of sensor_msgs/JointState, or two topics of std_msgs."""
-
-    # Radians, as joints of ROS have; else counts of the encoder in one turn of the wheel
-    ticks_per_turn: float = math.tau
-    joints: tuple[str, str] = ("wheel_left_joint", "wheel_right_joint")  # names of left and right
-
-
 class WheelOdometry:
-    """Sum of the steps of the wheels; the pose begins at (0, 0, 0) with the first reading."""
+    """Sum of the steps of the wheels; the first reading gives the pose (0, 0, 0)."""
 
     def __init__(self, config: WheelConfig) -> None:
         self._config = config
@@ -38,11 +29,11 @@ class WheelOdometry:
         self._pose = (0.0, 0.0, 0.0)
         self._sequence = 0
 
-    def add(self, stamp_ns: int, left: float, right: float) -> Odometry:
-        """Add a reading of both encoders: ticks since any beginning, forward rising.
+    def add_reading(self, stamp_ns: int, left: float, right: float) -> Odometry:
+        """Add a reading of both encoders: ticks from any origin, rising forward.
 
         Returns:
-            The pose: dtheta = (right - left) / track, the distance along the mean heading.
+            The pose, by dtheta = (right - left) / track and the distance along the mean heading.
         """
         tick_m = 2 * math.pi * self._config.radius_m / self._config.ticks_per_turn
         last_left, last_right = self._ticks or (left, right)
@@ -67,6 +58,6 @@ class WheelOdometry:
         )
 
     def _step(self, ticks: float) -> float:
-        """Return the shortest step that explains a difference of readings."""
+        """Return the shortest step for a difference of readings."""
         wraps_at = self._config.wraps_at
         return (ticks + wraps_at // 2) % wraps_at - wraps_at // 2 if wraps_at else ticks

@@ -9,7 +9,6 @@ import numpy as np
 from common.drawing.people import LIMBS
 from common.geometry.keypoints import lift
 from common.geometry.transform_buffer import TransformBuffer
-from common.geometry.transform_history import TransformBufferConfig
 from common.geometry.transforms import apply
 from people4d.messages import (
     F64,
@@ -99,7 +98,7 @@ class PeopleScene:
     )
 
     def __init__(self) -> None:
-        self.transforms = TransformBuffer(TransformBufferConfig())
+        self.transforms = TransformBuffer()
         self.infos: dict[str, CameraInfo] = {}
         self._waiting: dict[tuple[str, int], Detections] = {}
         self._trajectories: dict[int, deque[tuple[int, F64]]] = {}
@@ -112,7 +111,7 @@ class PeopleScene:
             if message.camera in self.infos or len(self.infos) < MAX_CAMERAS:
                 self.infos[message.camera] = message
         elif isinstance(message, StaticTransform | MovingTransform | Odometry):
-            self.transforms.add(message)
+            self.transforms.add_transform(message)
         elif isinstance(message, Detections):
             self._waiting[message.camera, message.stamp_ns] = message
             if len(self._waiting) > WAITING_MAX:

@@ -71,7 +71,7 @@ def _estimate_all(camera: CameraConfig, run: GaitRun, on_frame: OnFrame) -> Iter
 
 
 def _estimate_box(camera: CameraConfig, run: GaitRun, on_frame: OnFrame) -> Iterator[int]:
-    transforms = TransformBuffer(run.gait.base)
+    transforms = TransformBuffer()
     counters = Counter(dict.fromkeys(ESTIMATOR_COUNTERS, 0))
     observation = PersonObservation(id=1, box_xyxy_px=np.array(run.box, np.float64))
     estimator: GaitEstimator | None = None
@@ -80,7 +80,7 @@ def _estimate_box(camera: CameraConfig, run: GaitRun, on_frame: OnFrame) -> Iter
     for step in play(camera, [_EmptyDetector()]):
         for message in step.messages:
             if isinstance(message, StaticTransform | MovingTransform | Odometry):
-                transforms.add(message)
+                transforms.add_transform(message)
             elif isinstance(message, CameraInfo):
                 info, estimator = message, GaitEstimator(config, message, counters)
             elif isinstance(message, RgbdFrame) and info and estimator:

@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from common.geometry.transform_buffer import TransformBuffer
-from common.geometry.transform_history import TransformBufferConfig, TransformEstimate
+from common.geometry.transform_history import TransformEstimate
 from common.geometry.transforms import invert
 from common.metrics.from_messages import hypotheses_of
 from common.metrics.matching import Matching, match
@@ -123,10 +123,10 @@ class OdometryDrift:
 
     def __init__(self, messages: Iterable[Message], frame_id: str, camera: str) -> None:
         self._ends = frame_id, camera
-        self._transforms = TransformBuffer(TransformBufferConfig(history_s=1e9))
+        self._transforms = TransformBuffer(history_s=1e9)
         for message in messages:
             if isinstance(message, StaticTransform | MovingTransform | Odometry):
-                self._transforms.add(message)
+                self._transforms.add_transform(message)
         self._drives = self._transforms.lookup_static(*self._ends) is None
 
     def correct(self, track: Track, stamp_ns: int, map_from_camera: F64 | None) -> Track:

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from common.geometry.transform_buffer import TransformBuffer
-from common.geometry.transform_history import TransformBufferConfig
 from common.geometry.transforms import invert, rotation_from_rpy, transform_from
 from evaluation.recordings.ground_truth import SampledTruth
 from people4d.errors import SourceError
@@ -43,10 +42,10 @@ def with_start_link(
     """
     moving = [message for message in messages if isinstance(message, MOVING)]
     stamps_ns = [message.stamp_ns for message in messages if isinstance(message, Detections)]
-    buffer = TransformBuffer(TransformBufferConfig(history_s=1e9))
+    buffer = TransformBuffer(history_s=1e9)
     for message in messages:
         if isinstance(message, (StaticTransform, *MOVING)):
-            buffer.add(message)
+            buffer.add_transform(message)
     if not moving or _linked(buffer, frame_id, info.frame_id, stamps_ns):
         return list(messages)
     odom = next((m.frame_id for m in moving if isinstance(m, Odometry)), None)

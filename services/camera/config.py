@@ -7,7 +7,7 @@ from msgspec import Meta
 
 from common.config import Config
 from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
-from common.geometry.wheel_odometry import JointConfig
+from common.geometry.wheel_odometry import WheelConfig
 from people4d.messages import F64
 from people4d.messages.base import (
     Count,
@@ -25,7 +25,7 @@ class MotionConfig(Config, frozen=True, kw_only=True):
 
     odometry: str = ""  # nav_msgs/Odometry, for example zenoh:odom; empty: none
     joints: str = ""  # sensor_msgs/JointState whose wheels make odometry; empty: none
-    wheels: JointConfig = JointConfig()  # of joints
+    wheels: WheelConfig = WheelConfig()  # of joints
     # tf2_msgs/TFMessage, for example ["zenoh:tf"]: parents of a camera that pans, tilts, swings
     transforms: tuple[str, ...] = ()
     offset_s: float = 0.0  # [s] added to their stamps: from the robot's clock to the camera's

@@ -5,7 +5,6 @@ from typing import Annotated
 from msgspec import Meta
 
 from common.config import Config
-from common.geometry.transform_history import TransformBufferConfig
 from people4d.messages.base import Name, Positive, PositiveInt
 
 
@@ -33,4 +32,3 @@ class DashboardConfig(Config, frozen=True, kw_only=True):
     history_mb: PositiveInt = 64  # [MiB] of that at most
     stuck_s: Positive = 5.0  # [s] after which a viewer that reads nothing is dropped
     base_frame: Name = "base_link"  # the robot's base
-    base: TransformBufferConfig = TransformBufferConfig()  # motion of the robot

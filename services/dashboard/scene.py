@@ -167,7 +167,7 @@ class SceneBuilder:
 
     def __init__(self, config: DashboardConfig) -> None:
         self._config = config
-        self._transforms = TransformBuffer(config.base)
+        self._transforms = TransformBuffer()
         self._infos: dict[str, CameraInfo] = {}
         self._frame_id = "map"
 
@@ -177,7 +177,7 @@ class SceneBuilder:
             if message.camera in self._infos or len(self._infos) < CAMERAS_MAX:
                 self._infos[message.camera] = message
         elif isinstance(message, StaticTransform | MovingTransform | Odometry):
-            self._transforms.add(message)
+            self._transforms.add_transform(message)
 
     def scene(
         self, key: Key, detections: Detections | None, tracks: Tracks | None

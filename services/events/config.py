@@ -1,7 +1,6 @@
 """Configuration of the events."""
 
 from common.config import Config
-from common.geometry.transform_history import TransformBufferConfig
 from people4d.messages.base import Name, NonNegative, Positive, PositiveInt, Probability
 
 
@@ -22,4 +21,3 @@ class EventsConfig(Config, frozen=True, kw_only=True):
     mqtt: str = ""
     base_frame: Name = "base_link"  # the robot's base
     clock_jump_s: Positive = 1.0  # [s] a stamp older than the newest by more: everything is new
-    base: TransformBufferConfig = TransformBufferConfig()  # motion of the robot

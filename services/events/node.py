@@ -55,7 +55,7 @@ class EventsNode(Node):
         self._config = config
         self._rules = EventRules(config)
         self._stream = StreamClock(wall_ns)
-        self._transforms = TransformBuffer(config.base)
+        self._transforms = TransformBuffer()
         self._journal = Journal(None, config.journal_max)
         self._deliveries: list[Delivery] = []
         self._zones_file: Path | None = None
@@ -101,7 +101,7 @@ class EventsNode(Node):
             return self._edit(message)
         if not isinstance(message, Tracks):
             if isinstance(message, StaticTransform | MovingTransform | Odometry):
-                self._transforms.add(message)
+                self._transforms.add_transform(message)
             return ()
         if message.predicted:  # by the wall clock: it may be ahead of the frames to come
             return ()

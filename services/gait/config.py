@@ -9,7 +9,6 @@ from typing import Annotated, Literal
 from msgspec import Meta
 
 from common.config import Config
-from common.geometry.transform_history import TransformBufferConfig
 from people4d.messages.base import Count, NonNegative, Positive, PositiveInt, Ratio
 
 Number = Annotated[int, Meta(ge=1, le=1000)]
@@ -240,6 +239,5 @@ class GaitConfig(Config, frozen=True, kw_only=True):
     frames: Number = 16
     settle_s: BelowOne = 0.003  # [s] that a frame waits for a newer one of its camera
     clock_jump_s: Positive = 1.0  # [s] a stamp this far back begins a new time; nearer, it is stale
-    base: TransformBufferConfig = TransformBufferConfig()  # plausible motion of the base
     cascade: CascadeConfig = CascadeConfig()
     steps: StepConfig = StepConfig()

@@ -58,7 +58,7 @@ class GaitNode(Node):
         self._config, self._on_frame = config, on_frame
         self.frames_waiting = config.frames
         self._synchroniser = Synchroniser(PENDING_MAX, config.frames)
-        self._transforms = TransformBuffer(config.base)
+        self._transforms = TransformBuffer()
         self._infos: dict[str, CameraInfo] = {}
         self._estimators: dict[str, GaitEstimator] = {}
         self._ready: dict[str, FrameParts] = {}
@@ -70,7 +70,7 @@ class GaitNode(Node):
         if isinstance(message, CameraInfo):
             self._calibrate(message)
         elif isinstance(message, StaticTransform | MovingTransform | Odometry):
-            self._transforms.add(message)
+            self._transforms.add_transform(message)
         elif isinstance(message, RgbdFrame | Detections | Tracks):
             for joined in self._synchroniser.add(message):
                 parts = joined.parts()

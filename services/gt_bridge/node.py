@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Sequence
 import msgspec
 
 from common.geometry.transform_buffer import TransformBuffer
-from common.geometry.transform_history import TransformBufferConfig
 from common.metrics.alignment.alignment import transform_truth
 from common.metrics.from_messages import plausible
 from common.metrics.live import LiveScorer
@@ -27,7 +26,7 @@ from services.gt_bridge.playback import LEAD_NS, TruthPlayback
 from services.gt_bridge.sources.registry import LiveTruthSource, ReceivedTruthSource
 
 DEFAULT = GtBridgeConfig()
-HISTORY = TransformBufferConfig(history_s=30.0)  # truth may come late, and alignments look back
+HISTORY_S = 30.0  # length of the history: ground truth may be late, and alignment looks back [s]
 
 
 class GtBridgeNode(Node):
@@ -49,7 +48,7 @@ class GtBridgeNode(Node):
         self._starts = True
         self._wake: Callable[[], None] = lambda: None
         self._counters: Counter[str] = Counter()
-        self._transforms = TransformBuffer(HISTORY)
+        self._transforms = TransformBuffer(HISTORY_S)
         aligns = config.align_clock_s > 0 or config.align_space != "off"
         alignment = EstimatedAlignment(config, self._transforms) if aligns else None
         self._scorer = LiveScorer(self._transforms, self._counters, config.gate_m, alignment)
@@ -58,7 +57,7 @@ class GtBridgeNode(Node):
         self._live_ns: int | None = None
         self._unlinked = ""  # frame of the last truth without a transform to the configured frame
         for transform in config.transforms:
-            self._transforms.add(transform.message())
+            self._transforms.add_transform(transform.message())
 
     def attach(self, loop: LoopCallbacks) -> None:
         """Take the callbacks of the loop."""
@@ -78,7 +77,7 @@ class GtBridgeNode(Node):
         elif isinstance(message, CameraInfo):
             self._scorer.views.add(message)
         elif isinstance(message, StaticTransform | MovingTransform | Odometry):
-            self._transforms.add(message)
+            self._transforms.add_transform(message)
         return outputs + self._scorer.due()
 
     def tick(self, now_ns: int) -> Sequence[Message]:

@@ -5,7 +5,6 @@ from typing import Annotated
 from msgspec import Meta
 
 from common.config import Config
-from common.geometry.transform_history import TransformBufferConfig
 from people4d.messages.base import Name, NonNegative, Positive, PositiveInt, Probability, Ratio
 from people4d.messages.prediction import HORIZONS_MAX
 
@@ -108,4 +107,3 @@ class PredictorConfig(Config, frozen=True, kw_only=True):
     speed_max_mps: Positive = 12.0  # [m/s] of the fastest sprinters
     clock_jump_s: Positive = 1.0  # [s] a stamp older than the newest by more: the clock was reset
     forecast: ForecastConfig = ForecastConfig()
-    base: TransformBufferConfig = TransformBufferConfig()  # the robot's own motion

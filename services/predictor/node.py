@@ -55,7 +55,7 @@ class PredictorNode(Node):
         self._horizons_s = np.round(config.step_s * np.arange(1, config.steps + 1), 9)
         self._published_horizons_s = tuple(self._horizons_s.tolist())
         self._fine_s = np.arange(0, self._horizons_s[-1] + FINE_S / 2, FINE_S)
-        self._transforms = TransformBuffer(config.base)
+        self._transforms = TransformBuffer()
         self._frame_id = ""
         self._start_ns = 0
         self._forecaster = Forecaster(config.forecast, self._horizons_s)
@@ -68,7 +68,7 @@ class PredictorNode(Node):
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
         """Take one message; return the predictions that follow from tracks."""
         if isinstance(message, StaticTransform | MovingTransform | Odometry):
-            self._transforms.add(message)
+            self._transforms.add_transform(message)
         elif not isinstance(message, Tracks):
             return ()
         elif message.predicted:  # by the wall clock: it may be ahead of the frames to come

@@ -8,7 +8,6 @@ import msgspec
 import numpy as np
 
 from common.geometry.transform_buffer import TransformBuffer
-from common.geometry.transform_history import TransformBufferConfig
 from common.metrics.live import LiveScorer
 from common.runtime.latency import end_to_end, merge_stages, percentiles, segments
 from common.runtime.synchroniser import SynchronisedFrame
@@ -136,7 +135,7 @@ class RunStatistics:
         self._names: dict[str, str] = {}
         self._track_frames: Counter[int] = Counter()
         self._latency = Latency()
-        self._transforms = TransformBuffer(TransformBufferConfig())
+        self._transforms = TransformBuffer()
         self._scorer = LiveScorer(self._transforms, Counter())
         self._score: Tally | None = None
         self._errors_m: EvenSample[float] = EvenSample(MAX_ERRORS)
@@ -166,7 +165,7 @@ class RunStatistics:
         elif isinstance(message, CameraInfo):
             self._scorer.views.add(message)
         elif isinstance(message, StaticTransform | MovingTransform | Odometry):
-            self._transforms.add(message)
+            self._transforms.add_transform(message)
         elif isinstance(message, Health):
             known = message.instance in self._health
             if known or len(self._health) < MAX_INSTANCES:

@@ -3,7 +3,6 @@
 from typing import Literal
 
 from common.config import Config
-from common.geometry.transform_history import TransformBufferConfig
 from common.ros2.config import Ros2Config
 from people4d.messages.base import NameOrEmpty, NonNegative, Positive
 
@@ -74,4 +73,3 @@ class Ros2BridgeConfig(Config, frozen=True, kw_only=True):
     reader_frame: str = ""
     reader_wait_s: Positive = 0.1  # [s] longest wait for a transform as late as the stamp
     box_m: tuple[Positive, Positive, Positive] = (0.5, 0.6, 1.75)  # [m] depth, width, height
-    base: TransformBufferConfig = TransformBufferConfig()  # transforms for frame_id

@@ -33,7 +33,7 @@ class PeopleOutputs:
         self, config: Ros2BridgeConfig, transport: Ros2Transport, counters: Counter[str]
     ) -> None:
         self._config, self._counters = config, counters
-        self._transforms = TransformBuffer(config.base)
+        self._transforms = TransformBuffer()
         outputs = config.outputs
         kinds: dict[str, tuple[str, Callable[[RosPeople], Fields]]] = {
             "people": (people.PEOPLE, partial(people.people, convention=config.convention)),
@@ -62,7 +62,7 @@ class PeopleOutputs:
 
     def add_transform(self, message: StaticTransform | MovingTransform | Odometry) -> None:
         """Take a transform that may lead to the frame."""
-        self._transforms.add(message)
+        self._transforms.add_transform(message)
 
     def in_frame(self, message: RosPeople) -> RosPeople | None:
         """Return people in the frame of ROS; None if it is not linked to theirs."""

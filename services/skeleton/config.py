@@ -1,7 +1,6 @@
 """Configuration of skeletons; values are this project's (docs/method.md section 26)."""
 
 from common.config import Config
-from common.geometry.transform_history import TransformBufferConfig
 from people4d.messages.base import Positive, PositiveInt, Probability
 
 
@@ -34,4 +33,3 @@ class SkeletonConfig(Config, frozen=True, kw_only=True):
     people_max: PositiveInt = 200  # further people have no skeleton
     gap_max_s: Positive = 1.0  # [s] without a frame, after which skeletons begin anew
     away_max_m: Positive = 0.6  # [m] of a torso from its track, beyond which it begins anew
-    base: TransformBufferConfig = TransformBufferConfig()  # the robot's own motion

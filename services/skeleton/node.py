@@ -55,7 +55,7 @@ class SkeletonNode(Node):
 
     def __init__(self, config: SkeletonConfig) -> None:
         self._config = config
-        self._transforms = TransformBuffer(config.base)
+        self._transforms = TransformBuffer()
         self._infos: dict[str, CameraInfo] = {}
         self._detections: dict[tuple[str, int], Detections] = {}
         self._skeletons = SkeletonTracker(config.joints, config.away_max_m)
@@ -66,7 +66,7 @@ class SkeletonNode(Node):
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
         """Take one message; return the skeletons that follow from tracks."""
         if isinstance(message, StaticTransform | MovingTransform | Odometry):
-            self._transforms.add(message)
+            self._transforms.add_transform(message)
         elif isinstance(message, CameraInfo):
             if message.camera in self._infos or len(self._infos) < MAX_CAMERAS:
                 self._infos[message.camera] = message

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from common.geometry.frame_graph import find_loop
 from common.geometry.transform_buffer import TransformBuffer
-from common.geometry.transform_history import TransformBufferConfig, TransformEstimate
+from common.geometry.transform_history import TransformEstimate
 from common.geometry.transforms import LINK_FROM_OPTICAL, apply, wrap
 from people4d.messages import F64, MovingTransform, Odometry, StaticTransform, Track
 from people4d.messages.base import MAX_CAMERAS
@@ -24,10 +24,10 @@ class CameraPoseLookup:
     Unless a transform is `required`, a camera without one stands at the origin and looks along +x.
     """
 
-    def __init__(self, frame_id: str, config: TransformBufferConfig, required: bool) -> None:
+    def __init__(self, frame_id: str, required: bool) -> None:
         self._frame_id, self._required = frame_id, required
         self._tracking_frame = frame_id
-        self._buffer = TransformBuffer(config)
+        self._buffer = TransformBuffer()
         self._fixed: dict[str, F64] = {}  # fixed cameras, as used last
         self._parents: dict[str, str] = {}  # of frames, by fixed transforms
         self.loop: Sequence[str] = ()  # frames, see find_loop
@@ -50,7 +50,7 @@ class CameraPoseLookup:
     def add(self, message: StaticTransform | MovingTransform | Odometry) -> bool:
         """Add a transform; return True if a pose that was used already has changed, or moves."""
         changes = self._buffer.changes
-        self._buffer.add(message)
+        self._buffer.add_transform(message)
         if self._buffer.changes == changes:
             return False
         if isinstance(message, StaticTransform):

@@ -10,7 +10,6 @@ import msgspec
 from msgspec import Meta
 
 from common.config import Config
-from common.geometry.transform_history import TransformBufferConfig
 from people4d.messages.base import (
     NonNegative,
     Positive,
@@ -160,7 +159,6 @@ class TrackerConfig(Config, frozen=True, kw_only=True):
     predict_after_s: Positive = 0.2  # [s] without detections after which predictions are published
     predict_hz: Positive = 10.0  # [Hz] rate of those predictions
     # input
-    base: TransformBufferConfig = TransformBufferConfig()  # plausible motion of the base
     max_range_m: Positive = 100.0  # [m] positions farther from the camera are dropped
     area: SiteAreaConfig = SiteAreaConfig()  # of a site with several trackers
     # methods

@@ -85,7 +85,7 @@ class TrackerNode(StatefulNode):
         self._tracker = self._groups.main
         self._now_ns = 0
         self._join = FrameJoin(config, self._tracker.uses_embeddings)
-        self._poses = CameraPoseLookup(config.frame_id, config.base, config.require_transform)
+        self._poses = CameraPoseLookup(config.frame_id, config.require_transform)
         self._output = TrackerOutput(config, self._poses)
         self._drift, self._absence = CameraDrift(), CameraAbsence()
         self._hosts = CameraHosts(config.area.hosts)

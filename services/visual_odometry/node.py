@@ -85,7 +85,7 @@ class VisualOdometryNode(Node):
             if message.camera in self._infos or len(self._infos) < 64:  # limit of memory
                 self._infos[message.camera] = message
         elif isinstance(message, StaticTransform):
-            self._frames.add(message)
+            self._frames.add_transform(message)
         elif isinstance(message, Odometry):
             self._check_origin(message)
         return ()

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from common.geometry.wheel_odometry import JointConfig
+from common.geometry.wheel_odometry import WheelConfig
 from common.io.images import decode_jpeg, decode_png16, decompress, encode_jpeg, encode_png16
 from common.io.ros_bag import PEOPLE, make_typestore
 from common.ros2.transforms import edges_of
@@ -199,7 +199,7 @@ MOTIONS = tuple(
     LiveMotion(config)
     for config in (
         MotionConfig(odometry="zenoh:odom", transforms=TREES),
-        MotionConfig(joints="zenoh:joints", wheels=JointConfig(joints=("left", "right"))),
+        MotionConfig(joints="zenoh:joints", wheels=WheelConfig(joints=("left", "right"))),
     )
 )
 LIVE = LiveTruth(GtBridgeConfig(truth="zenoh:people"))

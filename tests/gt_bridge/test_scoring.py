@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from common.geometry.transform_buffer import TransformBuffer
-from common.geometry.transform_history import TransformBufferConfig
 from common.geometry.transforms import transform_from
 from common.metrics.live import MAX_WAITING, LiveScorer
 from common.metrics.record import EvaluationFrame, EvaluationSequence, GroundTruth, Hypotheses
@@ -37,12 +36,12 @@ class Bench:
 
     def __init__(self, camera: bool = True, **settings: Any) -> None:
         self.counters: Counter[str] = Counter()
-        self.frames = TransformBuffer(TransformBufferConfig())
+        self.frames = TransformBuffer()
         config = GtBridgeConfig(**settings)
         alignment = EstimatedAlignment(config, self.frames) if settings else None
         self.scorer = LiveScorer(self.frames, self.counters, config.gate_m, alignment)
         if camera:
-            self.frames.add(POSE)
+            self.frames.add_transform(POSE)
             self.scorer.views.add(INFO)
 
     def feed(self, messages: Iterable[Message]) -> list[Score]:
@@ -114,10 +113,12 @@ def test_the_view_is_that_of_a_robot_where_it_is_by_then() -> None:
     # The robot drives 1 m/s along x and turns left by 90 degrees within the second second. Ahead
     # of the start: at first 2 m off, later behind its back. To the left: in view after the turn.
     bench = Bench(camera=False)
-    bench.frames.add(msgspec.structs.replace(POSE, parent="base_link", matrix=POSE.matrix))
+    bench.frames.add_transform(
+        msgspec.structs.replace(POSE, parent="base_link", matrix=POSE.matrix)
+    )
     bench.scorer.views.add(INFO)
     for ms in range(0, 2001, 20):
-        bench.frames.add(drive(ms, ms / 1000, math.radians(max(ms - 1000, 0) * 0.09)))
+        bench.frames.add_transform(drive(ms, ms / 1000, math.radians(max(ms - 1000, 0) * 0.09)))
     ahead, left = person("ahead", 2.0, 0.0), person("left", 2.0, 3.0)
     scores = bench.feed(
         [
@@ -137,7 +138,7 @@ def test_truth_is_brought_to_a_frame_that_moves() -> None:
     bench = Bench(camera=False)
     for ms in (0, 1000):
         matrix = transform_from((ms / 1000, 0, 0), np.eye(3))
-        bench.frames.add(
+        bench.frames.add_transform(
             MovingTransform(stamp_ns=ms * MS, sequence=0, parent="map", child="odom", matrix=matrix)
         )
     (got,) = bench.feed(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from common.geometry.transform_buffer import TransformBuffer, transform_from_odometry
-from common.geometry.transform_history import TransformBufferConfig, TransformEstimate
+from common.geometry.transform_history import TransformEstimate
 from common.geometry.transforms import (
     LINK_FROM_OPTICAL,
     apply,
@@ -123,10 +123,10 @@ def test_track_in_the_frame_of_a_turned_base() -> None:
 
 
 def test_only_frames_on_a_base_move_with_it() -> None:
-    frames = TransformBuffer(TransformBufferConfig())
+    frames = TransformBuffer()
     assert frames.fixed_frame("base_link") == "base_link"
     for message in (fixed("base_link", CAMERA, MOUNT), fixed("map", "odom", np.eye(4)), driven(0)):
-        frames.add(message)
+        frames.add_transform(message)
     assert frames.fixed_frame("base_link") == frames.fixed_frame(CAMERA) == "odom"
     assert frames.fixed_frame("odom") == "odom"
     assert frames.fixed_frame("map") == "map"

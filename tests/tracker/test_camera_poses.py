@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from common.geometry.transform_history import TransformBufferConfig
 from common.geometry.transforms import LINK_FROM_OPTICAL, transform_from
 from people4d.messages import F64, Odometry, StaticTransform
 from services.tracker.camera_poses import CameraPoseLookup
@@ -23,7 +22,7 @@ def odometry(stamp_ns: int, x_m: float) -> Odometry:
 
 
 def positions(*messages: StaticTransform | Odometry, frame_id: str = "map") -> CameraPoseLookup:
-    made = CameraPoseLookup(frame_id, TransformBufferConfig(), required=False)
+    made = CameraPoseLookup(frame_id, required=False)
     for message in messages:
         assert not made.add(message)
     return made
@@ -39,7 +38,7 @@ def test_a_camera_without_a_transform_is_the_origin_unless_one_is_required() -> 
     made = positions()
     np.testing.assert_array_equal(matrix_of(made), LINK_FROM_OPTICAL)
     assert made.without_transform == {CAMERA}
-    strict = CameraPoseLookup("map", TransformBufferConfig(), required=True)
+    strict = CameraPoseLookup("map", required=True)
     assert strict.lookup(CAMERA, 0) is None
     assert strict.without_transform == {CAMERA}
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from common.geometry.transform_buffer import transform_from_odometry
-from common.geometry.transform_history import COUNTERS, TransformBufferConfig, TransformHistory
+from common.geometry.transform_history import COUNTERS, TransformHistory
 from common.geometry.transforms import LINK_FROM_OPTICAL
 from common.metrics.record import BOOL, EvaluationFrame, EvaluationSequence, GroundTruth, Hypotheses
 from evaluation.recordings.detections import DetectionJob, detect, read_tracker_input
@@ -50,7 +50,7 @@ class Ride:
 
     def turned(self) -> tuple[BoxFrame, ...]:
         """Return the frames with the turns that a tracker would have known of when they came."""
-        base = TransformHistory(TransformBufferConfig(), Counter(dict.fromkeys(COUNTERS, 0)))
+        base = TransformHistory(Counter(dict.fromkeys(COUNTERS, 0)))
         before, waiting, frames = None, list(self.samples), []
         for frame in self.frames:
             latest_ns = frame.stamp_ns + int(WAIT_S * 1e9)
@@ -59,7 +59,7 @@ class Ride:
                 if came_ns > frame.stamp_ns and (base.newest_ns or 0) >= frame.stamp_ns:
                     break
                 odometry = waiting.pop(0).odometry
-                base.add(odometry.stamp_ns, transform_from_odometry(odometry))
+                base.add_sample(odometry.stamp_ns, transform_from_odometry(odometry))
             pose = base.at(frame.stamp_ns)
             now = None
             if pose:

@@ -8,7 +8,7 @@ import numpy as np
 
 from common.config import Config
 from common.geometry.transforms import invert
-from common.geometry.wheel_odometry import JointConfig
+from common.geometry.wheel_odometry import WheelConfig
 from common.io.ros_bag import Bag
 from common.ros2.transforms import edges_of, matrix_of
 from people4d.errors import SourceError
@@ -45,7 +45,7 @@ class RosbagOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     # Wheels of a base without odometry: sensor_msgs/JointState, or a topic of a number
     # (std_msgs) for the left wheel and one for the right
     wheel_topics: tuple[str, ...] = ()
-    wheels: JointConfig = JointConfig()
+    wheels: WheelConfig = WheelConfig()
     depth_aligned: bool | None = None  # None: found from frames, sizes and calibration
     depth_offset_px: tuple[float, float] = (0.0, 0.0)  # [px] u, v, see Registration
     calibration: str = ""  # calibration file that is used instead of CameraInfo

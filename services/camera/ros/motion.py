@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from common.geometry.transforms import invert
-from common.geometry.wheel_odometry import JointConfig, WheelOdometry
+from common.geometry.wheel_odometry import WheelConfig, WheelOdometry
 from common.ros2.frame_names import frame_name
 from people4d.errors import DecodeError
 from people4d.messages import F64, Odometry
@@ -88,7 +88,7 @@ def odometry_of(message: Any, stamp_ns: int, sequence: int) -> Odometry:
 class WheelReader:
     """Odometry of a base from its wheels, which are joints or two numbers."""
 
-    def __init__(self, config: JointConfig) -> None:
+    def __init__(self, config: WheelConfig) -> None:
         self._config = config
         self._odometry = WheelOdometry(config)
         self._left: float | None = None
@@ -115,4 +115,4 @@ class WheelReader:
     def _add(self, stamp_ns: int, left: float, right: float) -> Odometry:
         if not (abs(left) < 2**53 and abs(right) < 2**53):  # NaN included
             raise DecodeError(f"wheels: expected finite positions, got {left}, {right}")
-        return self._odometry.add(stamp_ns, left, right)
+        return self._odometry.add_reading(stamp_ns, left, right)

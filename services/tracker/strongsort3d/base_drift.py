@@ -3,24 +3,26 @@
 import numpy as np
 
 from common.geometry.planar_covariance import PlanarCovariance
-from common.geometry.transform_history import TransformBufferConfig, displacement
+from common.geometry.transform_history import displacement
 from common.geometry.transforms import invert
 from people4d.messages import F64
 from services.tracker.interface import Observation
 from services.tracker.motion.track_set import TrackSet
 from services.tracker.strongsort3d.policies import TrackPolicy
 
+DRIFT_DISTANCE_M = 0.02  # standard deviation of drift after a distance of 1 m [m]
+DRIFT_ROTATION_RAD = 0.05  # standard deviation of drift after a rotation of 1 rad [rad]
+
 
 class BaseDrift(TrackPolicy):
     """Covariance of tracked positions due to errors of the motion of the base.
 
-    It is that of the odometry, if its messages carry one that grows. Else the errors of distance
-    and of angle grow as random walks with the distance and with the angle; a turn by angle e about
-    the vertical moves a person r away by e r, at right angles to the ray.
+    The covariance of the odometry is used if it grows. Otherwise the errors of distance and angle
+    are random walks in distance and angle; a rotation by an angle e about the vertical moves a
+    person at a distance r by e r, at right angles to the ray.
     """
 
-    def __init__(self, config: TransformBufferConfig) -> None:
-        self._config = config
+    def __init__(self) -> None:
         self._poses: dict[str, F64] = {}
         self._bases: dict[str, PlanarCovariance | None] = {}
 
@@ -50,13 +52,8 @@ class BaseDrift(TrackPolicy):
         distance_m, rotation_rad = displacement(invert(before) @ pose)
         ray_m = positions_m - pose[:3, 3]
         aside_m = np.stack([-ray_m[:, 1], ray_m[:, 0], np.zeros(len(ray_m))], axis=-1)
-        turn = (
-            self._config.drift_rotation_rad**2
-            * rotation_rad
-            * aside_m[:, :, None]
-            * aside_m[:, None]
-        )
-        return turn + self._config.drift_distance_m**2 * distance_m * np.diag([1.0, 1.0, 0.0])
+        turn = DRIFT_ROTATION_RAD**2 * rotation_rad * aside_m[:, :, None] * aside_m[:, None]
+        return turn + DRIFT_DISTANCE_M**2 * distance_m * np.diag([1.0, 1.0, 0.0])
 
     def clear(self) -> None:
         """Drop the poses of the cameras."""

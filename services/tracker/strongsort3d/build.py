@@ -43,7 +43,7 @@ def build_strongsort3d(config: TrackerConfig) -> StrongSort3d:
         cost=Likelihood() if strong.likelihood else CostPolicy(),
         visibility=TrackVisibility() if strong.visibility else VisibilityPolicy(),
         identity=Reidentification(strong.identity) if strong.identity.enabled else IdentityPolicy(),
-        drift=BaseDrift(config.base),
+        drift=BaseDrift(),
     )
     return StrongSort3d(strong, motion, tracks, policies)
 

@@ -11,9 +11,8 @@ import pytest
 import zenoh
 
 from common.geometry.transform_buffer import TransformBuffer
-from common.geometry.transform_history import TransformBufferConfig
 from common.geometry.transforms import LINK_FROM_OPTICAL
-from common.geometry.wheel_odometry import JointConfig
+from common.geometry.wheel_odometry import WheelConfig
 from common.runtime.loop import Loop
 from common.transport.trace import ProcessId
 from common.transport.zenoh_bus import read_config
@@ -167,10 +166,10 @@ def test_only_what_the_camera_hangs_on_is_passed_on() -> None:
     assert motion.silent == []
     assert motion.counters["other_transforms"] == 2
     # Together they tell where the camera is.
-    known = TransformBuffer(TransformBufferConfig())
+    known = TransformBuffer()
     for message in (base, *messages, fixed):
         assert isinstance(message, Odometry | MovingTransform | StaticTransform)
-        known.add(message)
+        known.add_transform(message)
     pose = known.lookup("map", "camera", S)
     assert pose is not None
     # 5 + 1 ahead; 2 to the right, since pan and tilt only turn; 1 + 0.1 up.
@@ -186,7 +185,7 @@ def test_clock_offset_and_numbers() -> None:
 
 def test_wheels_that_are_joints_make_odometry() -> None:
     # 2 rad of a wheel of 0.05 m on the right only: 0.1 m over 0.2 m is 0.5 rad to the left.
-    wheels = JointConfig(radius_m=0.05, track_m=0.2)
+    wheels = WheelConfig(radius_m=0.05, track_m=0.2)
     motion = LiveMotion(MotionConfig(joints="zenoh:joint_states", wheels=wheels))
     (topic,) = motion.topics
     kind = "sensor_msgs/msg/JointState"

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from common.geometry.transform_buffer import TransformBuffer
-from common.geometry.transform_history import TransformBufferConfig
 from common.geometry.transforms import rotation_from_rpy, transform_from
-from common.geometry.wheel_odometry import JointConfig, WheelConfig
+from common.geometry.wheel_odometry import WheelConfig
 from common.ros2.transforms import edges_of
 from people4d.errors import DecodeError, SourceError
 from people4d.messages import F64, MovingTransform, Odometry, StaticTransform
@@ -82,12 +81,12 @@ def pan_tilt(ros: Ros, with_odometry: bool = True) -> list[Entry]:
 
 def pose_in(source: RosbagSource, target: str, stamp_ns: int) -> F64:
     """Return where the camera is by all that the source tells."""
-    known = TransformBuffer(TransformBufferConfig())
+    known = TransformBuffer()
     for message in source.transforms:
-        known.add(message)
+        known.add_transform(message)
     for item in source:
         if isinstance(item, Odometry | MovingTransform):
-            known.add(item)
+            known.add_transform(item)
     found = known.lookup(target, FRAME, stamp_ns)
     assert found is not None
     return found.matrix
@@ -229,7 +228,7 @@ def test_wheels_that_are_joints(tmp_path: Path, version: int, name: str) -> None
         for k, sides in enumerate(positions)
     ]
     path = ros.write(tmp_path / name, [*frames(ros), *entries])
-    wheels = JointConfig(radius_m=0.05, track_m=0.2)
+    wheels = WheelConfig(radius_m=0.05, track_m=0.2)
     options = RosbagOptions(wheel_topics=("/joint_states",), wheels=wheels)
     got = [item for item in RosbagSource(path, options) if isinstance(item, Odometry)]
     assert [(o.stamp_ns, o.sequence) for o in got] == [(S + k * S // 10, k) for k in range(3)]
@@ -250,7 +249,7 @@ def test_wheels_that_are_ticks(tmp_path: Path) -> None:
         entries.append(("/lwheel", "std_msgs/msg/Int16", S + k * S // 10, ticks(left)))
         entries.append(("/rwheel", "std_msgs/msg/Int16", S + k * S // 10 + 1, ticks(right)))
     path = ros.write(tmp_path / "bag", [*frames(ros), *entries])
-    wheels = JointConfig(radius_m=0.5 / math.pi, track_m=0.4, ticks_per_turn=100, wraps_at=65536)
+    wheels = WheelConfig(radius_m=0.5 / math.pi, track_m=0.4, ticks_per_turn=100, wraps_at=65536)
     options = RosbagOptions(wheel_topics=("/lwheel", "/rwheel"), wheels=wheels)
     got = [item for item in RosbagSource(path, options) if isinstance(item, Odometry)]
     assert [o.stamp_ns for o in got] == [S + 1, S + S // 10 + 1]
@@ -262,12 +261,11 @@ def test_wheels_that_are_ticks(tmp_path: Path) -> None:
 
 
 def test_wheels_that_cannot_be_used() -> None:
-    ros, wheels = Ros(2), WheelReader(JointConfig(joints=("wheel_left_joint", "other")))
+    ros, wheels = Ros(2), WheelReader(WheelConfig(joints=("wheel_left_joint", "other")))
     with pytest.raises(DecodeError, match="joints: expected positions of wheel_left_joint, other"):
         wheels.joints(joints(ros, 0, 1.0, 2.0), 0)
-    wheels = WheelReader(JointConfig())
+    wheels = WheelReader(WheelConfig())
     for bad in (math.nan, math.inf, 1e300):
         with pytest.raises(DecodeError, match="finite positions"):
             wheels.joints(joints(ros, 0, 1.0, bad), 0)
-    assert JointConfig().ticks_per_turn == math.tau
-    assert isinstance(JointConfig(), WheelConfig)
+    assert WheelConfig().ticks_per_turn == math.tau

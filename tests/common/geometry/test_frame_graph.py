@@ -23,7 +23,7 @@ def shift(x: float, y: float = 0.0, z: float = 0.0) -> F64:
 def graph(*transforms: StaticTransform) -> FrameGraph:
     made = FrameGraph()
     for one in transforms:
-        made.add(one)
+        made.add_transform(one)
     return made
 
 

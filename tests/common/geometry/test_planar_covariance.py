@@ -7,7 +7,6 @@ import pytest
 
 from common.geometry.planar_covariance import PlanarCovariance, is_plausible
 from common.geometry.transform_buffer import TransformBuffer
-from common.geometry.transform_history import TransformBufferConfig
 from common.geometry.transforms import rotation_from_rpy, transform_from
 from people4d.messages import F64, Odometry
 from tests import builders
@@ -51,8 +50,8 @@ def test_covariance_that_stays_or_shrinks() -> None:
 )
 def test_absurd_covariance_is_refused_and_counted(absurd: F64) -> None:
     assert not is_plausible(absurd, 100.0, 3.2)
-    buffer = TransformBuffer(TransformBufferConfig())
-    buffer.add(odometry(0, 0.0, absurd))
+    buffer = TransformBuffer()
+    buffer.add_transform(odometry(0, 0.0, absurd))
     estimate = buffer.lookup("odom", "base_link", 0)
     assert estimate is not None
     assert estimate.base is None
@@ -60,11 +59,11 @@ def test_absurd_covariance_is_refused_and_counted(absurd: F64) -> None:
 
 
 def test_covariance_is_interpolated_and_turned_into_the_frame_that_is_asked_for() -> None:
-    buffer = TransformBuffer(TransformBufferConfig())
+    buffer = TransformBuffer()
     turn = transform_from((5.0, 0.0, 0.0), rotation_from_rpy(0.0, 0.0, math.pi / 2))
-    buffer.add(builders.static_transform(turn, parent="map", child="odom"))
-    buffer.add(odometry(0, 1.0, SMALL))
-    buffer.add(odometry(100_000_000, 1.2, 3 * SMALL))
+    buffer.add_transform(builders.static_transform(turn, parent="map", child="odom"))
+    buffer.add_transform(odometry(0, 1.0, SMALL))
+    buffer.add_transform(odometry(100_000_000, 1.2, 3 * SMALL))
     estimate = buffer.lookup("map", "base_link", 50_000_000)
     assert estimate is not None
     assert estimate.base is not None

@@ -10,7 +10,6 @@ from common.geometry.transform_buffer import (
     TransformBuffer,
     transform_from_odometry,
 )
-from common.geometry.transform_history import TransformBufferConfig
 from common.geometry.transforms import LINK_FROM_OPTICAL, apply, rotation_from_rpy, transform_from
 from people4d.messages import F64, MovingTransform, Odometry, StaticTransform
 from people4d.topics import TRANSFORMS_MAX
@@ -34,9 +33,9 @@ def odometry(at_ms: int, x_m: float, theta_deg: float = 0.0) -> Odometry:
 
 
 def frames(*messages: StaticTransform | MovingTransform | Odometry) -> TransformBuffer:
-    made = TransformBuffer(TransformBufferConfig())
+    made = TransformBuffer()
     for message in messages:
-        made.add(message)
+        made.add_transform(message)
     return made
 
 
@@ -106,8 +105,8 @@ def test_camera_on_a_pan_tilt_head_on_a_driving_base() -> None:
     point = apply(estimate.matrix, [0.0, 0.0, 2.0])
     assert point == pytest.approx(np.array([0.2 + math.sqrt(2), math.sqrt(2), 1.0]))
     # A head that tilts down by 30 degrees: 2 m before it is 1 m below it.
-    made.add(head(300, turned(90, 30)))
-    made.add(odometry(300, 0.4))
+    made.add_transform(head(300, turned(90, 30)))
+    made.add_transform(odometry(300, 0.4))
     estimate = made.lookup("odom", CAMERA, 300_000_000)
     assert estimate is not None
     point = apply(estimate.matrix, [0.0, 0.0, 2.0])
@@ -139,10 +138,10 @@ def test_lookup_static_refuses_moving_transforms() -> None:
 def test_invented_frames_are_refused_and_known_ones_go_on() -> None:
     made = frames(MOUNT, odometry(0, 0.0))
     for number in range(2000):
-        made.add(fixed(f"a{number}_optical_frame", f"b{number}", np.eye(4)))
-        made.add(builders.moving_transform(np.eye(4), parent="odom", child=f"c{number}"))
+        made.add_transform(fixed(f"a{number}_optical_frame", f"b{number}", np.eye(4)))
+        made.add_transform(builders.moving_transform(np.eye(4), parent="odom", child=f"c{number}"))
         assert made.fixed_frame("base_link") == "odom"
-    made.add(odometry(100, 0.4))
+    made.add_transform(odometry(100, 0.4))
     found = made.lookup("odom", CAMERA, 100_000_000)
     assert found is not None
     np.testing.assert_allclose(found.matrix[:3, 3], [0.6, 0.0, 1.0])
