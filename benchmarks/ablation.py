@@ -62,7 +62,6 @@ PARTS = {
     "orientation network": Part(("detector.orientation.network=",)),
     "joint orientation": Part(("detector.orientation.method=separate",)),
     "density of yaw": Part(("tracker.yaw=kalman",)),
-    "turning": Part(("tracker.yaw_filter.rate_gain=0",)),
     "visibility": Part((f"{STRONG}.visibility=false",)),
     "identity": Part((f"{STRONG}.identity.enabled=false",)),
     "limit of re-identification": Part((f"{STRONG}.identity.match_max={ROUND_1_MAX}",)),

@@ -13,8 +13,10 @@ from dataclasses import dataclass, field
 
 from people4d.messages import Detections, Span
 from people4d.messages.base import MAX_CAMERAS
-from services.tracker.config import TrackerConfig
 
+# Difference of delays above which a camera has another clock, unless people show one [ns]
+TOLERANCE_NS = 350_000_000
+OFFSET_MAX_NS = 2_000_000_000  # largest offset of a clock that is corrected; else it is apart [ns]
 HALF_WINDOW_NS = 5_000_000_000  # the least delay is that of one to two of these
 DELAY_MAX_NS = 900_000_000  # differences of delays above this are clocks that differ
 RISE_NS = 250_000_000  # a delay longer by this, in RISEN_MAX frames in a row, is a clock set back
@@ -75,13 +77,11 @@ class CameraClocks:
     """Corrections of stamps to one common time, that of the reference camera.
 
     The first camera is the reference. A stamp is corrected by an offset that changes when frames
-    come earlier or later, without their delay, than it says by more than `clock_tolerance_s`, and
-    by `adjust`. A camera whose clock differs by more than `clock_offset_max_s` is apart.
+    come earlier or later, without their delay, than it says by more than TOLERANCE_NS, and
+    by `adjust`. A camera whose clock differs by more than OFFSET_MAX_NS is apart.
     """
 
-    def __init__(self, config: TrackerConfig) -> None:
-        self._tolerance_ns = int(config.clock_tolerance_s * 1e9)
-        self._offset_max_ns = int(config.clock_offset_max_s * 1e9)
+    def __init__(self) -> None:
         self._clocks: dict[str, CameraClock] = {}
         self._restored: dict[str, int] = {}  # offsets of a checkpoint [ns]
         self._restored_ns: int | None = None  # newest stamp of its reference
@@ -129,7 +129,7 @@ class CameraClocks:
 
     def is_apart(self, camera: str) -> bool:
         """Check that the clock of a camera differs by too much."""
-        return abs(self._ahead_ns(camera)) > self._offset_max_ns
+        return abs(self._ahead_ns(camera)) > OFFSET_MAX_NS
 
     def restart(self, camera: str, now_ns: int) -> bool:
         """Measure the clock of a camera anew; return True if others go on in the common time."""
@@ -222,7 +222,7 @@ class CameraClocks:
         if reference is None or camera == self.reference:
             return
         offset_ns = reference.offset_ns + self._measured_ahead_ns(camera) + clock.delay_ns
-        if abs(offset_ns - clock.offset_ns) > self._tolerance_ns:
+        if abs(offset_ns - clock.offset_ns) > TOLERANCE_NS:
             clock.offset_ns = offset_ns
             self.corrected.add(camera)
 

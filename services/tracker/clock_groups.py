@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from people4d.messages import Detections, ImageTrack, Track
-from services.tracker.camera_clocks import CameraClocks
+from services.tracker.camera_clocks import OFFSET_MAX_NS, CameraClocks
 from services.tracker.camera_watch.drift import CameraDrift
 from services.tracker.config import TrackerConfig
 from services.tracker.interface import Observation, Tracker
@@ -13,6 +13,7 @@ from services.tracker.motion.past_frames import LENGTH_NS
 
 STAMP_MIN_S, STAMP_SIGMAS = 0.015, 3.0  # errors of a camera's stamps that are corrected first,
 AGAIN_MIN_S, AGAIN_SIGMAS = 0.005, 1.0  # and later: its stamps are wrong, but by how much exactly
+ABSENCE_MOVED_S = 1.0  # longest time for which people move during an absence of frames [s]
 APART_MAX = 4  # cameras tracked apart
 APART_NS = 10_000_000_000  # without a frame after which a camera apart is forgotten
 COUNTERS = ("late_frames", "tracker_failures", "refused_cameras", "apart")
@@ -38,7 +39,7 @@ class ClockGroups:
     def __init__(self, config: TrackerConfig, make_tracker: Callable[[], Tracker]) -> None:
         self._config, self._make_tracker = config, make_tracker
         self.main = make_tracker()
-        self.clocks = CameraClocks(config)
+        self.clocks = CameraClocks()
         self.counters = Counter(dict.fromkeys(COUNTERS, 0))
         self._apart: dict[str, ApartTracker] = {}  # by camera
         self._last_ns: int | None = None  # [ns] time of the last frame of the main tracker
@@ -138,7 +139,7 @@ class ClockGroups:
 
     def reasons(self, now_ns: int) -> list[str]:
         """Return a sentence on each active camera whose clock is too far from the others'."""
-        limit_s, reference = self._config.clock_offset_max_s, self.clocks.reference
+        limit_s, reference = OFFSET_MAX_NS / 1e9, self.clocks.reference
         offsets_ms = self.clocks.offsets_ms(now_ns)
         found = [(c, ms / 1e3) for c, ms in offsets_ms.items() if self.clocks.is_apart(c)]
         return [
@@ -178,4 +179,4 @@ class ClockGroups:
         """
         config, absent_s = self._config, absent_ns / 1e9
         if config.max_lost_s < absent_s <= config.absence_max_s:
-            self.main.postpone(int((absent_s - config.absence_moved_s) * 1e9))
+            self.main.postpone(int((absent_s - ABSENCE_MOVED_S) * 1e9))

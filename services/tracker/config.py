@@ -23,62 +23,15 @@ from services.tracker.strongsort3d.config import StrongSort3dConfig
 
 
 class Sort3dConfig(Config, frozen=True, kw_only=True):
-    """SORT-3D [PIC4SeR], section 4."""
+    """SORT-3D [PIC4SeR], section 4; its other constants stand in `sort3d`."""
 
-    # association
-    iou_weight: Ratio = 0.3  # a in c = a (1 - IoU) + (1 - a) d_n; section 4
-    iou_gate: bool = True  # refuse pairs with IoU < iou_min; section 4
-    iou_min: Ratio = 0.3  # section 4 (default)
-    distance_gate: bool = True  # refuse pairs with d >= tau; section 4
-    distance_gate_sigmas: Positive = 1.6  # tau = mu + 1.6 sigma of the previous frame; section 4
-    # [m] tau is not taken below this. With one person sigma is 0 and tau the last distance itself,
-    # so that the plain rule refuses about every second match. 0 gives the plain rule.
+    # [m] least distance gate tau. With one person sigma is 0 and tau the last distance itself, so
+    # that the plain rule rejects about every second match; 0: the plain rule
     distance_gate_floor_m: NonNegative = 0.5
-    # life cycle
-    min_hits: PositiveInt = 3  # matches in a row that confirm, with the first; section 4 (default)
+    min_hits: PositiveInt = 3  # consecutive matches that confirm, with the first; section 4
     t_lost: PositiveInt = 30  # [frames] unmatched frames that delete; plain SORT has 1 (section 7)
-    # noise of the person
-    sigma_acceleration_mps2: Positive = 2.0  # [m/s^2] a walking person turning
-    sigma_measurement_m: Positive = 0.15  # [m]
-    noise: Literal["constant", "measured"] = "constant"  # see StrongSort3dConfig
-    sigma_start_velocity_mps: Positive = 2.0  # [m/s] of a new track: "large", section 4
-    # noise of the box
-    sigma_centre_px: Positive = 5.0  # [px] measured centre
-    sigma_acceleration_pxps2: Positive = 500.0  # [px/s^2] of the centre
-    sigma_start_centre_pxps: Positive = 300.0  # [px/s] of a new track
-    sigma_area_ratio: Positive = 0.1  # measured area, as a part of the area
-    sigma_acceleration_area_ratio: Positive = 2.0  # [1/s^2] of the area, as a part of the area
-    sigma_start_area_ratio_hz: Positive = 1.0  # [1/s] of the area of a new track, as a part of it
-    sigma_aspect: Positive = 0.1  # measured width over height
-    sigma_aspect_drift: Positive = 0.2  # [1/sqrt(s)] of width over height
-
-
-class YawFilterConfig(Config, frozen=True, kw_only=True):
-    """The filter of the yaw by its density on the circle (section 12); all this project's."""
-
-    # turning
-    # [rad/s] A turn in dt has a wrapped Cauchy density of scale turn_radps dt: people mostly go on
-    # as they were, and now and then turn round at once
-    turn_radps: Positive = 2.0
-    rate_gain: Ratio = 0.8  # of a change of the yaw, on the rate of turning
-    rate_decay_s: Positive = 0.3  # [s] time constant of the decay of that rate
-    # measurements
-    sigma_measurement_rad: Positive = 0.35  # [rad] of measurements without their own
-    # [rad] of angles nearby, at most: a larger one is a chance of any other angle
-    sigma_max_rad: Positive = 0.5
-    reversed: PositiveRatio = 0.005  # probability of the opposite angle
-    outliers: PositiveRatio = 0.003  # probability of any other angle
-    correlation_s: Positive = 0.2  # [s] frames nearer to each other count less: errors last
-    # output
-    share_min: Ratio = 0.5  # probability within 60 deg below which a yaw is not published
-
-
-class YawKalmanConfig(Config, frozen=True, kw_only=True):
-    """The Kalman filter of the yaw (section 6)."""
-
-    sigma_acceleration_radps2: Positive = 6.0  # [rad/s^2] section 6, default
-    sigma_measurement_rad: Positive = 0.35  # [rad] section 6, default
-    sigma_start_rate_radps: Positive = 1.0  # [rad/s] of a new track
+    sigma_acceleration_mps2: Positive = 2.0  # [m/s^2] acceleration of a person
+    sigma_measurement_m: Positive = 0.15  # [m] measured position
 
 
 class ImageSortConfig(Config, frozen=True, kw_only=True):
@@ -135,23 +88,15 @@ class TrackerConfig(Config, frozen=True, kw_only=True):
     # Kalman filter (section 6); "velocity": the direction of walking (section 4); "none"
     yaw: Literal["keypoints", "kalman", "velocity", "none"] = "keypoints"
     yaw_speed_min_mps: NonNegative = 0.2  # [m/s] slower: no yaw from velocity; section 4: 0
-    yaw_filter: YawFilterConfig = YawFilterConfig()  # of "keypoints"
-    yaw_kalman: YawKalmanConfig = YawKalmanConfig()  # of "kalman"
     # time
     max_lost_s: Positive = 5.0  # [s] without a match after which any track is deleted
     # After a time without frames, or without this process, that is longer than max_lost_s, people
-    # keep their identities within the gates of an absence of absence_moved_s
+    # keep their identities within the gates of an absence of one second
     absence_max_s: Positive = 30.0  # [s] longest such time; max_lost_s or less: never
-    absence_moved_s: Positive = 1.0  # [s]
     # [s] a stamp this far from the camera's clock waits until more confirm it; if it is back, the
     # tracker restarts then; nearer, it is stale
     clock_jump_s: Positive = 1.0
-    # [s] a camera whose messages come later, or earlier, than the first camera's by more has
-    # another clock; a smaller difference is one of delays, unless people before both show another
-    clock_tolerance_s: Positive = 0.35
-    clock_offset_max_s: Positive = 2.0  # [s] a camera whose clock differs by more is tracked apart
     embedding_wait_s: NonNegative = 0.05  # [s] longest wait for the embeddings of a frame
-    embedding_timeouts_max: PositiveInt = 3  # consecutive timeouts after which waiting stops
     # [s] with several cameras or detectors, longest wait for frames of an earlier stamp; absent:
     # for other detectors as long as from one frame of the camera to the next, for other cameras not
     reorder_wait_s: NonNegative | None = None

@@ -10,6 +10,7 @@ from people4d.messages.base import MAX_CAMERAS
 from services.tracker.config import TrackerConfig
 
 ACTIVE_NS = 1_000_000_000
+TIMEOUTS_MAX = 3  # consecutive timeouts after which embeddings are not waited for
 EARLY_MAX = 64  # embeddings that came before their detections, ...
 EARLY_MAX_BYTES = 16 * 2**20  # ... and their size in all
 FIRST_PERIOD_NS = 50_000_000  # until two frames have come
@@ -108,7 +109,6 @@ class FrameJoin:
     def __init__(self, config: TrackerConfig, uses_embeddings: bool) -> None:
         self.counters = Counter(dict.fromkeys(COUNTERS, 0))
         self._embedding_ns = int(config.embedding_wait_s * 1e9) if uses_embeddings else 0
-        self._timeouts_max = config.embedding_timeouts_max
         reorder_s = config.reorder_wait_s
         self._reorder_ns = None if reorder_s is None else int(reorder_s * 1e9)
         self._frames: list[PendingFrame] = []
@@ -120,7 +120,7 @@ class FrameJoin:
     @property
     def ignores_embeddings(self) -> bool:
         """Frames no longer wait for embeddings."""
-        return self._timeouts_in_row >= self._timeouts_max
+        return self._timeouts_in_row >= TIMEOUTS_MAX
 
     @property
     def waiting(self) -> bool:

@@ -6,7 +6,7 @@ from msgspec import Meta
 
 from common.config import Config
 from people4d.messages.areas import AREAS_MAX
-from people4d.messages.base import Name, Positive
+from people4d.messages.base import Name
 
 Memory = Annotated[float, Meta(gt=0, le=600)]
 
@@ -21,10 +21,5 @@ class SiteAreaConfig(Config, frozen=True, kw_only=True):
     # are no areas
     number: Annotated[int, Meta(ge=0, lt=AREAS_MAX)] = 0
     neighbours: tuple[Name, ...] = ()  # names of the areas from which people come
-    share_hz: Positive = 4.0  # [Hz] rate of the messages to neighbours
     # [s] since their last match anywhere, for which people keep their identity from area to area
     memory_s: Memory = 30.0
-    silence_s: Positive = 3.0  # [s] without a message of a neighbour, after which it is reported
-    # [s] difference of a neighbour's clock that is reported. Identities are handed over all the
-    # same: a message holds times since the last match
-    clock_tolerance_s: Positive = 1.0

@@ -17,6 +17,7 @@ from services.tracker.areas.interface import AreaTracker, KnownPeople
 from services.tracker.areas.neighbours import Neighbours
 from services.tracker.interface import GalleryEntry, IdCounter, Tracker
 
+SHARE_NS = 250_000_000  # time between two messages to neighbours [ns]
 REFRESH_NS = 1_000_000_000  # after which people of areas that became silent are looked at again
 PRESENT_NS = 500_000_000  # since the last match, within which a person is certainly there
 REACH_M, REACH_MPS = 1.5, 3.0  # farther apart than this, two positions are of two people
@@ -128,7 +129,7 @@ class AreaExchange:
         if not self._config.number or now_ns < self._due_ns:
             return []
         self._neighbours.start(now_ns)
-        self._due_ns = now_ns + int(1e9 / self._config.share_hz)
+        self._due_ns = now_ns + SHARE_NS
         known = self._known_people()
         if time_ns is None or known is None:
             return []

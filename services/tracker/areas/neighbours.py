@@ -12,6 +12,10 @@ from services.tracker.areas.config import SiteAreaConfig
 from services.tracker.interface import GalleryEntry, IdCounter
 
 CONFLICT_NS = 5_000_000_000  # for which areas of one name or number are refused
+SILENCE_NS = 3_000_000_000  # time without a message of a neighbour after which it is reported [ns]
+# Difference of a neighbour's clock above which it is reported [ns]. Identities are handed over all
+# the same: a message holds times since the last match
+CLOCK_TOLERANCE_NS = 1_000_000_000
 RUNS_MAX = 8  # processes of one name that are remembered
 COUNTERS = ("area_conflicts", "area_refused", "area_clock_apart")
 
@@ -101,11 +105,10 @@ class Neighbours:
     def reasons(self, now_ns: int) -> list[str]:
         """Return sentences on neighbours that are silent, refused or of another clock."""
         found = [text for text, until_ns in self._problems.values() if now_ns < until_ns]
-        silence_ns = self._config.silence_s * 1e9
         silent = [
             area
             for area in self._config.neighbours
-            if now_ns - self._heard_ns(area, now_ns) > silence_ns
+            if now_ns - self._heard_ns(area, now_ns) > SILENCE_NS
         ]
         if silent:
             areas = named("area", silent)
@@ -132,8 +135,7 @@ class Neighbours:
         return now_ns if self._started_ns is None else self._started_ns
 
     def _is_apart(self, neighbour: Neighbour) -> bool:
-        limit_ns = self._config.clock_tolerance_s * 1e9
-        return bool(neighbour.offsets_ns) and abs(median(neighbour.offsets_ns)) > limit_ns
+        return bool(neighbour.offsets_ns) and abs(median(neighbour.offsets_ns)) > CLOCK_TOLERANCE_NS
 
     def _conflict(self, message: AreaPeople, before: Neighbour | None) -> str:
         """Return what contradicts the names or numbers of the areas; empty if nothing does."""

@@ -74,7 +74,8 @@ class ImageTracker(TrackSetTracker):
             lost_s=config.max_lost_s,
         )
         motion = PositionMotion(config.strongsort3d)
-        super().__init__(METHOD, TrackSet(motion, lifecycle, make_yaw(config)))
+        yaw = make_yaw(config.yaw, config.yaw_speed_min_mps)
+        super().__init__(METHOD, TrackSet(motion, lifecycle, yaw))
         self.ids = IdCounter()
         self._images: dict[str, CameraTracks] = {}
         self._image_tracks: tuple[ImageTrack, ...] = ()

@@ -2,17 +2,18 @@
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TypeAlias
+from typing import Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from common import kalman
 from people4d.messages import F64
-from services.tracker.config import Sort3dConfig
 from services.tracker.interface import Measurement
-from services.tracker.strongsort3d.config import StrongSort3dConfig
 
+SIGMA_START_VELOCITY_MPS = 2.0  # standard deviation of the velocity of a new track [m/s]
+MAX_DEPTH_M = 5.0  # depth at which the noise doubles: R <- (1 + x / max_depth) R (4.11) [m]
+SCORE_FLOOR = 0.05  # least factor of the noise in R <- (1 - score) R (3.4)
 GATE_SIGMA_M = 0.15  # standard deviation of positions on top of a measured R in gates [m]
 
 # Parts of matrices of position and velocity (6x6), by block.
@@ -22,14 +23,14 @@ VELOCITY_TO_POSITION = np.eye(6, k=3)
 OF_BOTH = VELOCITY_TO_POSITION + VELOCITY_TO_POSITION.T
 
 
-def depth_factor(forward_m: npt.ArrayLike, max_depth_m: float) -> F64:
+def depth_factor(forward_m: npt.ArrayLike) -> F64:
     """Return 1 + x / max_depth, the growth of R with the distance to the camera."""
-    return 1.0 + np.maximum(np.asarray(forward_m, np.float64), 0.0) / max_depth_m
+    return 1.0 + np.maximum(np.asarray(forward_m, np.float64), 0.0) / MAX_DEPTH_M
 
 
-def confidence_factor(score: npt.ArrayLike, floor: float) -> F64:
+def confidence_factor(score: npt.ArrayLike) -> F64:
     """Return 1 - c (NSA), not below a floor: a score of 1 would make R 0."""
-    return np.maximum(1.0 - np.asarray(score, np.float64), floor)
+    return np.maximum(1.0 - np.asarray(score, np.float64), SCORE_FLOOR)
 
 
 def measured_noise(
@@ -46,6 +47,45 @@ def measured_noise(
     return result
 
 
+class Motion(Protocol):
+    """A model of the motion of a track."""
+
+    size: int  # numbers of a state
+    position: slice  # part of a state
+    velocity: slice
+
+    def predict(self, x: F64, P: F64, dt_s: float, noise_factor: float = 1.0) -> tuple[F64, F64]:
+        """Move states ahead; the covariance of the process noise is multiplied by a factor."""
+
+    def measure(self, measurements: Sequence[Measurement]) -> F64:
+        """Return the measured vectors."""
+
+    def noise(self, measurements: Sequence[Measurement]) -> F64:
+        """Return R of updates."""
+
+    def start(self, measurement: Measurement) -> tuple[F64, F64]:
+        """Return the state and covariance of a new track."""
+
+    def position_and_velocity(self, P: F64) -> F64:
+        """Return their part (6x6) of a covariance."""
+
+
+class PositionNoise(Protocol):
+    """Noise of the motion and of the measurements of a person."""
+
+    @property
+    def sigma_acceleration_mps2(self) -> float:
+        """Acceleration."""
+
+    @property
+    def sigma_measurement_m(self) -> float:
+        """Measured position where the detection has no covariance."""
+
+    @property
+    def noise(self) -> Literal["constant", "measured"]:
+        """Source of R: the detection's covariance where it has one, or a constant."""
+
+
 class PositionMotion:
     """State x, y, z and their velocities; measured x, y, z (docs/method.md, section 5)."""
 
@@ -53,7 +93,7 @@ class PositionMotion:
     position = slice(0, 3)
     velocity = slice(3, 6)
 
-    def __init__(self, config: StrongSort3dConfig) -> None:
+    def __init__(self, config: PositionNoise) -> None:
         self._config = config
 
     def predict(self, x: F64, P: F64, dt_s: float, noise_factor: float = 1.0) -> tuple[F64, F64]:
@@ -84,11 +124,11 @@ class PositionMotion:
         return self._noise(measurements, self._depth_noise) + added_m2 * np.eye(3)
 
     def _score_noise(self, measurements: Sequence[Measurement]) -> F64:
-        factor = confidence_factor([m.score for m in measurements], self._config.nsa_floor)
+        factor = confidence_factor([m.score for m in measurements])
         return factor[:, None, None] * self._depth_noise(measurements)
 
     def _depth_noise(self, measurements: Sequence[Measurement]) -> F64:
-        factor = depth_factor([m.forward_m for m in measurements], self._config.max_depth_m)
+        factor = depth_factor([m.forward_m for m in measurements])
         variance = self._config.sigma_measurement_m**2 * factor
         return variance[:, None, None] * np.eye(3)
 
@@ -108,94 +148,9 @@ class PositionMotion:
 
     def start(self, measurement: Measurement) -> tuple[F64, F64]:
         """Begin at the measured position, with the measured velocity or 0 and its variance."""
-        P = np.eye(6) * self._config.sigma_start_velocity_mps**2
+        P = np.eye(6) * SIGMA_START_VELOCITY_MPS**2
         P[:3, :3] = self.noise([measurement])[0]
         x = np.concatenate([measurement.position_m, np.zeros(3)])
         if measurement.velocity is None:
             return x, P
         return kalman.update_velocity(x, P, *measurement.velocity)
-
-
-class BoxMotion:
-    """State u, v, s, r, x, y, z, du, dv, ds, dx, dy, dz (docs/method.md, section 4).
-
-    u, v is the centre of the box, s its area and r its width over its height. Noise of the area is
-    relative to the area, since a near person's box changes by more pixels than a far one's.
-    """
-
-    size = 13
-    position = slice(4, 7)
-    velocity = slice(10, 13)
-    _moving = [0, 1, 2, 4, 5, 6]  # noqa: RUF012
-    _speeds = [7, 8, 9, 10, 11, 12]  # noqa: RUF012
-    _point = np.ix_([4, 5, 6, 10, 11, 12], [4, 5, 6, 10, 11, 12])
-
-    def __init__(self, config: Sort3dConfig) -> None:
-        self._config = config
-
-    def predict(self, x: F64, P: F64, dt_s: float, noise_factor: float = 1.0) -> tuple[F64, F64]:
-        """Move states ahead; an area that would vanish stops shrinking, as in SORT."""
-        x = x.copy()
-        x[x[:, 2] + dt_s * x[:, 9] <= 0, 9] = 0.0
-        F = np.eye(13)
-        F[self._moving, self._speeds] = dt_s
-        return kalman.predict(x, P, F, noise_factor * self._process_noise(x[:, 2], dt_s))
-
-    def measure(self, measurements: Sequence[Measurement]) -> F64:
-        """Return u, v, s, r, x, y, z."""
-        boxes = np.array([m.box_xyxy_px for m in measurements], np.float64).reshape(-1, 4)
-        centre, (w, h) = (boxes[:, :2] + boxes[:, 2:]) / 2, (boxes[:, 2:] - boxes[:, :2]).T
-        points = np.array([m.position_m for m in measurements]).reshape(-1, 3)
-        return np.column_stack([centre, w * h, w / h, points])
-
-    def noise(self, measurements: Sequence[Measurement]) -> F64:
-        """Return R, constant but for the area."""
-        z = self.measure(measurements)
-        sigmas = np.empty_like(z)
-        sigmas[:, :2] = self._config.sigma_centre_px
-        sigmas[:, 2] = self._config.sigma_area_ratio * z[:, 2]
-        sigmas[:, 3] = self._config.sigma_aspect
-        sigmas[:, 4:] = self._config.sigma_measurement_m
-        R = np.square(sigmas)[:, :, None] * np.eye(7)
-        if self._config.noise == "measured":
-            constant = R[:, 4:, 4:].copy()
-            R[:, 4:, 4:] = measured_noise(lambda _: constant, measurements)
-        return R
-
-    def start(self, measurement: Measurement) -> tuple[F64, F64]:
-        """Begin with the measurement, with velocities of 0 and their variances."""
-        z, R = self.measure([measurement])[0], self.noise([measurement])[0]
-        config = self._config
-        sigmas = [config.sigma_start_centre_pxps] * 2
-        sigmas += [config.sigma_start_area_ratio_hz * z[2]] + [config.sigma_start_velocity_mps] * 3
-        P = np.zeros((13, 13))
-        P[:7, :7] = R
-        P[self._speeds, self._speeds] = np.square(sigmas)
-        return np.concatenate([z, np.zeros(6)]), P
-
-    def position_and_velocity(self, P: F64) -> F64:
-        """Return their part (6x6) of a covariance."""
-        return P[self._point]
-
-    def boxes(self, x: F64) -> F64:
-        """Return the boxes (Nx4, xyxy, pixels) of N states."""
-        width = np.sqrt(x[:, 2] * x[:, 3])
-        half = np.column_stack([width, x[:, 2] / width]) / 2
-        return np.column_stack([x[:, :2] - half, x[:, :2] + half])
-
-    def _process_noise(self, area_px2: F64, dt_s: float) -> F64:
-        config, ones = self._config, np.ones_like(area_px2)
-        centre = config.sigma_acceleration_pxps2 * ones
-        area = config.sigma_acceleration_area_ratio * area_px2
-        person = config.sigma_acceleration_mps2 * ones
-        sigmas = np.column_stack([centre, centre, area, person, person, person])
-        pp, pv, vv = kalman.acceleration_noise(dt_s, sigmas)
-        Q = np.zeros((len(area_px2), 13, 13))
-        Q[:, self._moving, self._moving] = pp
-        Q[:, self._moving, self._speeds] = Q[:, self._speeds, self._moving] = pv
-        Q[:, self._speeds, self._speeds] = vv
-        Q[:, 3, 3] = config.sigma_aspect_drift**2 * dt_s
-        return Q
-
-
-Motion: TypeAlias = PositionMotion | BoxMotion

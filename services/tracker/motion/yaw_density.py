@@ -8,10 +8,19 @@ import numpy as np
 
 from common.geometry.transforms import wrap, wrap_each
 from people4d.messages import F64
-from services.tracker.config import YawFilterConfig
 from services.tracker.interface import Measurement
 from services.tracker.motion.yaw import States, VelocityYaw, measured_rad
 
+# Rate of turns: in dt a turn has a wrapped Cauchy density of scale TURN_RADPS dt. Headings persist,
+# with occasional abrupt reversals [rad/s]
+TURN_RADPS = 2.0
+RATE_GAIN = 0.8  # gain of a change of the yaw on the rate of turning
+RATE_DECAY_S = 0.3  # time constant of the decay of that rate [s]
+SIGMA_RAD = 0.35  # standard deviation of a measurement without its own [rad]
+SIGMA_MAX_RAD = 0.5  # largest one of angles nearby: the rest is a chance of any other angle [rad]
+REVERSED, OUTLIERS = 0.005, 0.003  # probabilities of the opposite angle, and of any other angle
+CORRELATION_S = 0.2  # time for which errors last: frames nearer to each other count less [s]
+SHARE_MIN = 0.5  # probability within 60 deg below which a yaw is unknown
 BINS = 48
 STEP_RAD = 2 * math.pi / BINS
 ANGLES = STEP_RAD * np.arange(BINS, dtype=np.float64)
@@ -50,34 +59,30 @@ class DensityYaw(VelocityYaw):
     Some measurements are half a turn off, so that two opposite angles are possible for a while.
     """
 
-    def __init__(self, config: YawFilterConfig) -> None:
-        super().__init__()
-        self._config = config
-
     def predict(self, states: States, dt_s: float) -> list[F64 | None]:
         """Turn each track on at its own rate, which decays, and widen its density.
 
         In the frequency domain, where both are products.
         """
-        config, after = self._config, _stacked(states)
-        turn_s = -config.rate_decay_s * math.expm1(-dt_s / config.rate_decay_s)
-        turned = np.exp(-config.turn_radps * dt_s - 1j * turn_s * after[:, RATE])
+        after = _stacked(states)
+        turn_s = -RATE_DECAY_S * math.expm1(-dt_s / RATE_DECAY_S)
+        turned = np.exp(-TURN_RADPS * dt_s - 1j * turn_s * after[:, RATE])
         series = np.fft.rfft(after[:, DENSITY])
         series[:, 1:] *= np.multiply.accumulate(
             np.repeat(turned[:, None], BINS // 2, axis=1), axis=1
         )
         after[:, DENSITY] = np.fft.irfft(series, BINS)
-        after[:, RATE] *= math.exp(-dt_s / config.rate_decay_s)
+        after[:, RATE] *= math.exp(-dt_s / RATE_DECAY_S)
         after[:, SINCE] += dt_s
         return list(_read(after))
 
     def update(self, states: States, measurements: Sequence[Measurement]) -> list[F64 | None]:
         """Weigh the angles by the measured yaws."""
-        config, after, yaws = self._config, _stacked(states), _yaws(measurements, self._config)
+        after, yaws = _stacked(states), _yaws(measurements)
         # Errors of consecutive frames are similar, but not those of another camera.
         is_other = np.abs(wrap_each(yaws.bearing_rad - after[:, BEARING])) > OTHER_VIEW_RAD
-        weight = np.where(is_other, 1.0, np.minimum(after[:, SINCE] / config.correlation_s, 1.0))
-        p = likelihood_measured(yaws, np.sqrt(weight), config)
+        weight = np.where(is_other, 1.0, np.minimum(after[:, SINCE] / CORRELATION_S, 1.0))
+        p = likelihood_measured(yaws, np.sqrt(weight))
         predicted = after.copy()
         after[:, DENSITY] *= p ** weight[:, None]
         _read(after)
@@ -90,15 +95,15 @@ class DensityYaw(VelocityYaw):
         """Return the rates of turning that the steps of yaws show; 0 where a step is no turn."""
         step_rad = wrap_each(after[:, YAW] - predicted[:, YAW])
         is_turn = np.abs(step_rad) < TURN_MAX_RAD
-        is_turn &= predicted[:, SHARE] >= self._config.share_min
+        is_turn &= predicted[:, SHARE] >= SHARE_MIN
         since_s = np.maximum(predicted[:, SINCE], SINCE_MIN_S)
-        rates = predicted[:, RATE] + self._config.rate_gain * step_rad / since_s
+        rates = predicted[:, RATE] + RATE_GAIN * step_rad / since_s
         result: F64 = np.where(is_turn, rates, 0.0)
         return result
 
     def read(self, state: F64 | None, velocity_mps: F64) -> float | None:  # noqa: ARG002
         """Return the most likely angle, unless there is too little around it."""
-        if state is None or state[SHARE] < self._config.share_min:
+        if state is None or state[SHARE] < SHARE_MIN:
             return None
         return wrap(float(state[YAW]))
 
@@ -114,18 +119,18 @@ class DensityYaw(VelocityYaw):
             raise ValueError("expected yaws in range with a density")
 
 
-def likelihood_measured(yaws: YawMeasurements, factor: F64, config: YawFilterConfig) -> F64:
+def likelihood_measured(yaws: YawMeasurements, factor: F64) -> F64:
     """Return the likelihoods (NxBINS) of measured yaws, the sigmas of which have a factor (N).
 
     The measured angle is the true one, the opposite one, or any.
     """
     # A larger sigma is one of angles nearby, and a chance of any other.
-    limited_rad = np.minimum(yaws.sigma_rad, config.sigma_max_rad)
+    limited_rad = np.minimum(yaws.sigma_rad, SIGMA_MAX_RAD)
     other = (np.square(yaws.sigma_rad) - np.square(limited_rad)) / math.pi**2
-    outliers = np.minimum(config.outliers + other, OUTLIERS_MAX)[:, None]
+    outliers = np.minimum(OUTLIERS + other, OUTLIERS_MAX)[:, None]
     sigma_rad = np.maximum(factor * limited_rad, STEP_RAD / 2)[:, None]
     normal = _normal(wrap_each(yaws.yaw_rad[:, None] - ANGLES), sigma_rad)
-    near = (1.0 - config.reversed) * normal + config.reversed * normal[:, OPPOSITE]
+    near = (1.0 - REVERSED) * normal + REVERSED * normal[:, OPPOSITE]
     p = (1.0 - outliers) * near + outliers / (2 * math.pi)
     return _or(p, 1.0)
 
@@ -140,8 +145,8 @@ def _normal(error: F64, sigma: F64) -> F64:
     return result
 
 
-def _yaws(measurements: Sequence[Measurement], config: YawFilterConfig) -> YawMeasurements:
-    sigmas_rad = [m.yaw_sigma_rad or config.sigma_measurement_rad for m in measurements]
+def _yaws(measurements: Sequence[Measurement]) -> YawMeasurements:
+    sigmas_rad = [m.yaw_sigma_rad or SIGMA_RAD for m in measurements]
     bearings_rad = [m.bearing_rad for m in measurements]
     return YawMeasurements(
         yaw_rad=np.array([measured_rad(m) for m in measurements]),

@@ -8,10 +8,12 @@ import numpy as np
 from common import kalman
 from common.geometry.transforms import wrap
 from people4d.messages import F64
-from services.tracker.config import YawKalmanConfig
 from services.tracker.interface import Measurement
 from services.tracker.motion.yaw import States, VelocityYaw, measured_rad
 
+SIGMA_ACCELERATION_RADPS2 = 6.0  # acceleration of the yaw [rad/s^2]
+SIGMA_RAD = 0.35  # measured yaw [rad]
+SIGMA_START_RATE_RADPS = 1.0  # rate of a new track [rad/s]
 STATE_MAX = 1e12  # of a checkpoint; its largest numbers are variances
 
 
@@ -22,13 +24,9 @@ class KalmanYaw(VelocityYaw):
     dpsi, the variance of psi, the covariance of both and the variance of dpsi.
     """
 
-    def __init__(self, config: YawKalmanConfig) -> None:
-        super().__init__()
-        self._config = config
-
     def predict(self, states: States, dt_s: float) -> list[F64 | None]:
         """Turn each track on at its own rate; the uncertainty grows."""
-        noise = kalman.acceleration_noise(dt_s, self._config.sigma_acceleration_radps2)
+        noise = kalman.acceleration_noise(dt_s, SIGMA_ACCELERATION_RADPS2)
         return [None if s is None else predicted(s, dt_s, noise) for s in states]
 
     def update(self, states: States, measurements: Sequence[Measurement]) -> list[F64 | None]:
@@ -52,9 +50,9 @@ class KalmanYaw(VelocityYaw):
     def _updated(self, state: F64 | None, yaw_rad: float) -> F64 | None:
         if math.isnan(yaw_rad):
             return state
-        variance = self._config.sigma_measurement_rad**2
+        variance = SIGMA_RAD**2
         if state is None:
-            rate_variance = self._config.sigma_start_rate_radps**2
+            rate_variance = SIGMA_START_RATE_RADPS**2
             return np.array([wrap(yaw_rad), 0.0, variance, 0.0, rate_variance])
         return corrected(state, yaw_rad, variance)
 

@@ -1,18 +1,21 @@
 """Sources of the yaw of tracks."""
 
-from services.tracker.config import TrackerConfig
+from typing import Literal
+
 from services.tracker.motion.yaw import VelocityYaw
 from services.tracker.motion.yaw_density import DensityYaw
 from services.tracker.motion.yaw_kalman import KalmanYaw
 
+YawSource = Literal["keypoints", "kalman", "velocity", "none"]
 
-def make_yaw(config: TrackerConfig) -> VelocityYaw:
-    """Build the configured estimator."""
-    match config.yaw:
+
+def make_yaw(source: YawSource, speed_min_mps: float) -> VelocityYaw:
+    """Return the filter of a source; `speed_min_mps` is of yaws from velocity."""
+    match source:
         case "keypoints":
-            return DensityYaw(config.yaw_filter)
+            return DensityYaw()
         case "kalman":
-            return KalmanYaw(config.yaw_kalman)
+            return KalmanYaw()
         case "velocity":
-            return VelocityYaw(config.yaw_speed_min_mps)
+            return VelocityYaw(speed_min_mps)
     return VelocityYaw()

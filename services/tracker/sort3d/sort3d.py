@@ -9,12 +9,15 @@ from people4d.messages import F64, Track
 from services.tracker.config import TrackerConfig
 from services.tracker.interface import Measurement, Observation, in_order
 from services.tracker.motion.lifecycle import Lifecycle
-from services.tracker.motion.motion import BoxMotion
 from services.tracker.motion.track_record import TrackRecord, stack
 from services.tracker.motion.track_set import TrackSet
 from services.tracker.motion.yaw_sources import make_yaw
 from services.tracker.sort3d import association
+from services.tracker.sort3d.box_motion import BoxMotion
 from services.tracker.stateful import TrackSetTracker
+
+IOU_WEIGHT = 0.3  # weight a in c = a (1 - IoU) + (1 - a) d_n; section 4
+IOU_MIN = 0.3  # least intersection over union of a pair; section 4 (default)
 
 
 class Sort3d(TrackSetTracker):
@@ -33,7 +36,11 @@ class Sort3d(TrackSetTracker):
             lost_frames=self._config.t_lost,
             lost_s=config.max_lost_s,
         )
-        super().__init__("sort3d", TrackSet(self._motion, lifecycle, make_yaw(config)))
+        yaw = make_yaw(config.yaw, config.yaw_speed_min_mps)
+        super().__init__(
+            "sort3d",
+            TrackSet(self._motion, lifecycle, yaw),
+        )
         self._tau_m = np.inf
 
     def update(self, observation: Observation) -> list[Track]:
@@ -52,7 +59,6 @@ class Sort3d(TrackSetTracker):
 
     def _cost(self, records: Sequence[TrackRecord], detections: Sequence[Measurement]) -> F64:
         """Return the gated cost, and set tau for the next frame."""
-        config = self._config
         if not records or not detections:
             self._tau_m = np.inf
             return np.full((len(records), len(detections)), np.inf)
@@ -60,16 +66,14 @@ class Sort3d(TrackSetTracker):
         positions_m = np.array([m.position_m for m in detections])
         iou = iou_xyxy(self._motion.boxes(x), np.array([m.box_xyxy_px for m in detections]))
         d_m = association.distances(x[:, self._motion.position], positions_m)
-        cost = combined_cost(iou, d_m, config.iou_weight)
-        if config.iou_gate:
-            cost[iou < config.iou_min] = np.inf
-        if config.distance_gate:
-            cost[d_m >= max(self._tau_m, config.distance_gate_floor_m)] = np.inf
-        self._tau_m = association.adaptive_gate(d_m, config.distance_gate_sigmas)
+        cost = combined_cost(iou, d_m)
+        cost[iou < IOU_MIN] = np.inf
+        cost[d_m >= max(self._tau_m, self._config.distance_gate_floor_m)] = np.inf
+        self._tau_m = association.adaptive_gate(d_m)
         return cost
 
 
-def combined_cost(iou: F64, d_m: F64, a: float) -> F64:
+def combined_cost(iou: F64, d_m: F64, a: float = IOU_WEIGHT) -> F64:
     """Return c = a (1 - IoU) + (1 - a) d_n, d_n the min-max normalised distance."""
     cost: F64 = a * (1 - iou) + (1 - a) * association.min_max(d_m)
     return cost

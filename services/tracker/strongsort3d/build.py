@@ -38,7 +38,13 @@ def build_strongsort3d(config: TrackerConfig) -> StrongSort3d:
         lost_frames=strong.a_max,
         lost_s=config.max_lost_s,
     )
-    tracks = TrackSet(motion, lifecycle, make_yaw(config), _state_filter(strong, motion))
+    yaw = make_yaw(config.yaw, config.yaw_speed_min_mps)
+    tracks = TrackSet(
+        motion,
+        lifecycle,
+        yaw,
+        _state_filter(strong, motion),
+    )
     policies = Policies(
         cost=Likelihood() if strong.likelihood else CostPolicy(),
         visibility=TrackVisibility() if strong.visibility else VisibilityPolicy(),

@@ -13,17 +13,16 @@ from common.config import Config
 from people4d.messages.base import (
     Positive,
     PositiveInt,
-    PositiveRatio,
     Ratio,
 )
 
 CosineDistance = Annotated[float, Meta(gt=0, le=2)]
 Seconds = Annotated[float, Meta(ge=0, le=60)]
-CHI2_3DOF_95 = 7.8147
 
 # Measured on crops of the lab, with 2 % false matches in the second line; of the
 # appearance network on the lab and real people.
 COSINE_DISTANCE_MAX = {"appearance": 0.46, "histogram": 0.25, "osnet": 0.45}
+COSINE_DISTANCE_MAX_OTHER = 0.3
 REIDENTIFICATION_MAX = {"appearance": 0.28, "histogram": 0.15, "osnet": 0.38}
 
 
@@ -64,16 +63,12 @@ class StrongSort3dConfig(Config, frozen=True, kw_only=True):
     """StrongSORT-3D [PIC4SeR], section 5, and the policies around it."""
 
     # round 1
-    motion_weight: Ratio = 0.02  # lambda in c = lambda d_M^2 + (1 - lambda) d_cos; section 5
-    mahalanobis_max: Positive = CHI2_3DOF_95  # largest d_M^2: chi^2, 3 dof, 95 %; section 5
     # C_cos, largest cosine distance, by the name of the embedder (section 5: per embedder). What is
-    # not named here is taken from COSINE_DISTANCE_MAX, else it is cosine_distance_max_other.
+    # not named here is taken from COSINE_DISTANCE_MAX, else it is COSINE_DISTANCE_MAX_OTHER.
     cosine_distance_max: dict[str, CosineDistance] = msgspec.field(default_factory=dict)
-    cosine_distance_max_other: CosineDistance = 0.3
     # True: c has lambda ln |S| on top, as a likelihood, and a track or detection without a partner
     # costs C_cos; section 5: False, as many pairs as possible
     likelihood: bool = True
-    ema_alpha: Ratio = 0.9  # e <- alpha e + (1 - alpha) f; section 5 (default)
     # round 2
     distance_max_m: Positive = 0.7  # [m] largest 3D distance; section 5 (default)
     # life cycle
@@ -86,9 +81,6 @@ class StrongSort3dConfig(Config, frozen=True, kw_only=True):
     # lost with it (benchmarks/ablation.md)
     sigma_acceleration_mps2: Positive = 3.0  # [m/s^2] section 3: 0.5
     sigma_measurement_m: Positive = 0.15  # [m] of detections without a covariance; section 3: 0.5
-    sigma_start_velocity_mps: Positive = 2.0  # [m/s] of a new track
-    max_depth_m: Positive = 5.0  # [m] in R <- (1 + x / max_depth) R; section 3
-    nsa_floor: PositiveRatio = 0.05  # least factor 1 - score; 1.0 switches NSA off; section 3
     # "measured": R is the covariance of the detection where the detector estimates one, and neither
     # depth nor score change it; "constant": sigma_measurement_m; section 3
     noise: Literal["constant", "measured"] = "measured"
@@ -99,5 +91,5 @@ class StrongSort3dConfig(Config, frozen=True, kw_only=True):
 
     def cosine_limit(self, embedder: str) -> float:
         """Return C_cos of an embedder."""
-        shipped = COSINE_DISTANCE_MAX.get(embedder, self.cosine_distance_max_other)
+        shipped = COSINE_DISTANCE_MAX.get(embedder, COSINE_DISTANCE_MAX_OTHER)
         return self.cosine_distance_max.get(embedder, shipped)

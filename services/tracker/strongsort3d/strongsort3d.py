@@ -25,6 +25,9 @@ from services.tracker.strongsort3d.policies import (
     Policies,
 )
 
+MOTION_WEIGHT = 0.02  # lambda in c = lambda d_M^2 + (1 - lambda) d_cos [Du 2023]
+CHI2_3DOF_95 = 7.8147  # largest d_M^2 of a pair: chi^2, 3 degrees of freedom, 95 % [PIC4SeR]
+EMA_ALPHA = 0.9  # alpha in e <- alpha e + (1 - alpha) f [Du 2023]
 LENGTH_MIN = 1e-6  # least length of a mean embedding that has a direction
 
 
@@ -56,7 +59,7 @@ class StrongSort3d(TrackSetTracker, AreaTracker):
         self._drop_other_embeddings(observation)
         result = self._associate(observation)
         tracks.update(result.matches, observation)
-        update_embeddings(result.matches, self._config.ema_alpha)
+        update_embeddings(result.matches, EMA_ALPHA)
         for policy in policies.of_tracks:
             policy.after_update(tracks, result)
         return tracks.manage(result.by_distance.unmatched_detections, observation)
@@ -132,8 +135,8 @@ class StrongSort3d(TrackSetTracker, AreaTracker):
         (x, P), R = stack(records), motion.gate_noise(detections)
         d_cos = cosine_distances(records, detections)
         d_m2, log_det = policies.visibility.gate(x, P, R, d_cos, frame)
-        cost = combined_cost(d_m2, d_cos, frame.cosine_distance_max, self._config)
-        return cost + policies.cost.added_cost(self._config.motion_weight, log_det)
+        cost = combined_cost(d_m2, d_cos, frame.cosine_distance_max)
+        return cost + policies.cost.added_cost(MOTION_WEIGHT, log_det)
 
     def _distance_cost(
         self, records: Sequence[TrackRecord], detections: Sequence[Measurement]
@@ -155,7 +158,7 @@ class StrongSort3d(TrackSetTracker, AreaTracker):
         self._policies.identity.clear()
 
 
-def combined_cost(d_m2: F64, d_cos: F64, c_cos: float, config: StrongSort3dConfig) -> F64:
+def combined_cost(d_m2: F64, d_cos: F64, c_cos: float) -> F64:
     """Return lambda d_M^2 + (1 - lambda) d_cos (NxM), infinite outside the gates.
 
     Where a track or a detection has no embedding (d_cos is NaN), C_cos d_M^2 / d_M,max^2 stands in:
@@ -163,9 +166,9 @@ def combined_cost(d_m2: F64, d_cos: F64, c_cos: float, config: StrongSort3dConfi
     """
     unknown = np.isnan(d_cos)
     if unknown.any():
-        d_cos = np.where(unknown, c_cos * d_m2 / config.mahalanobis_max, d_cos)
-    cost: F64 = config.motion_weight * d_m2 + (1 - config.motion_weight) * d_cos
-    cost[(d_m2 > config.mahalanobis_max) | (d_cos > c_cos)] = np.inf
+        d_cos = np.where(unknown, c_cos * d_m2 / CHI2_3DOF_95, d_cos)
+    cost: F64 = MOTION_WEIGHT * d_m2 + (1 - MOTION_WEIGHT) * d_cos
+    cost[(d_m2 > CHI2_3DOF_95) | (d_cos > c_cos)] = np.inf
     return cost
 
 

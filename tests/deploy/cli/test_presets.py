@@ -54,10 +54,7 @@ def test_seg_sort_is_section_4(suffix: str) -> None:
     assert (tracker.tracker, tracker.yaw, tracker.yaw_speed_min_mps) == ("sort3d", "velocity", 0.0)
     assert not tracker.publish_lost
     sort = tracker.sort3d
-    assert (sort.iou_weight, sort.iou_min, sort.min_hits) == (0.3, 0.3, 3)
-    assert sort.iou_gate
-    assert sort.distance_gate
-    assert (sort.distance_gate_sigmas, sort.distance_gate_floor_m) == (1.6, 0.0)
+    assert (sort.min_hits, sort.distance_gate_floor_m) == (3, 0.0)
 
 
 @pytest.mark.parametrize("suffix", ["", "-movenet"])
@@ -68,17 +65,12 @@ def test_the_other_methods_track_by_sections_3_and_5(method: str, suffix: str) -
     assert not tracker.publish_lost
     strong = tracker.strongsort3d
     assert strong == StrongSort3dConfig(
-        motion_weight=0.02,
-        mahalanobis_max=7.8147,
-        ema_alpha=0.9,
         likelihood=False,
         n_init=3,
         a_max=30,
         lifetime="streak",
         sigma_acceleration_mps2=0.5,
         sigma_measurement_m=0.5,
-        max_depth_m=5.0,
-        nsa_floor=0.05,
         noise="constant",
         visibility=False,
         identity=IdentityConfig(enabled=False),
@@ -163,10 +155,10 @@ def test_a_preset_extends_one_of_its_own_folder_wherever_it_is_used(
     assert preset_settings(str(tmp_path / "mine.toml")) == ["tracker.sort3d.t_lost=5"]
 
 
-def test_infinity_and_booleans_keep_their_type() -> None:
-    settings = preset_settings("pose-strongsort")
-    assert "tracker.strongsort3d.jump_min=inf" in settings
-    assert "tracker.publish_lost=false" in settings
+def test_infinity_and_booleans_keep_their_type(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text("[tracker]\npublish_lost = false\nimage_sort.r = inf\n")
+    settings = preset_settings(str(tmp_path / "mine.toml"))
+    assert settings == ["tracker.publish_lost=false", "tracker.image_sort.r=inf"]
 
 
 @pytest.mark.parametrize(

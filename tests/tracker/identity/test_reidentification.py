@@ -62,7 +62,7 @@ def test_new_person_gets_a_new_identity() -> None:
 
 
 def test_lost_track_ends_when_its_person_is_reidentified() -> None:
-    # 2 m away after 0.5 s: within 0.8 + 2.5 * 0.5 = 2.05 m once seen thrice; the lost track ends.
+    # 2 m away after 0.5 s; the lost track ends.
     sort = tracker()
     stay(sort, 0, 10, person(3, -1, embedding=RED))
     stay(sort, 10, 3)
@@ -74,7 +74,7 @@ def test_person_found_beside_another_is_not_that_one(first: int, ids: list[int])
     # Dressed alike, 1 m apart; one is lost after frame 9, the other found in that frame, or in the
     # next: then they could be one person.
     strong = published(
-        identity=IdentityConfig(enabled=True), a_max=9, mahalanobis_max=0.5, distance_max_m=0.4
+        identity=IdentityConfig(enabled=True), a_max=9, sigma_measurement_m=0.1, distance_max_m=0.4
     )
     sort = build_strongsort3d(published_config(strongsort3d=strong))
     gone, new = person(3, -0.5, embedding=RED), person(3, 0.5, 1, 0.8, RED)

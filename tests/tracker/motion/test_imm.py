@@ -16,9 +16,7 @@ from tests.tracker.scene import frame, person, published, published_config
 UNMATCHED = np.array([False])
 CONFIG = published(
     sigma_acceleration_mps2=3.0,
-    sigma_measurement_m=0.15,
-    nsa_floor=1.0,
-    max_depth_m=1e9,
+    sigma_measurement_m=0.354,  # 0.15 m for a score of 0.9 at 4 m
     standing_model=True,
 )
 

@@ -8,11 +8,11 @@ import pytest
 from services.tracker.config import Sort3dConfig
 from services.tracker.interface import Measurement
 from services.tracker.motion.motion import (
-    BoxMotion,
     PositionMotion,
     confidence_factor,
     depth_factor,
 )
+from services.tracker.sort3d.box_motion import BoxMotion
 from tests.tracker.scene import published
 
 
@@ -51,13 +51,13 @@ def test_depth_and_score_scale_the_noise() -> None:
 
 
 def test_a_certain_detection_leaves_some_noise() -> None:
-    assert confidence_factor(1.0, floor=0.05) == 0.05
-    assert confidence_factor(0.97, floor=0.05) == 0.05
-    assert confidence_factor(0.4, floor=0.05) == pytest.approx(0.6)
+    assert confidence_factor(1.0) == 0.05
+    assert confidence_factor(0.97) == 0.05
+    assert confidence_factor(0.4) == pytest.approx(0.6)
 
 
 def test_depth_behind_the_camera_counts_as_none() -> None:
-    np.testing.assert_allclose(depth_factor([-7.0, 0.0, 5.0], 5.0), [1.0, 1.0, 2.0])
+    np.testing.assert_allclose(depth_factor([-7.0, 0.0, 5.0]), [1.0, 1.0, 2.0])
 
 
 def test_point_starts_with_zero_velocity_and_its_variance() -> None:
@@ -112,13 +112,3 @@ def test_measured_noise_is_the_covariance_of_the_detection() -> None:
     paper = PositionMotion(published())
     np.testing.assert_allclose(paper.noise([certain])[0], 0.075 * np.eye(3))
     assert motion.noise([]).shape == (0, 3, 3)
-
-
-def test_measured_noise_of_a_box_does_not_change_the_pixels() -> None:
-    results = np.diag([1e-4, 4e-4, 9e-4])
-    certain = replace(measurement(), covariance_m2=results)
-    constant = BoxMotion(Sort3dConfig()).noise([certain])[0]
-    measured = BoxMotion(Sort3dConfig(noise="measured")).noise([certain])[0]
-    np.testing.assert_allclose(measured[4:, 4:], results)
-    np.testing.assert_array_equal(measured[:4, :4], constant[:4, :4])
-    assert BoxMotion(Sort3dConfig(noise="measured")).noise([]).shape == (0, 7, 7)

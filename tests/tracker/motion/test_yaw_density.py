@@ -9,18 +9,20 @@ import pytest
 
 from common.geometry.transforms import wrap
 from people4d.messages import F64
-from services.tracker.config import YawFilterConfig
 from services.tracker.interface import Measurement
 from services.tracker.motion.yaw_density import (
     ANGLES,
     BEARING,
     BINS,
+    CORRELATION_S,
     DENSITY,
     NEAR,
     RATE,
+    RATE_DECAY_S,
     SHARE,
     SINCE,
     STEP_RAD,
+    TURN_RADPS,
     UNKNOWN,
     DensityYaw,
     YawMeasurements,
@@ -28,9 +30,7 @@ from services.tracker.motion.yaw_density import (
 )
 from tests.tracker.scene import AT_REST, facing
 
-CONFIG = YawFilterConfig()
-FILTER = DensityYaw(CONFIG)
-SLOW_TURNS = DensityYaw(YawFilterConfig(turn_radps=0.1, rate_gain=0.0))
+FILTER = DensityYaw()
 
 
 def predict(before: F64, dt_s: float, filter_: DensityYaw = FILTER) -> F64:
@@ -71,7 +71,7 @@ def errors_deg(published: Iterable[float | None], yaw_rad: float) -> list[float]
 def likelihood(yaw_rad: float, sigma_rad: float, factor: float = 1.0) -> F64:
     """Of a measured yaw of a person straight before a camera that looks along +x."""
     yaws = YawMeasurements(np.array([yaw_rad]), np.array([sigma_rad]), np.zeros(1))
-    (likelihoods,) = likelihood_measured(yaws, np.array([factor]), CONFIG)
+    (likelihoods,) = likelihood_measured(yaws, np.array([factor]))
     return np.asarray(likelihoods, np.float64)
 
 
@@ -110,19 +110,19 @@ def test_turns_have_a_wrapped_cauchy_density() -> None:
     certain[DENSITY] = 1e-9
     certain[DENSITY.start] = 1.0
     after = predict(certain, 0.5)[DENSITY]
-    scale = 0.5 * CONFIG.turn_radps
+    scale = 0.5 * TURN_RADPS
     expected = math.sinh(scale) / (math.cosh(scale) - np.cos(ANGLES)) * STEP_RAD / (2 * math.pi)
     np.testing.assert_allclose(after, expected, rtol=1e-6)
 
 
 def test_turn_rate_decays() -> None:
     # After tau ln 2 half the rate is left; turned by tau (1 - 1/2) of it.
-    tau = CONFIG.rate_decay_s
+    tau = RATE_DECAY_S
     turning = update(None, shown(0.0))
     turning[RATE] = 1.0
-    after = predict(turning, tau * math.log(2), SLOW_TURNS)
+    after = predict(turning, tau * math.log(2))
     assert after[RATE] == pytest.approx(0.5)
-    assert after[0] == pytest.approx(tau / 2, abs=1e-3)
+    assert after[0] == pytest.approx(tau / 2, abs=0.01)
 
 
 def test_long_prediction_is_that_of_short_steps() -> None:
@@ -138,7 +138,7 @@ def test_frames_that_follow_sooner_count_less_but_for_the_angle() -> None:
     # of what it is else, and the angle itself as certain: its sigma by root 3 is that of the root.
     state = update(None, shown(0.0))
     state[DENSITY] = 1 / BINS
-    state[SINCE] = CONFIG.correlation_s / 3
+    state[SINCE] = CORRELATION_S / 3
     soon = update(state, shown(0.3))[DENSITY]
     expected = likelihood(0.3, 0.15, math.sqrt(1 / 3)) ** (1 / 3)
     np.testing.assert_allclose(soon / soon.max(), expected / expected.max(), rtol=1e-6)

@@ -7,12 +7,11 @@ import pytest
 
 from common.geometry.transforms import wrap
 from people4d.messages import F64
-from services.tracker.config import YawKalmanConfig
 from services.tracker.interface import Measurement
 from services.tracker.motion.yaw_kalman import KalmanYaw
 from tests.tracker.scene import AT_REST, facing
 
-FILTER = KalmanYaw(YawKalmanConfig(sigma_measurement_rad=0.5))
+FILTER = KalmanYaw()
 
 
 def state(psi_rad: float, rate_radps: float = 0.0, variance: float = 0.25) -> F64:
@@ -34,7 +33,7 @@ def update(before: F64 | None, detected: Measurement) -> F64:
 def test_the_first_measurement_begins_the_state() -> None:
     begun = update(None, facing(7.0))
     np.testing.assert_allclose(begun[:2], [7.0 - 2 * math.pi, 0.0])
-    np.testing.assert_allclose(begun[2:5], [0.25, 0.0, 1.0])
+    np.testing.assert_allclose(begun[2:5], [0.1225, 0.0, 1.0])
     assert FILTER.read(begun, AT_REST) == pytest.approx(7.0 - 2 * math.pi)
     assert FILTER.read(None, np.ones(3)) is None
     assert FILTER.update([None], [facing(None)]) == [None]
@@ -50,9 +49,9 @@ def test_prediction_by_hand() -> None:
 
 def test_the_innovation_is_wrapped() -> None:
     # 175 deg, measured -175: 10 deg on. P = R, so half of that: 180, not 0.
-    after = update(state(math.radians(175)), facing(math.radians(-175)))
+    after = update(state(math.radians(175), variance=0.1225), facing(math.radians(-175)))
     assert math.degrees(abs(after[0])) == pytest.approx(180.0)
-    assert after[2] == pytest.approx(0.125)  # P R / (P + R) = 0.25 * 0.25 / 0.5
+    assert after[2] == pytest.approx(0.06125)  # P R / (P + R) = R / 2
     assert FILTER.read(after, AT_REST) == pytest.approx(math.pi)
 
 

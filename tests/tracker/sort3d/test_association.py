@@ -17,7 +17,6 @@ from services.tracker.sort3d.association import (
 )
 from services.tracker.strongsort3d import strongsort3d
 from services.tracker.strongsort3d.strongsort3d import moving_averages
-from tests.tracker.scene import published
 
 INF = np.inf
 
@@ -80,13 +79,13 @@ def test_min_max() -> None:
 def test_sort3d_cost() -> None:
     # d = 1, 2, 5: d_n = 0, 0.25, 1. c = 0.3 (1 - IoU) + 0.7 d_n:
     # 0.3 * 0.2 = 0.06; 0.3 * 0.5 + 0.7 * 0.25 = 0.325; 0.3 + 0.7 = 1.
-    cost = sort3d.combined_cost(np.array([[0.8, 0.5, 0.0]]), np.array([[1.0, 2.0, 5.0]]), 0.3)
+    cost = sort3d.combined_cost(np.array([[0.8, 0.5, 0.0]]), np.array([[1.0, 2.0, 5.0]]))
     np.testing.assert_allclose(cost, [[0.06, 0.325, 1.0]])
 
 
 def test_strongsort3d_cost() -> None:
     # lambda = 0.02: 0.02 * 2 + 0.98 * 0.1 = 0.138.
-    cost = strongsort3d.combined_cost(np.array([[2.0]]), np.array([[0.1]]), 0.3, published())
+    cost = strongsort3d.combined_cost(np.array([[2.0]]), np.array([[0.1]]), 0.3)
     np.testing.assert_allclose(cost, [[0.138]])
 
 
@@ -94,7 +93,7 @@ def test_both_gates_of_strongsort3d() -> None:
     # chi^2 of 3 degrees of freedom at 95 % is 7.8147; C_cos = 0.3.
     d_m2 = np.array([[7.8147, 7.8148, 1.0, 1.0]])
     d_cos = np.array([[0.1, 0.1, 0.3, 0.3001]])
-    cost = strongsort3d.combined_cost(d_m2, d_cos, 0.3, published())
+    cost = strongsort3d.combined_cost(d_m2, d_cos, 0.3)
     np.testing.assert_array_equal(np.isfinite(cost), [[True, False, True, False]])
 
 
@@ -102,7 +101,7 @@ def test_motion_stands_in_for_unknown_appearance() -> None:
     # d_M^2 at half its gate stands for d_cos at half its gate: 0.3 / 2 = 0.15;
     # c = 0.02 * 3.90735 + 0.98 * 0.15 = 0.225147. Beyond the gate it stays refused.
     d_m2 = np.array([[7.8147 / 2, 7.9]])
-    cost = strongsort3d.combined_cost(d_m2, np.full((1, 2), np.nan), 0.3, published())
+    cost = strongsort3d.combined_cost(d_m2, np.full((1, 2), np.nan), 0.3)
     np.testing.assert_allclose(cost, [[0.225147, INF]])
 
 

@@ -55,15 +55,12 @@ def test_a_tentative_track_needs_its_matches_in_a_row() -> None:
     assert results == [(1, "tentative")] * 5 + [(1, "confirmed")]
 
 
-def test_the_box_gate_can_be_switched_off() -> None:
+def test_boxes_that_overlap_too_little_are_two_people() -> None:
     # At 3 m the box is 100 px wide; 0.4 m aside it moves by 80 px: IoU = 20 / 180 = 0.11 < 0.3.
     steps = frame(0, person(3, 0)), frame(1, person(3, 0.4))
-    gated = tracker()
-    gated.update(steps[0])
-    assert [track.id for track in gated.update(steps[1])] == [1, 2]
-    free = tracker(iou_gate=False)
-    free.update(steps[0])
-    assert [track.id for track in free.update(steps[1])] == [1]
+    sort = tracker()
+    sort.update(steps[0])
+    assert [track.id for track in sort.update(steps[1])] == [1, 2]
 
 
 def test_distance_gate_follows_the_previous_frame() -> None:
@@ -76,7 +73,6 @@ def test_distance_gate_follows_the_previous_frame() -> None:
 
     assert third_frame(distance_gate_floor_m=0.0) == [1, 2]
     assert third_frame(distance_gate_floor_m=0.5) == [1]
-    assert third_frame(distance_gate=False) == [1]
 
 
 def test_plain_distance_gate_loses_a_lone_person_and_the_floor_keeps_them() -> None:
