@@ -17,7 +17,8 @@ from deploy.cli.terminal import console, print_progress
 from deploy.launcher import launcher, scaling
 from deploy.launcher.health import Heartbeats, works
 from deploy.launcher.state import State
-from people4d.errors import People4dError
+from people4d.client import Client
+from people4d.errors import ConfigError, People4dError
 from people4d.messages import Health
 
 CONTEXT_SETTINGS = {"run": {"allow_extra_args": True, "ignore_unknown_options": True}}
@@ -75,7 +76,7 @@ def health(
     host = socket.gethostname()
     deadline_s = time.monotonic() + timeout_s
     last: Health | None = None
-    with open_client(connect, robot) as client:
+    with _connected(connect, robot, deadline_s) as client:
         for message in client.messages(Health, timeout_s=timeout_s):
             if message.service == service and (not here or message.host == host):
                 last = message
@@ -88,6 +89,18 @@ def health(
     if last:
         raise People4dError(f"{last.instance} is {last.state}: {last.reason}")
     raise People4dError(f"no heartbeat of {service} came within {timeout_s:g} s", f"{found}.")
+
+
+def _connected(connect: str, robot: str, deadline_s: float) -> Client:
+    """Connect to the router, which may still be starting."""
+    while True:
+        try:
+            return open_client(connect, robot)
+        except ConfigError:
+            raise
+        except People4dError:
+            if time.monotonic() > deadline_s:
+                raise
 
 
 def run(

@@ -1,0 +1,39 @@
+"""people4d health: it waits for a router and a service that are still starting."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from common.transport.ports import free_port
+from deploy.cli.options import CONNECT_S
+from tests.deploy.launcher.test_alone import PEOPLE4D, TIMEOUT_S, ending, service
+
+pytestmark = [pytest.mark.processes, pytest.mark.network]
+
+STARTED_S = 3.0  # of the command itself
+
+
+def test_health_waits_for_a_router_that_starts_later() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    variables = {**os.environ, "PEOPLE4D_CONNECT": endpoint}
+    command = [*PEOPLE4D, "health", "router", "--timeout", str(TIMEOUT_S)]
+    with (
+        subprocess.Popen(command, env=variables, stdout=subprocess.PIPE) as process,
+        ending(process),
+    ):
+        with pytest.raises(subprocess.TimeoutExpired):
+            process.wait(2 * CONNECT_S + STARTED_S)
+        with service("router", {**variables, "PEOPLE4D_LISTEN": endpoint}):
+            output, _ = process.communicate(timeout=TIMEOUT_S)
+    assert (process.returncode, output.split()[1:]) == (0, [b"is", b"ready."])
+
+
+def test_health_without_a_router_ends_after_its_timeout() -> None:
+    command = ["health", "router", "--timeout", "0.1", "--connect", "tcp/127.0.0.1:1"]
+    done = subprocess.run(
+        [sys.executable, "-m", "deploy.cli", *command], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    assert "no Zenoh session" in done.stderr
