@@ -10,7 +10,7 @@ PERIOD_NS = 200_000_000
 
 
 def warm_up(config: PredictorConfig) -> None:
-    """Predict one person for a second, so that everything is compiled."""
+    """Compile all functions by predictions of one person for a second."""
     node = PredictorNode(config)
     for number in range(6):
         person = Track(

@@ -1,4 +1,4 @@
-"""Groups: people who walk alike side by side, or stand around a common space."""
+"""Groups: people walking side by side, or standing around a common space."""
 
 import math
 from collections import Counter
@@ -6,23 +6,31 @@ from collections import Counter
 import numpy as np
 
 from people4d.messages import F64
-from services.predictor.config import GroupConfig
 from services.predictor.motion import Flags, Integers
+
+WALKING_MPS = 0.3  # minimum speed of a walking person [m/s]
+WALKING_M = 1.5  # maximum distance of two people walking together [m]
+WALKING_DIFFER_MPS = 0.35  # maximum difference of their velocities [m/s]
+SPACE_M = 0.7  # distance from a standing person to the centre of the space in front [m]
+SPACE_APART_M = 0.8  # maximum distance of the centres of a common space [m]
+STANDING_M = 2.5  # maximum distance of two people with a common space [m]
+STANDING_UNKNOWN_M = 0.8  # maximum distance of standing people if a yaw is unknown [m]
+LASTS_S = 1.5  # time constant of the score of a pair [s]
+JOIN_SCORE, LEAVE_SCORE = 0.6, 0.3  # scores above which a pair joins, below which it separates
 
 
 class GroupFinder:
     """Finds groups from the distance and motion of pairs over time."""
 
-    def __init__(self, config: GroupConfig) -> None:
-        self._config = config
+    def __init__(self) -> None:
         self._now_s = 0.0
         self._ids = np.zeros(0, np.int64)
         self._scores = np.zeros((0, 0))
         self._together = np.zeros((0, 0), bool)
-        self._groups = np.zeros(0, np.int64)  # of each person, 0: none
+        self._groups = np.zeros(0, np.int64)  # group of each person, 0: none
         self._next = 1
 
-    def update(
+    def find_groups(
         self, now_s: float, ids: Integers, positions_m: F64, velocities_mps: F64, yaws_rad: F64
     ) -> Integers:
         """Return the group of each of N people, 0 for none.
@@ -34,24 +42,23 @@ class GroupFinder:
             velocities_mps: Nx2, filtered [m/s].
             yaws_rad: N, NaN if unknown.
         """
-        config = self._config
         self._match(ids)
-        share = 1 - math.exp(-max(now_s - self._now_s, 0.0) / config.lasts_s)
+        share = 1 - math.exp(-max(now_s - self._now_s, 0.0) / LASTS_S)
         self._now_s = now_s
         if len(ids) < 2:
             return self._groups
         evidence = self._evidence(positions_m, velocities_mps, yaws_rad)
         self._scores += share * (evidence - self._scores)
-        self._together &= self._scores > config.leave_score
-        self._together |= self._scores > config.join_score
+        self._together &= self._scores > LEAVE_SCORE
+        self._together |= self._scores > JOIN_SCORE
         if self._together.any():
-            self._groups = self._number(_components(self._together))
+            self._groups = self._number_groups(_components(self._together))
         else:
             self._groups = np.zeros(len(ids), np.int64)
         return self._groups
 
     def _match(self, ids: Integers) -> None:
-        """Bring the state of the people before to those of now."""
+        """Reorder the state to the present people."""
         if np.array_equal(ids, self._ids):
             return
         rows = {key: row for row, key in enumerate(self._ids.tolist())}
@@ -65,27 +72,26 @@ class GroupFinder:
         self._ids, self._scores, self._together, self._groups = ids, scores, together, groups
 
     def _evidence(self, positions_m: F64, velocities_mps: F64, yaws_rad: F64) -> F64:
-        """Return for each pair how much they look like a group now, NxN from 0 to 1."""
-        config = self._config
+        """Return the present evidence of each pair for a group, NxN from 0 to 1."""
         apart_m = _distances(positions_m)
         differ_mps = _distances(velocities_mps)
-        walks = np.hypot(velocities_mps[:, 0], velocities_mps[:, 1]) > config.walking_mps
-        walking = (apart_m < config.walking_m) & (differ_mps < config.walking_differ_mps)
+        walks = np.hypot(velocities_mps[:, 0], velocities_mps[:, 1]) > WALKING_MPS
+        walking = (apart_m < WALKING_M) & (differ_mps < WALKING_DIFFER_MPS)
         walking &= walks[:, None] & walks
         heading = np.stack([np.cos(yaws_rad), np.sin(yaws_rad)], axis=1)
         facing = np.isfinite(yaws_rad)
-        centres = positions_m + config.space_m * np.where(facing[:, None], heading, 0)
-        share_space = _distances(centres) < config.space_apart_m
-        near = apart_m < config.standing_unknown_m
+        centres = positions_m + SPACE_M * np.where(facing[:, None], heading, 0)
+        share_space = _distances(centres) < SPACE_APART_M
+        near = apart_m < STANDING_UNKNOWN_M
         both_face = facing[:, None] & facing
-        standing = np.where(both_face, share_space & (apart_m < config.standing_m), near)
+        standing = np.where(both_face, share_space & (apart_m < STANDING_M), near)
         standing &= ~walks[:, None] & ~walks
         evidence = (walking | standing).astype(float)
         np.fill_diagonal(evidence, 0)
         return evidence
 
-    def _number(self, components: Integers) -> Integers:
-        """Return lasting numbers: a group keeps that of most of its members."""
+    def _number_groups(self, components: Integers) -> Integers:
+        """Return persistent numbers: a group keeps the number of most of its members."""
         groups, taken = np.zeros(len(components), np.int64), set[int]()
         sizes = Counter(components.tolist())
         for component in sorted(sizes, key=lambda c: -sizes[c]):
@@ -108,7 +114,7 @@ def _distances(points: F64) -> F64:
 
 
 def _components(together: Flags) -> Integers:
-    """Return the number of the connected component of each row, the least row in it."""
+    """Return the connected component of each row, numbered by its first row."""
     count = len(together)
     numbers = np.arange(count)
     linked = together | np.eye(count, dtype=bool)

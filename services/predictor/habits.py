@@ -1,4 +1,4 @@
-"""Errors of past forecasts in situations alike, compiled."""
+"""Errors of past forecasts in similar situations, compiled."""
 
 import math
 
@@ -8,7 +8,7 @@ from common.compiled import compiled
 from people4d.messages import F64
 from services.predictor.motion import Integers
 
-FAR = 36.0  # squared normalised distance from which a situation counts nothing
+FAR = 36.0  # maximum squared normalised distance of a similar situation
 
 
 @compiled
@@ -25,18 +25,18 @@ def weigh_errors(
 ) -> tuple[F64, F64]:
     """Return sums of weights (NxH) and of weighted errors (NxHx2) by a normal kernel.
 
-    A person's own forecasts of the last `own_after_s` do not count.
+    Forecasts of the same person in the last `own_after_s` have no weight.
 
     Args:
         ids: N people.
-        features: NxF, normalised: differences of 1 are a standard deviation of the kernel.
+        features: NxF, in standard deviations of the kernel.
         now_s: Present time [s].
-        own_after_s: Age from which a person's own forecasts count [s].
+        own_after_s: Minimum age of forecasts of the same person [s].
         past_ids: M past forecasts.
         past_times_s: M [s].
         past_features: MxF.
-        known: MxH, 1 where it is known what followed, else 0.
-        errors_m: MxHx2, 0 where it is unknown.
+        known: MxH, 1 if the true displacement is known, else 0.
+        errors_m: MxHx2, 0 if unknown.
     """
     count, size = len(ids), known.shape[1]
     total, errors = np.zeros((count, size)), np.zeros((count, size, 2))

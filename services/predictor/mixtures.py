@@ -8,8 +8,9 @@ from common.compiled import compiled
 from people4d.messages import F64
 from services.predictor.motion_modes import MODES
 
-STANDING_RADIUS_M, GOING_ON_RAD = 0.6, math.radians(25.0)
-SAMPLES = 64
+STANDING_RADIUS_M = 0.6  # maximum displacement of a standing person [m]
+GOING_ON_RAD = math.radians(25.0)  # maximum change of direction of a person going on [rad]
+SAMPLES = 64  # number of points of the normal distribution
 
 
 @compiled
@@ -66,7 +67,7 @@ def integrate_motion(
     """Integrate normal distributions over the regions of standing, going on and turning.
 
     Args:
-        velocities_mps: Nx2, at present.
+        velocities_mps: Nx2, present velocities.
         displacements_m: Nx2 means.
         covariances_m2: Nx2x2.
         samples: 2xS points of a standard normal distribution.
@@ -97,7 +98,7 @@ def integrate_motion(
 
 
 def unit_samples() -> F64:
-    """Return 2xS points of a standard normal distribution: equal shares of radius, spiralled."""
+    """Return 2xS points of a standard normal distribution, on a spiral of equal probabilities."""
     number = np.arange(SAMPLES) + 0.5
     radius = np.sqrt(-2 * np.log(1 - number / SAMPLES))
     angle = number * np.pi * (3 - np.sqrt(5))

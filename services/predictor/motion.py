@@ -6,7 +6,6 @@ import numpy as np
 import numpy.typing as npt
 
 from people4d.messages import F64
-from services.predictor.config import PedestrianConfig
 from services.predictor.motion_modes import MODES, advance_modes, measure_modes
 
 Integers = npt.NDArray[np.int64]
@@ -15,17 +14,25 @@ Flags = npt.NDArray[np.bool_]
 STANDING, STRAIGHT, TURNING = range(3)
 POSITION, VELOCITY = range(2)
 
+FIRST = (0.05, 0.6, 0.35)  # initial probabilities of standing, straight, turning
+SIGMA_FIRST_MPS = 1.5  # standard deviation of the velocity of a new track, per axis [m/s]
+SWAY_MPS = 0.026  # standard deviation of the velocity of a standing person [m/s]
+ACCELERATIONS = (0.083, 0.2, 0.5)  # densities of white acceleration, by mode [m/s^2 sqrt(s)]
+DECAYS_S = (1.3, 1000.0, 1000.0)  # time constants of the velocity, by mode [s]
+# Rates of mode changes [1/s], from rows to columns
+CHANGE_RATES_HZ = ((0.0, 0.03, 0.03), (0.001, 0.0, 0.035), (0.01, 1.2, 0.0))
+
 
 @dataclass(frozen=True)
 class MotionEstimate:
     """Motion of N people: one Gaussian of position and velocity for each mode.
 
-    Both axes have the same covariance: neither motion nor measurement prefers a direction.
+    Both axes have the same covariance, since motion and measurement are isotropic.
     """
 
     positions_m: F64  # Nx3x2, by mode
     velocities_mps: F64  # Nx3x2, by mode
-    covariances: F64  # Nx3x2x2 of position and velocity along an axis, by mode
+    covariances: F64  # Nx3x2x2, of position and velocity along an axis, by mode
     modes: F64  # Nx3, probability of each mode
 
     @property
@@ -40,38 +47,36 @@ class MotionEstimate:
         found: F64 = np.einsum("nk,nki->ni", self.modes, self.velocities_mps)
         return found
 
-    def at(self, rows: Integers | Flags) -> "MotionEstimate":
-        """Return the motion of some of the people."""
+    def select_people(self, rows: Integers | Flags) -> "MotionEstimate":
+        """Return the motion of a selection of people."""
         parts = (self.positions_m, self.velocities_mps, self.covariances, self.modes)
         return MotionEstimate(*(part[rows] for part in parts))
 
 
-def begin(positions_m: F64, sigma_m: F64, config: PedestrianConfig) -> MotionEstimate:
-    """Return the motion of people of whom only a position is known (Nx2, N)."""
+def initial_motion(positions_m: F64, sigma_m: F64) -> MotionEstimate:
+    """Return the motion of new people with positions (Nx2) and standard deviations (N)."""
     count = len(positions_m)
     covariances = np.zeros((count, MODES, 2, 2))
     covariances[:, :, 0, 0] = sigma_m[:, None] ** 2
-    covariances[:, STRAIGHT:, 1, 1] = config.sigma_first_mps**2
-    covariances[:, STANDING, 1, 1] = config.sway_mps**2
+    covariances[:, STRAIGHT:, 1, 1] = SIGMA_FIRST_MPS**2
+    covariances[:, STANDING, 1, 1] = SWAY_MPS**2
     return MotionEstimate(
         positions_m=np.repeat(positions_m[:, None], MODES, axis=1),
         velocities_mps=np.zeros((count, MODES, 2)),
         covariances=covariances,
-        modes=np.tile(np.array(config.first), (count, 1)),
+        modes=np.tile(np.array(FIRST), (count, 1)),
     )
 
 
-def advance(motion: MotionEstimate, elapsed_s: F64, config: PedestrianConfig) -> MotionEstimate:
-    """Mix and predict over N times [s]."""
-    rates = np.array(config.change_rates_hz)
-    rates -= np.diag(np.diag(rates))  # 3x3 from, to; the diagonal is not used
-    decay, reach = decays(elapsed_s[:, None], config)  # Nx3
-    sigma = np.array([config.sway_mps2, config.straight_mps2, config.turning_mps2])
+def predict_motion(motion: MotionEstimate, elapsed_s: F64) -> MotionEstimate:
+    """Mix the modes and predict over N intervals [s]."""
+    rates, sigma = np.array(CHANGE_RATES_HZ), np.array(ACCELERATIONS)
+    decay, reach = velocity_decay(elapsed_s[:, None])  # Nx3
     parts = (motion.positions_m, motion.velocities_mps, motion.covariances, motion.modes)
     return MotionEstimate(*advance_modes(*parts, elapsed_s, rates, decay, reach, sigma**2))
 
 
-def measure(motion: MotionEstimate, part: int, values: F64, sigma: F64) -> MotionEstimate:
+def update_motion(motion: MotionEstimate, part: int, values: F64, sigma: F64) -> MotionEstimate:
     """Update with measured positions (part 0) or velocities (part 1).
 
     Args:
@@ -84,8 +89,8 @@ def measure(motion: MotionEstimate, part: int, values: F64, sigma: F64) -> Motio
     return MotionEstimate(*measure_modes(*parts, part, values, sigma))
 
 
-def decays(elapsed_s: F64, config: PedestrianConfig) -> tuple[F64, F64]:
-    """Return share of the velocity left, and displacement per velocity [s], of each mode."""
-    times = np.array([config.standing_decay_s, config.straight_decay_s, config.turning_decay_s])
+def velocity_decay(elapsed_s: F64) -> tuple[F64, F64]:
+    """Return the remaining share of velocity, and displacement per velocity [s], by mode."""
+    times = np.array(DECAYS_S)
     decay = np.exp(-elapsed_s / times)
     return decay, times * (1 - decay)

@@ -1,4 +1,4 @@
-"""Filter of the motion of all people, from positions at any rate."""
+"""Filter of the motion of all people, from tracks at any rate."""
 
 import math
 from dataclasses import dataclass
@@ -6,24 +6,32 @@ from dataclasses import dataclass
 import numpy as np
 
 from people4d.messages import F64
-from services.predictor.config import PedestrianConfig
 from services.predictor.motion import (
     POSITION,
+    SIGMA_FIRST_MPS,
     STANDING,
     VELOCITY,
     Flags,
     Integers,
     MotionEstimate,
-    advance,
-    begin,
-    measure,
+    initial_motion,
+    predict_motion,
+    update_motion,
 )
 
-NOISE_GAIN = 0.03  # of the running median, in its logarithm, a sample; more at first
-MEDIAN_TO_SIGMA = 1 / 0.6745  # of a normal distribution
-THIRD_DIFFERENCE = math.sqrt(20)  # its standard deviation with independent noise of 1
-FORGET_S = 2.0  # [s] after which an absent person is forgotten
-REGULAR = 0.25  # part by which two intervals may differ for a difference of positions
+SAMPLE_S = 0.4  # minimum interval between two independent positions of a track [s]
+SIGMA_M = 0.05  # initial standard deviation of a measured position, per axis [m]
+SIGMA_MIN_M = 0.005  # minimum standard deviation of a measured position [m]
+NOISE_FACTOR = 1.7  # ratio of the standard deviation to the measured jitter
+# Ratios of the standard deviations of measurements to the track's: velocities of tracks are more
+# accurate than their covariance
+POSITION_FACTOR, VELOCITY_FACTOR = 0.9, 0.3
+SIGMA_MIN_MPS = 0.02  # minimum standard deviation of a measured velocity [m/s]
+NOISE_GAIN = 0.03  # minimum step of the running median of jitter, in its logarithm
+MEDIAN_TO_SIGMA = 1 / 0.6745  # ratio of sigma to the median of a normal distribution
+THIRD_DIFFERENCE = math.sqrt(20)  # standard deviation of third differences of unit noise
+FORGET_S = 2.0  # maximum absence of a person [s]
+REGULAR = 0.25  # maximum relative deviation of intervals for third differences
 
 
 @dataclass(frozen=True)
@@ -39,74 +47,73 @@ class TrackedMotion:
 
 @dataclass(frozen=True)
 class Samples:
-    """New independent positions of some of the people."""
+    """New independent positions of K people."""
 
-    ids: Integers  # of K people
-    before_s: F64  # K times of the sample before
-    before_m: F64  # Kx2 its position
+    ids: Integers  # K identities
+    before_s: F64  # K times of the previous sample
+    before_m: F64  # Kx2, position of the previous sample
     now_s: float
     now_m: F64  # Kx2
-    settled: Flags  # K, False for the first samples of a person, of unknown velocity
+    settled: Flags  # K, False for the first samples of a person, without velocity
 
 
 class MotionFilter:
     """Interacting motion models of all people.
 
-    Tracks are smooth: positions of neighbouring frames have the same errors. So a position counts
-    as a measurement once every `sample_s`; in between the estimate starts from the last sample and
-    takes the newest position as its only measurement.
+    Positions of neighbouring frames have the same errors, so one position every `SAMPLE_S` is a
+    measurement. In between, the estimate is the last sample updated with the newest position.
     """
 
-    def __init__(self, config: PedestrianConfig) -> None:
-        self._config = config
-        self._noise_m = config.sigma_m / config.noise_factor
+    def __init__(self) -> None:
+        self._noise_m = SIGMA_M / NOISE_FACTOR
         self._noise_count = 0
         self._ids = np.zeros(0, np.int64)
-        self._motion = begin(np.zeros((0, 2)), np.zeros(0), config)
-        self._times_s = np.zeros((0, 4))  # of the last samples, newest first
+        self._motion = initial_motion(np.zeros((0, 2)), np.zeros(0))
+        self._times_s = np.zeros((0, 4))  # times of the last samples, newest first
         self._samples_m = np.zeros((0, 4, 2))
         self._updated_s = np.zeros(0)
 
     @property
     def sigma_m(self) -> float:
-        """Standard deviation of a measured position, per axis, learned from their jitter [m]."""
-        return max(self._config.noise_factor * self._noise_m, self._config.sigma_min_m)
+        """Standard deviation of a measured position, per axis, from the jitter of tracks [m]."""
+        return max(NOISE_FACTOR * self._noise_m, SIGMA_MIN_M)
 
-    def update(self, now_s: float, tracked: TrackedMotion) -> tuple[MotionEstimate, F64, Samples]:
-        """Return motion and measured velocities (Nx2) of N people, and who has a new sample."""
+    def add_tracks(
+        self, now_s: float, tracked: TrackedMotion
+    ) -> tuple[MotionEstimate, F64, Samples]:
+        """Return motion and measured velocities (Nx2) of N people, and the new samples."""
         rows = self._rows(now_s, tracked.ids, tracked.positions_m)
         self._updated_s[rows] = now_s
         elapsed_s = now_s - self._times_s[rows, 0]
-        before = self._motion.at(rows)
+        before = self._motion.select_people(rows)
         new = elapsed_s <= 0
-        motion = advance(before, np.maximum(elapsed_s, 1e-3), self._config)
-        config = self._config
-        sigma_m = np.maximum(self.sigma_m, config.track_factors[POSITION] * tracked.sigma_m)
-        motion = measure(motion, POSITION, tracked.positions_m, sigma_m)
+        motion = predict_motion(before, np.maximum(elapsed_s, 1e-3))
+        sigma_m = np.maximum(self.sigma_m, POSITION_FACTOR * tracked.sigma_m)
+        motion = update_motion(motion, POSITION, tracked.positions_m, sigma_m)
         motion = _select(new, before, motion)
-        sigma_mps = np.maximum(
-            config.track_factors[VELOCITY] * tracked.sigma_mps, config.sigma_min_mps
-        )
-        motion = measure(motion, VELOCITY, tracked.velocities_mps, sigma_mps)
-        due = elapsed_s >= 0.9 * self._config.sample_s
+        sigma_mps = np.maximum(VELOCITY_FACTOR * tracked.sigma_mps, SIGMA_MIN_MPS)
+        motion = update_motion(motion, VELOCITY, tracked.velocities_mps, sigma_mps)
+        due = elapsed_s >= 0.9 * SAMPLE_S
         moved_m = tracked.positions_m - self._samples_m[rows, 0]
         measured_mps = np.where(
             due[:, None], moved_m / np.maximum(elapsed_s, 1e-3)[:, None], motion.velocity_mps
         )
-        known = tracked.sigma_mps < config.sigma_first_mps
+        known = tracked.sigma_mps < SIGMA_FIRST_MPS
         measured_mps = np.where(known[:, None], tracked.velocities_mps, measured_mps)
-        samples = self._take(now_s, rows[due], tracked.positions_m[due], motion.at(due))
+        samples = self._store_samples(
+            now_s, rows[due], tracked.positions_m[due], motion.select_people(due)
+        )
         return motion, measured_mps, samples
 
     def _rows(self, now_s: float, ids: Integers, positions_m: F64) -> Integers:
-        """Return the row of each person; add new ones, forget those long absent."""
+        """Return the row of each person; add new people, remove people absent for long."""
         if np.array_equal(ids, self._ids) and (now_s - self._updated_s <= FORGET_S).all():
             return np.arange(len(ids))
         keep = now_s - self._updated_s <= FORGET_S
         new = ~np.isin(ids, self._ids[keep])
         if not keep.all() or new.any():
-            begun = begin(positions_m[new], np.full(int(new.sum()), self.sigma_m), self._config)
-            self._motion = _join(self._motion.at(keep), begun)
+            begun = initial_motion(positions_m[new], np.full(int(new.sum()), self.sigma_m))
+            self._motion = _join(self._motion.select_people(keep), begun)
             times_s = np.full((int(new.sum()), 4), np.nan)
             times_s[:, 0] = now_s
             self._times_s = np.concatenate([self._times_s[keep], times_s])
@@ -120,10 +127,10 @@ class MotionFilter:
         found: Integers = order[np.searchsorted(self._ids, ids, sorter=order)]
         return found
 
-    def _take(
+    def _store_samples(
         self, now_s: float, rows: Integers, positions_m: F64, motion: MotionEstimate
     ) -> Samples:
-        """Take samples: the filter continues from them."""
+        """Store samples, from which the filter continues."""
         samples = Samples(
             self._ids[rows],
             self._times_s[rows, 0],
@@ -143,7 +150,7 @@ class MotionFilter:
         return samples
 
     def _learn_noise(self, rows: Integers, motion: MotionEstimate) -> None:
-        """Follow the median of third differences of people who walk."""
+        """Update the running median of third differences of walking people."""
         intervals_s = -np.diff(self._times_s[rows], axis=1)
         mean_s = intervals_s.mean(axis=1, keepdims=True)
         with np.errstate(invalid="ignore"):

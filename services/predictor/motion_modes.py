@@ -8,7 +8,7 @@ from common.compiled import compiled
 from people4d.messages import F64
 
 MODES = 3
-MODE_MIN = 1e-6  # a mode never becomes impossible
+MODE_MIN = 1e-6  # minimum probability of a mode
 
 
 @compiled
@@ -23,7 +23,7 @@ def advance_modes(
     reach: F64,
     noise: F64,
 ) -> tuple[F64, F64, F64, F64]:
-    """Mix the modes by their probabilities of having changed [Blom 1988], and predict.
+    """Mix the modes by their transition probabilities [Blom 1988], and predict.
 
     Args:
         positions_m: Nx3x2, by mode [m].
@@ -32,12 +32,12 @@ def advance_modes(
         modes: Nx3 probabilities.
         elapsed_s: N times [s].
         rates: 3x3 rates of changes from and to modes [1/s], 0 on the diagonal.
-        decay: Nx3 share of the velocity left.
+        decay: Nx3 remaining share of velocity.
         reach: Nx3 displacement per velocity [s].
         noise: 3 squared densities of the acceleration [m^2/s^3].
 
     Returns:
-        Positions, velocities, covariances and modes, shaped as the given ones.
+        Positions, velocities, covariances and modes, in the shapes of the arguments.
     """
     p, v = np.zeros_like(positions_m), np.zeros_like(velocities_mps)
     c, w = np.zeros_like(covariances), np.zeros_like(modes)
@@ -89,7 +89,7 @@ def measure_modes(
     """Update with positions (part 0) or velocities (part 1), Nx2, of N standard deviations.
 
     Returns:
-        Positions, velocities, covariances and modes, shaped as the given ones.
+        Positions, velocities, covariances and modes, in the shapes of the arguments.
     """
     p, v = positions_m.copy(), velocities_mps.copy()
     c, w = covariances.copy(), np.zeros_like(modes)

@@ -26,25 +26,29 @@ from services.predictor.config import PredictorConfig
 from services.predictor.forecast import Forecast, Forecaster, PeopleState
 from services.predictor.robot import FINE_S, encounters, path_ahead
 
-SILENT_NS = 3_000_000_000  # without tracks of a camera after which the clock of another is followed
+SILENT_NS = 3_000_000_000  # silence of a camera after which another camera's clock is used [ns]
+CLOCK_JUMP_NS = 1_000_000_000  # minimum step back of the stamps that is a clock reset [ns]
+ROBOT_AGE_NS = 500_000_000  # maximum age of odometry for the path of the robot [ns]
+DISTANCE_MAX_M = 1e5  # maximum distance of a predicted person from the origin [m]
+SPEED_MAX_MPS = 12.0  # maximum speed of a predicted person, of the fastest sprinters [m/s]
 NODE_COUNTERS = (
-    "stale",  # messages not newer than the one before
-    "other_clock",  # messages of another camera, whose clock is far from that of the first one
+    "stale",  # messages not newer than the last one
+    "other_clock",  # messages of a camera with another clock
     "clock_resets",
-    "implausible",  # people too far away, too fast or of no valid covariance
+    "implausible",  # people too far away, too fast or without a valid covariance
     "too_many",  # people beyond people_max
-    "repeated",  # tracks with the id of another one of the message
+    "repeated",  # tracks with a duplicate id
 )
 PLANE = np.ix_((0, 1), (0, 1))  # x and y of a covariance
-BASELINE_NS = 300_000_000  # over which the robot's present motion is measured
+BASELINE_NS = 300_000_000  # interval over which the robot's motion is measured [ns]
 VARIANCE_MIN, VARIANCE_MAX = 1e-6, 1e6
 
 
 class PredictorNode(Node):
-    """Predicts every person of Tracks, at most `rate_max_hz` times a second.
+    """Predicts every person of Tracks, at most at `rate_max_hz`.
 
-    Without frames there are no predictions: an old one would only mislead. The tracker's own
-    prediction changes nothing, and without people it ends them.
+    Predictions follow frames only, since an old prediction would mislead. Extrapolated tracks are
+    ignored; without people they give an empty prediction.
     """
 
     inputs: tuple[type[Message], ...] = (*(Tracks, StaticTransform, MovingTransform, Odometry),)
@@ -58,20 +62,20 @@ class PredictorNode(Node):
         self._transforms = TransformBuffer()
         self._frame_id = ""
         self._start_ns = 0
-        self._forecaster = Forecaster(config.forecast, self._horizons_s)
-        self._camera = ("", 0)  # whose clock is followed, and the monotonic time of its last tracks
+        self._forecaster = Forecaster(self._horizons_s)
+        self._camera = ("", 0)  # camera of the clock, and monotonic time of its last tracks
         self._newest_ns: int | None = None
         self._published_ns: int | None = None
         self._sequence = 0
         self._counters = Counter(dict.fromkeys(NODE_COUNTERS, 0))
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
-        """Take one message; return the predictions that follow from tracks."""
+        """Process one message; return the predictions of tracks."""
         if isinstance(message, StaticTransform | MovingTransform | Odometry):
             self._transforms.add_transform(message)
         elif not isinstance(message, Tracks):
             return ()
-        elif message.predicted:  # by the wall clock: it may be ahead of the frames to come
+        elif message.predicted:  # its stamp may be ahead of the next frames
             return () if message.tracks else [self._message(message, (), None)]
         elif (
             self._is_on_our_clock(message, now_ns)
@@ -87,11 +91,11 @@ class PredictorNode(Node):
         return Status(counters={**self._counters, **self._transforms.counters})
 
     def _is_on_our_clock(self, tracks: Tracks, now_ns: int) -> bool:
-        """Check for tracks of the camera before, or of one whose clock agrees with its."""
+        """Check that the camera, or its clock, is the one in use."""
         camera, heard_ns = self._camera
         if camera and tracks.camera != camera and now_ns - heard_ns < SILENT_NS:
             newest_ns = self._newest_ns or tracks.stamp_ns
-            if abs(tracks.stamp_ns - newest_ns) > self._config.clock_jump_s * 1e9:
+            if abs(tracks.stamp_ns - newest_ns) > CLOCK_JUMP_NS:
                 self._counters["other_clock"] += 1
                 return False
             return True
@@ -99,27 +103,27 @@ class PredictorNode(Node):
         return True
 
     def _is_next(self, tracks: Tracks) -> bool:
-        """Check that tracks are newer than those before; begin anew after a clock reset."""
-        newest_ns, jump_ns = self._newest_ns, self._config.clock_jump_s * 1e9
-        if newest_ns is not None and newest_ns - tracks.stamp_ns > jump_ns:
+        """Check that tracks are newer than the last; restart after a clock reset."""
+        newest_ns = self._newest_ns
+        if newest_ns is not None and newest_ns - tracks.stamp_ns > CLOCK_JUMP_NS:
             self._counters["clock_resets"] += 1
-            self._begin(tracks)
+            self._restart(tracks)
         elif newest_ns is not None and tracks.stamp_ns <= newest_ns:
             self._counters["stale"] += 1
             return False
         elif newest_ns is None or tracks.frame_id != self._frame_id:
-            self._begin(tracks)
+            self._restart(tracks)
         self._newest_ns = tracks.stamp_ns
         return True
 
-    def _begin(self, tracks: Tracks) -> None:
-        """Begin anew: what was learned holds in one frame and on one clock."""
+    def _restart(self, tracks: Tracks) -> None:
+        """Restart with an empty memory, which holds for one frame and one clock."""
         self._frame_id, self._start_ns = tracks.frame_id, tracks.stamp_ns
         self._published_ns = None
-        self._forecaster = Forecaster(self._config.forecast, self._horizons_s)
+        self._forecaster = Forecaster(self._horizons_s)
 
     def _is_due(self, tracks: Tracks) -> bool:
-        # Half a frame of slack: stamps are not quite regular.
+        # Tolerance for irregular stamps
         period_ns = 1e9 / self._config.rate_max_hz
         before_ns = self._published_ns
         return before_ns is None or tracks.stamp_ns - before_ns >= 0.85 * period_ns
@@ -128,7 +132,7 @@ class PredictorNode(Node):
         people, state = self._plausible(tracks.tracks)
         robot_m = self._robot_path(tracks.frame_id, tracks.stamp_ns)
         now_s = (tracks.stamp_ns - self._start_ns) / 1e9
-        forecast = self._forecaster.update(now_s, state)
+        forecast = self._forecaster.forecast_people(now_s, state)
         met = self._encounters(state, forecast, robot_m)
         self._published_ns = tracks.stamp_ns
         return [self._message(tracks, _records(people, forecast, met), robot_m)]
@@ -149,15 +153,15 @@ class PredictorNode(Node):
         )
 
     def _plausible(self, tracks: Sequence[Track]) -> tuple[list[Track], PeopleState]:
-        """Return the people that can be predicted, each once; count the others."""
+        """Return the plausible people without duplicates; count the others."""
         config, by_id = self._config, {track.id: track for track in reversed(tracks)}
         people = list(reversed(by_id.values()))
         positions_m = np.array([track.position_m for track in people]).reshape(-1, 3)
         velocities_mps = np.array([track.velocity_mps for track in people]).reshape(-1, 3)
         covariances = np.array([track.covariance for track in people]).reshape(-1, 6, 6)
         plausible = (
-            (np.abs(positions_m).max(axis=1) <= config.distance_max_m)
-            & ((velocities_mps**2).sum(axis=1) <= config.speed_max_mps**2)
+            (np.abs(positions_m).max(axis=1) <= DISTANCE_MAX_M)
+            & ((velocities_mps**2).sum(axis=1) <= SPEED_MAX_MPS**2)
             & (np.abs(covariances).max(axis=(1, 2)) <= VARIANCE_MAX)
         )
         found = np.flatnonzero(plausible)
@@ -177,18 +181,18 @@ class PredictorNode(Node):
         )
 
     def _robot_path(self, frame_id: str, stamp_ns: int) -> F64 | None:
-        """Return where the base will be at the fine times; None if its motion is unknown."""
-        base, age_ns = self._config.base_frame, int(self._config.robot_age_s * 1e9)
+        """Return the future positions of the base at the fine times; None if unknown."""
+        base = self._config.base_frame
         if self._transforms.lookup_static(frame_id, base) is not None:
             return None  # no odometry
-        if self._transforms.awaits_sample(frame_id, base, stamp_ns - age_ns):
+        if self._transforms.awaits_sample(frame_id, base, stamp_ns - ROBOT_AGE_NS):
             return None
         now = self._transforms.lookup(frame_id, base, stamp_ns)
         before = self._transforms.lookup(frame_id, base, stamp_ns - BASELINE_NS)
         if now is None or before is None:
             return None
         path = path_ahead(now.matrix, before.matrix, BASELINE_NS / 1e9, self._fine_s)
-        return path if np.abs(path).max() <= self._config.distance_max_m else None
+        return path if np.abs(path).max() <= DISTANCE_MAX_M else None
 
     def _encounters(
         self, state: PeopleState, forecast: Forecast, robot_m: F64 | None
@@ -210,7 +214,7 @@ def _at(times_s: F64, known_s: F64, paths: F64) -> F64:
 
 
 def _positive(covariances: F64) -> F64:
-    """Return symmetric covariances with variances of a possible size in every direction."""
+    """Return symmetric positive covariances with limited variances."""
     values, vectors = np.linalg.eigh((covariances + np.swapaxes(covariances, 1, 2)) / 2)
     values = np.clip(values, VARIANCE_MIN, VARIANCE_MAX)
     found: F64 = vectors * values[:, None] @ np.swapaxes(vectors, 1, 2)

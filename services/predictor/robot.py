@@ -1,4 +1,4 @@
-"""The robot's own path, and how near people come to it."""
+"""Path of the robot, and its closest approach to people."""
 
 import math
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from people4d.messages import F64
 
-FINE_S = 0.1  # [s] between the times at which distances are compared
+FINE_S = 0.1  # interval between the compared times [s]
 
 
 def path_ahead(pose: F64, before: F64, elapsed_s: float, times_s: F64) -> F64:
@@ -15,7 +15,7 @@ def path_ahead(pose: F64, before: F64, elapsed_s: float, times_s: F64) -> F64:
     Args:
         pose: 4x4 pose of the base now.
         before: 4x4 pose earlier.
-        elapsed_s: Time between the two [s], > 0.
+        elapsed_s: Interval between the poses [s], > 0.
         times_s: H times ahead [s].
 
     Returns:
@@ -25,7 +25,7 @@ def path_ahead(pose: F64, before: F64, elapsed_s: float, times_s: F64) -> F64:
     chord = pose[:2, :2].T @ (pose[:2, 3] - before[:2, 3])
     turn = yaw - math.atan2(before[1, 0], before[0, 0])
     omega = math.remainder(turn, 2 * math.pi) / elapsed_s
-    # The chord has the direction of the arc's middle, and is shorter than the arc.
+    # The chord is parallel to the middle of the arc, and shorter than the arc.
     half = omega * elapsed_s / 2
     moved = chord / (elapsed_s * np.sinc(half / math.pi))
     forward = moved[0] * math.cos(half) - moved[1] * math.sin(half)
@@ -45,7 +45,7 @@ def encounters(paths_m: F64, robot_m: F64, step_s: float) -> F64:
     Args:
         paths_m: NxTx2 positions of people at equally spaced times, the first one now [m].
         robot_m: Tx2 positions of the robot at the same times [m].
-        step_s: Time between two [s].
+        step_s: Interval [s].
 
     Returns:
         Nx3: time of the closest approach [s], distance then [m], distance of the paths [m].

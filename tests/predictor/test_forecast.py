@@ -6,16 +6,11 @@ import numpy as np
 import pytest
 
 from people4d.messages import F64
-from services.predictor.config import (
-    ForecastConfig,
-    GroupConfig,
-    MemoryConfig,
-)
 from services.predictor.forecast import (
     Forecast,
     Forecaster,
     PeopleState,
-    cohere,
+    apply_cohesion,
     motion_probabilities,
 )
 from services.predictor.groups import GroupFinder
@@ -49,24 +44,24 @@ def play(
     """Forecast people at a number of times, and return the last forecast."""
     for number in range(count):
         now_s = start_s + number * STEP_S
-        found = forecaster.update(now_s, people(now_s))
+        found = forecaster.forecast_people(now_s, people(now_s))
     return found
 
 
 def find_groups(people: Callable[[float], PeopleState], count: int = 20) -> list[int]:
     """Return the groups of people after a number of times."""
-    finder = GroupFinder(GroupConfig())
+    finder = GroupFinder()
     for number in range(count):
         one = people(number * STEP_S)
-        groups = finder.update(
+        groups = finder.find_groups(
             number * STEP_S, one.ids, one.positions_m, one.velocities_mps, one.yaws_rad
         )
     return [int(group) for group in groups]
 
 
-def test_walker_goes_on_and_a_person_at_rest_stays() -> None:
+def test_walking_person_continues_and_standing_person_stays() -> None:
     forecast = play(
-        Forecaster(ForecastConfig(), HORIZONS_S),
+        Forecaster(HORIZONS_S),
         lambda t: state([[t, 0.0], [3.0, 9.0]], [[1.0, 0.0], [0.0, 0.0]]),
         15,
     )
@@ -88,12 +83,12 @@ def test_measured_motion_counts_at_short_horizons_until_errors_are_known() -> No
         measured_m=measured_m,
         covariances_m2=np.tile(np.eye(2), (1, 10, 1, 1)),
     )
-    found = ForecastMemory(MemoryConfig(), HORIZONS_S).displacements(0.0, situation)
+    found = ForecastMemory(HORIZONS_S).displacements(0.0, situation)
     np.testing.assert_array_equal(found[0, :, 0], [1, 1, 0, 0, 0, 0, 0, 0, 0, 0])
 
 
 def test_motion_probabilities_by_hand() -> None:
-    # Spread of 1 cm: at rest within 0.6 m; 3 m ahead; 3 m to the left of the direction walked.
+    # Spread of 1 cm: at rest within 0.6 m; 3 m ahead; 3 m to the left.
     means = np.array([[[0.1, 0.0]], [[3.0, 0.0]], [[0.0, 3.0]]])
     covariances = np.tile(1e-4 * np.eye(2), (3, 1, 1, 1))
     velocities = np.tile([1.0, 0.0], (3, 1))
@@ -101,7 +96,7 @@ def test_motion_probabilities_by_hand() -> None:
     np.testing.assert_allclose(found, np.eye(3))
 
 
-def test_people_side_by_side_are_a_group_and_those_who_pass_are_none() -> None:
+def test_people_side_by_side_are_a_group_and_passing_people_are_not() -> None:
     def people(t: float) -> PeopleState:
         positions = [[t, 0.0], [t, 0.8], [8.0 - t, 0.4], [t, 6.0]]
         return state(positions, [[1.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [1.0, 0.0]])
@@ -111,7 +106,7 @@ def test_people_side_by_side_are_a_group_and_those_who_pass_are_none() -> None:
     assert passing == far == 0
 
 
-def test_people_who_face_each_other_stand_together_and_back_to_back_they_do_not() -> None:
+def test_people_face_to_face_are_a_group_and_back_to_back_are_not() -> None:
     positions, rest = [[0.0, 0.0], [1.4, 0.0]], [[0.0, 0.0], [0.0, 0.0]]
     face = find_groups(lambda _: state(positions, rest, yaws=[0.0, np.pi]))
     assert face[0] == face[1] > 0
@@ -119,14 +114,14 @@ def test_people_who_face_each_other_stand_together_and_back_to_back_they_do_not(
 
 
 def test_group_keeps_its_number_when_a_member_leaves_and_another_comes() -> None:
-    finder = GroupFinder(GroupConfig())
+    finder = GroupFinder()
     numbers = []
     for number in range(60):
         ids = [1, 2, 3] if number < 20 else [2, 3] if number < 40 else [2, 3, 4]
         positions = [[number * 0.4, 0.7 * row] for row in range(len(ids))]
         one = state(positions, [[1.0, 0.0]] * len(ids), ids)
         numbers.append(
-            finder.update(
+            finder.find_groups(
                 number * STEP_S, one.ids, one.positions_m, one.velocities_mps, one.yaws_rad
             )
         )
@@ -136,12 +131,12 @@ def test_group_keeps_its_number_when_a_member_leaves_and_another_comes() -> None
 
 def test_cohesion_by_hand() -> None:
     displacements = np.array([[[1.0, 0.0]], [[3.0, 0.0]], [[9.0, 9.0]]])
-    found = cohere(displacements, np.array([5, 5, 0]), np.array([0.5]))
+    found = apply_cohesion(displacements, np.array([5, 5, 0]), np.array([0.5]))
     np.testing.assert_allclose(found, [[[1.5, 0.0]], [[2.5, 0.0]], [[9.0, 9.0]]])
 
 
 def corner(phase_s: float) -> Callable[[float], PeopleState]:
-    """Return a person who walks 4 m along x and then turns left, as all do here."""
+    """Return a person walking 4 m along x and then to the left, like all people here."""
 
     def people(t: float) -> PeopleState:
         ahead = 1.2 * ((t - phase_s) % 8.0)
@@ -154,19 +149,18 @@ def corner(phase_s: float) -> Callable[[float], PeopleState]:
 
 
 def test_habits_of_others_at_the_same_position_are_learned() -> None:
-    forecaster = Forecaster(ForecastConfig(), HORIZONS_S)
+    forecaster = Forecaster(HORIZONS_S)
     play(forecaster, corner(0.0), 3)
-    begun = play(Forecaster(ForecastConfig(), HORIZONS_S), corner(0.0), 6)
+    begun = play(Forecaster(HORIZONS_S), corner(0.0), 6)
     assert abs(begun.means_m[0, 7, 1]) < 0.1  # straight on, beyond the corner
     learned = play(forecaster, corner(0.0), 20 * 20 + 6, 1.2)
     assert learned.means_m[0, 7, 1] > 1.0
 
 
 def test_ellipses_widen_until_they_hold_ninety_percent() -> None:
-    # People who jump 0.5 m aside at random, far more than the motion models expect.
+    # People jump 0.5 m aside at random, far more than the motion models expect.
     rng = np.random.default_rng(3)
-    config = ForecastConfig(memory=MemoryConfig(store_s=0.4))
-    forecaster = Forecaster(config, HORIZONS_S)
+    forecaster = Forecaster(HORIZONS_S)
     sides = rng.normal(0, 0.5, (300, 8))
     inside: list[bool] = []
     waiting: list[tuple[int, Forecast]] = []
@@ -180,12 +174,12 @@ def test_ellipses_widen_until_they_hold_ninety_percent() -> None:
             inverse = np.linalg.inv(before.covariances_m2[:, 3])
             distance2 = np.einsum("ni,nij,nj->n", error, inverse, error)
             inside.extend((distance2 < 4.605).tolist() if number > 150 else [])
-        waiting.append((number, forecaster.update(now_s, people)))
+        waiting.append((number, forecaster.forecast_people(now_s, people)))
     assert 0.85 < np.mean(inside) < 0.95
 
 
-def test_forecast_of_none_is_empty() -> None:
-    forecast = Forecaster(ForecastConfig(), HORIZONS_S).update(0.0, state([], []))
+def test_forecast_without_people_is_empty() -> None:
+    forecast = Forecaster(HORIZONS_S).forecast_people(0.0, state([], []))
     assert forecast.means_m.shape == (0, 10, 2)
 
 
@@ -202,7 +196,7 @@ def test_order_of_the_people_does_not_matter(order: list[int]) -> None:
             ids[rows].tolist(),
         )
 
-    plain = play(Forecaster(ForecastConfig(), HORIZONS_S), people([0, 1, 2]), 12)
-    other = play(Forecaster(ForecastConfig(), HORIZONS_S), people(order), 12)
+    plain = play(Forecaster(HORIZONS_S), people([0, 1, 2]), 12)
+    other = play(Forecaster(HORIZONS_S), people(order), 12)
     np.testing.assert_allclose(other.means_m, plain.means_m[order], atol=1e-9)
     np.testing.assert_array_equal(other.groups, plain.groups[order])

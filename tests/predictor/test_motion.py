@@ -3,16 +3,18 @@
 import numpy as np
 import pytest
 
-from services.predictor.config import PedestrianConfig
+from services.predictor import motion as motion_models
 from services.predictor.motion import (
+    ACCELERATIONS,
     POSITION,
+    SIGMA_FIRST_MPS,
     STANDING,
     STRAIGHT,
-    advance,
-    begin,
-    measure,
+    initial_motion,
+    predict_motion,
+    update_motion,
 )
-from services.predictor.motion_filter import MotionFilter, TrackedMotion
+from services.predictor.motion_filter import NOISE_FACTOR, MotionFilter, TrackedMotion
 
 STEP_S = 0.4
 UNKNOWN_MPS = 300.0
@@ -30,69 +32,67 @@ def tracked(positions: list[list[float]], ids: list[int] | None = None) -> Track
     )
 
 
-def test_walker_has_the_velocity_of_their_positions_and_a_person_at_rest_stands() -> None:
-    filter_ = MotionFilter(PedestrianConfig())
+def test_velocity_and_mode_follow_from_positions() -> None:
+    filter_ = MotionFilter()
     for number in range(20):
         now_s = number * STEP_S
-        motion, *_ = filter_.update(now_s, tracked([[1.2 * now_s, 0.0], [5.0, 5.0]]))
+        motion, *_ = filter_.add_tracks(now_s, tracked([[1.2 * now_s, 0.0], [5.0, 5.0]]))
     np.testing.assert_allclose(motion.velocity_mps, [[1.2, 0.0], [0.0, 0.0]], atol=0.01)
     assert motion.modes[0].argmax() == STRAIGHT
     assert motion.modes[1].argmax() == STANDING
 
 
 def test_positions_between_two_samples_do_not_count_twice() -> None:
-    # Twelve messages of one position and one message tell the same.
-    often, seldom = MotionFilter(PedestrianConfig()), MotionFilter(PedestrianConfig())
+    # Four messages give the same estimate as one.
+    often, seldom = MotionFilter(), MotionFilter()
     for number in range(25):
         now_s = number * 0.1
         message = tracked([[1.0 * now_s, 0.0]])
-        one, *_ = often.update(now_s, message)
+        one, *_ = often.add_tracks(now_s, message)
         if number % 4 == 0:
-            other, *_ = seldom.update(now_s, message)
+            other, *_ = seldom.add_tracks(now_s, message)
     np.testing.assert_allclose(one.covariances, other.covariances)
     np.testing.assert_allclose(one.velocity_mps, other.velocity_mps)
 
 
-@pytest.mark.parametrize("jitter_m", [0.003, 0.03])
+@pytest.mark.parametrize("jitter_m", [0.006, 0.03])
 def test_noise_of_positions_is_learned_from_their_jitter(jitter_m: float) -> None:
     rng = np.random.default_rng(1)
-    filter_ = MotionFilter(PedestrianConfig(noise_factor=1.0, sigma_min_m=1e-4))
+    filter_ = MotionFilter()
     for number in range(150):
         now_s = number * STEP_S
         path = np.array([[1.2 * now_s, 0.0], [0.0, 1.2 * now_s]])
-        filter_.update(now_s, tracked((path + rng.normal(0, jitter_m, (2, 2))).tolist()))
-    assert filter_.sigma_m == pytest.approx(jitter_m, rel=0.4)
+        filter_.add_tracks(now_s, tracked((path + rng.normal(0, jitter_m, (2, 2))).tolist()))
+    assert filter_.sigma_m == pytest.approx(NOISE_FACTOR * jitter_m, rel=0.4)
 
 
-def test_person_who_is_absent_for_long_begins_anew() -> None:
-    filter_ = MotionFilter(PedestrianConfig())
+def test_person_absent_for_long_has_a_new_state() -> None:
+    filter_ = MotionFilter()
     for number in range(10):
-        filter_.update(number * STEP_S, tracked([[number * 0.4, 0.0]], [7]))
-    again, *_ = filter_.update(5.0, tracked([[5.0, 0.0]], [7]))
+        filter_.add_tracks(number * STEP_S, tracked([[number * 0.4, 0.0]], [7]))
+    again, *_ = filter_.add_tracks(5.0, tracked([[5.0, 0.0]], [7]))
     assert again.velocity_mps[0, 0] == pytest.approx(1.0, abs=0.05)
-    filter_.update(8.0, tracked([[0.0, 0.0]], [8]))
-    new, *_ = filter_.update(8.1, tracked([[9.0, 0.0], [0.0, 0.0]], [7, 8]))
+    filter_.add_tracks(8.0, tracked([[0.0, 0.0]], [8]))
+    new, *_ = filter_.add_tracks(8.1, tracked([[9.0, 0.0], [0.0, 0.0]], [7, 8]))
     np.testing.assert_array_equal(new.velocity_mps[0], [0.0, 0.0])
 
 
-def test_prediction_without_measurement_by_hand() -> None:
+def test_prediction_without_measurement_by_hand(monkeypatch: pytest.MonkeyPatch) -> None:
     # Constant velocity over 2 s with q: p + 2 v; var p = P_pp + 4 P_vv + q 8/3.
-    config = PedestrianConfig(
-        change_rates_hz=((0, 0, 0), (0, 0, 0), (0, 0, 0)), straight_decay_s=1e6
-    )
-    motion = begin(np.array([[1.0, 2.0]]), np.array([0.1]), config)
+    monkeypatch.setattr(motion_models, "CHANGE_RATES_HZ", np.zeros((3, 3)))
+    monkeypatch.setattr(motion_models, "DECAYS_S", (1.3, 1e6, 1e6))
+    motion = initial_motion(np.array([[1.0, 2.0]]), np.array([0.1]))
     motion.velocities_mps[:] = [0.5, -0.5]
-    after = advance(motion, np.array([2.0]), config)
+    after = predict_motion(motion, np.array([2.0]))
     np.testing.assert_allclose(after.positions_m[0, STRAIGHT], [2.0, 1.0], atol=1e-5)
-    expected = 0.1**2 + 4 * config.sigma_first_mps**2 + config.straight_mps2**2 * 8 / 3
+    expected = 0.1**2 + 4 * SIGMA_FIRST_MPS**2 + ACCELERATIONS[STRAIGHT] ** 2 * 8 / 3
     assert after.covariances[0, STRAIGHT, 0, 0] == pytest.approx(expected, rel=1e-5)
 
 
 def test_measurement_by_hand() -> None:
     # Variance 1 and a measurement of variance 1 at distance 2: halfway, variance 1/2.
-    config = PedestrianConfig(sway_mps=1.0)
-    motion = begin(np.array([[0.0, 0.0]]), np.array([1.0]), config)
-    after = measure(motion, POSITION, np.array([[2.0, 0.0]]), np.array([1.0]))
+    motion = initial_motion(np.array([[0.0, 0.0]]), np.array([1.0]))
+    after = update_motion(motion, POSITION, np.array([[2.0, 0.0]]), np.array([1.0]))
     np.testing.assert_allclose(after.positions_m[0], [[1.0, 0.0]] * 3)
     np.testing.assert_allclose(after.covariances[0, :, 0, 0], 0.5)
     assert after.modes.sum() == pytest.approx(1.0)
