@@ -35,7 +35,7 @@ from people4d.messages import (
     Track,
     Tracks,
 )
-from services.tracker.camera_poses import transform_track
+from services.tracker.cameras.poses import transform_track
 
 
 @dataclass(frozen=True)

@@ -21,22 +21,23 @@ from people4d.messages import (
     MovingTransform,
     Odometry,
     StaticTransform,
+    Track,
     Tracks,
 )
 from people4d.messages.base import MAX_CAMERAS
 from services.tracker.areas.exchange import AreaExchange
 from services.tracker.areas.hosts import CameraHosts
-from services.tracker.camera_poses import CameraPoseLookup
-from services.tracker.camera_watch.absence import CameraAbsence
-from services.tracker.camera_watch.drift import CameraDrift
-from services.tracker.clock_groups import ClockGroups
+from services.tracker.cameras.absence import CameraAbsence
+from services.tracker.cameras.drift import CameraDrift
+from services.tracker.cameras.frame_join import FrameJoin, PendingFrame
+from services.tracker.cameras.groups import ClockGroups
+from services.tracker.cameras.poses import CameraPoseLookup
+from services.tracker.cameras.stamp_guard import ArrivedFrame, StampGuard
 from services.tracker.config import TrackerConfig
-from services.tracker.frame_join import FrameJoin, PendingFrame
-from services.tracker.interface import ImageEdges, Tracker
+from services.tracker.interface import ImageEdges, Observation, Tracker
 from services.tracker.observe import edges, observe
 from services.tracker.output import TrackerOutput
 from services.tracker.prediction_schedule import PredictionSchedule
-from services.tracker.stamp_guard import ArrivedFrame, StampGuard
 from services.tracker.stateful import pack, unpack
 
 TRANSFORMS = StaticTransform | MovingTransform | Odometry
@@ -279,15 +280,22 @@ class TrackerNode(StatefulNode):
             )
             self._areas.refresh(frame.time_ns, frame.arrived_ns)
             tracks = self._groups.update(observation, frame.arrived_ns)
-        if not self._groups.is_apart(detections.camera):
-            self._drift.add(observation, tracks or ())
-            self._groups.correct_stamps(self._drift, frame.time_ns)
         if tracks is None:
             return None
-        self._absence.add(observation, tracks, frame.arrived_ns)
+        if self._groups.clocks.has_several:
+            self._compare_cameras(observation, tracks, frame)
         return self._output.tracks(
             detections, tracks, frame.time_ns, (embeddings or detections).trace
         )
+
+    def _compare_cameras(
+        self, observation: Observation, tracks: Sequence[Track], frame: PendingFrame
+    ) -> None:
+        """Compare a frame with the people that other cameras find."""
+        if not self._groups.is_apart(observation.camera):
+            self._drift.add(observation, tracks)
+            self._groups.correct_stamps(self._drift, frame.time_ns)
+        self._absence.add(observation, tracks, frame.arrived_ns)
 
     def _pose_before(self, frame: PendingFrame) -> TransformEstimate | None:
         """Return the pose of the camera at the beginning of the velocities of a frame."""

@@ -10,7 +10,7 @@ from common.geometry.transform_history import TransformEstimate
 from common.geometry.transforms import apply
 from people4d.messages import F64, CameraInfo, Detection, Detections, Embeddings
 from people4d.messages.base import MAX_M
-from services.tracker.camera_poses import pose_covariance
+from services.tracker.cameras.poses import pose_covariance
 from services.tracker.interface import (
     ImageEdges,
     Measurement,

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import msgspec
 
 from people4d.messages import Detections, ImageTrack, ImageTracks, Message, Span, Track, Tracks
-from services.tracker.camera_poses import CameraPoseLookup
+from services.tracker.cameras.poses import CameraPoseLookup
 from services.tracker.config import TrackerConfig
 from services.tracker.prediction_schedule import DuePrediction
 

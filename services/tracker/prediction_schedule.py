@@ -7,8 +7,8 @@ from typing import NamedTuple
 from common.transport.stream_clock import EXTRAPOLATION_MAX_NS
 from people4d.messages import Detections, Tracks
 from people4d.messages.base import MAX_STAMP_NS
+from services.tracker.cameras.frame_join import PendingFrame
 from services.tracker.config import TrackerConfig
-from services.tracker.frame_join import PendingFrame
 
 SLOW_FACTOR = 3  # usual intervals between frames after which detections count as stopped
 

@@ -24,7 +24,7 @@ from people4d.messages import (
     Tracks,
 )
 from services.tracker.build import build
-from services.tracker.camera_poses import transform_track
+from services.tracker.cameras.poses import transform_track
 from tests import builders
 from tests.tracker.scene import published_config
 

@@ -13,9 +13,9 @@ from people4d.messages import F64, Detections, Tracks
 from services.tracker.build import build, make_tracker
 from services.tracker.config import TrackerConfig
 from services.tracker.node import TrackerNode
+from tests.tracker.cameras.test_clocks import MOUNTS, play
 from tests.tracker.scene import frame as frame_of
 from tests.tracker.scene import person as measured
-from tests.tracker.test_camera_clocks import MOUNTS, play
 from tests.tracker.test_node import MS, START_NS, detected, person
 
 PERIOD_MS = 66

@@ -21,8 +21,8 @@ from people4d.messages import (
 )
 from people4d.messages.base import MAX_STAMP_NS
 from services.tracker.build import build
+from services.tracker.cameras.stamp_guard import SILENT_MAX_NS, SILENT_NS
 from services.tracker.node import TrackerNode
-from services.tracker.stamp_guard import SILENT_MAX_NS, SILENT_NS
 from tests import builders
 from tests.tracker.scene import published_config
 

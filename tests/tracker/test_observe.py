@@ -14,7 +14,7 @@ from common.geometry.transforms import (
     transform_from,
 )
 from people4d.messages import F64, Detection, Detections
-from services.tracker.camera_poses import pose_covariance
+from services.tracker.cameras.poses import pose_covariance
 from services.tracker.observe import PEOPLE_MAX, SURFACE_M, VELOCITY_SIGMA_MPS, observe, rotated
 from tests import builders
 

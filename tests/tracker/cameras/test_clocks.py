@@ -10,8 +10,8 @@ import pytest
 from common.geometry.transforms import LINK_FROM_OPTICAL
 from people4d.messages import Detections, Mask, Span, StaticTransform, Tracks
 from people4d.messages.base import MAX_CAMERAS
+from services.tracker.cameras.stamp_guard import HELD_MAX, HELD_MAX_BYTES, PERSON_BYTES, SILENT_NS
 from services.tracker.node import TrackerNode
-from services.tracker.stamp_guard import HELD_MAX, HELD_MAX_BYTES, PERSON_BYTES, SILENT_NS
 from tests import builders
 from tests.tracker.test_node import MS, detected, embeddings_of, node, person, tracks
 

@@ -89,6 +89,11 @@ class CameraClocks:
         self.corrected: set[str] = set()  # cameras whose offset changed by the arrival of frames
         self._reference_ns = 0  # [ns] monotonic, of its last frame
 
+    @property
+    def has_several(self) -> bool:
+        """True if frames of two or more cameras came."""
+        return len(self._clocks) > 1
+
     def add(self, detections: Detections, now_ns: int) -> int | None:
         """Take the arrival of detections; return their time [ns], None beyond MAX_CAMERAS cameras.
 

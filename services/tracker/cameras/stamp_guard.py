@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from people4d.messages import Detections
-from services.tracker.camera_clocks import CameraClocks
+from services.tracker.cameras.clocks import CameraClocks
 
 SILENT_NS = 1_000_000_000  # without a frame of the old time, after which a clock was set; ...
 SILENT_INTERVALS = 3  # ... of a camera whose frames come rarely so many of the longest intervals

@@ -5,7 +5,7 @@ import pytest
 
 from common.geometry.transforms import LINK_FROM_OPTICAL, transform_from
 from people4d.messages import Track
-from services.tracker.camera_watch.absence import CameraAbsence
+from services.tracker.cameras.absence import CameraAbsence
 from services.tracker.interface import ImageEdges, Measurement, Observation
 from tests import builders
 

@@ -5,7 +5,7 @@ import pytest
 
 from common.geometry.transforms import LINK_FROM_OPTICAL, transform_from
 from people4d.messages import F64, Odometry, StaticTransform
-from services.tracker.camera_poses import CameraPoseLookup
+from services.tracker.cameras.poses import CameraPoseLookup
 from tests import builders
 
 CAMERA = "front_optical_frame"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from people4d.messages import F64
-from services.tracker.camera_watch.stamp_errors import SAMPLES_MIN, Walked, stamp_errors
+from services.tracker.cameras.stamp_errors import SAMPLES_MIN, Walked, stamp_errors
 
 COUNT = 100
 

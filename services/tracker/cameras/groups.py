@@ -5,8 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from people4d.messages import Detections, ImageTrack, Track
-from services.tracker.camera_clocks import OFFSET_MAX_NS, CameraClocks
-from services.tracker.camera_watch.drift import CameraDrift
+from services.tracker.cameras.clocks import OFFSET_MAX_NS, CameraClocks
+from services.tracker.cameras.drift import CameraDrift
 from services.tracker.config import TrackerConfig
 from services.tracker.interface import Observation, Tracker
 from services.tracker.motion.past_frames import LENGTH_NS

@@ -14,7 +14,7 @@ from common.geometry.transforms import (
     transform_from,
 )
 from people4d.messages import F64, Track
-from services.tracker.camera_watch.drift import CameraDrift
+from services.tracker.cameras.drift import CameraDrift
 from services.tracker.interface import Measurement, Observation
 
 BOX = np.array([0, 0, 10, 20], np.float32)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from people4d.messages import F64, Track
-from services.tracker.camera_watch.stamp_errors import StampError, Walked, stamp_errors
+from services.tracker.cameras.stamp_errors import StampError, Walked, stamp_errors
 from services.tracker.interface import Observation
 
 CAMERAS_MAX = 16  # that are compared

@@ -1,1 +1,0 @@
-"""Watch of several cameras by the people that the others find."""
