@@ -1,6 +1,6 @@
-"""Kalman filters of joints: position and velocity of each, for all people at once.
+"""Kalman filters of the joints of all people: position and velocity of each joint.
 
-Joints are filtered apart; a bone between two of them is a measurement of their distance.
+Joints are filtered independently; a bone is a measurement of the distance of two joints.
 """
 
 from dataclasses import dataclass
@@ -8,14 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from people4d.messages import F64
-from services.skeleton.body import Bones
+from services.skeleton.body import AGILITY_MPS2, Bones
 
-UNKNOWN_M2 = 1e4  # variance of what is not measured
+UNKNOWN_M2 = 1e4  # variance of a missing measurement [m^2]
+LASTS_S = 0.3  # time constant of the motion of a joint relative to the body [s]
 
 
 @dataclass
 class JointStates:
-    """State of N people's joints in a fixed frame."""
+    """States of the joints of N people in a fixed frame."""
 
     mean: F64  # Nx17x6: position in metres, velocity in m/s
     covariance: F64  # Nx17x6x6
@@ -31,20 +32,10 @@ class JointStates:
         return self.covariance[..., :3, :3]
 
 
-def predict(
-    states: JointStates, dt_s: float, body_mps: F64, lasts_s: float, agility_mps2: F64
-) -> None:
-    """Move joints on by a time.
-
-    Args:
-        states: Are changed.
-        dt_s: Time, not negative.
-        body_mps: Nx3, velocities of the bodies.
-        lasts_s: Time constant with which a joint's motion against its body ends.
-        agility_mps2: 17, white noise of accelerations.
-    """
-    stays = float(np.exp(-dt_s / lasts_s))
-    moves_s = lasts_s * (1 - stays)
+def predict_joints(states: JointStates, dt_s: float, body_mps: F64) -> None:
+    """Predict joints in place after an interval >= 0, given the velocities of the bodies (Nx3)."""
+    stays = float(np.exp(-dt_s / LASTS_S))
+    moves_s = LASTS_S * (1 - stays)
     relative = states.mean[..., 3:] - body_mps[:, None]
     states.mean[..., :3] += dt_s * body_mps[:, None] + moves_s * relative
     states.mean[..., 3:] = body_mps[:, None] + stays * relative
@@ -53,14 +44,14 @@ def predict(
     transition[3:, 3:] *= stays
     noise = np.kron([[dt_s**3 / 3, dt_s**2 / 2], [dt_s**2 / 2, dt_s]], np.eye(3))
     states.covariance = (
-        transition @ states.covariance @ transition.T + agility_mps2[:, None, None] ** 2 * noise
+        transition @ states.covariance @ transition.T + AGILITY_MPS2[:, None, None] ** 2 * noise
     )
 
 
 def update_points(
     states: JointStates, joints: list[int], points_m: F64, covariances_m2: F64
 ) -> None:
-    """Measure positions of some joints: NxJx3 with covariances NxJx3x3; states are changed."""
+    """Update joints in place by positions (NxJx3) with covariances (NxJx3x3)."""
     covariance = states.covariance[:, joints]
     sums = covariance[..., :3, :3] + covariances_m2
     gain = covariance[..., :3] @ np.linalg.inv(sums)
@@ -71,7 +62,7 @@ def update_points(
 
 
 def update_bones(states: JointStates, bones: Bones, lengths_m: F64, sigma_m: F64) -> None:
-    """Measure lengths of bones (NxK, by kind) with standard deviations; states are changed."""
+    """Update joints in place by lengths of bones (NxK, by kind) with standard deviations."""
     first, second, kind = list(bones.first), list(bones.second), list(bones.kind)
     apart_m = states.mean[:, first, :3] - states.mean[:, second, :3]
     distance_m = np.maximum(np.linalg.norm(apart_m, axis=-1), 1e-3)

@@ -24,27 +24,28 @@ from people4d.messages import (
 from people4d.messages.base import MAX_CAMERAS
 from services.skeleton.config import SkeletonConfig
 from services.skeleton.joint_filter import JointStates
-from services.skeleton.observation import observe
+from services.skeleton.observation import observe_joints
 from services.skeleton.skeletons import Flags, People, SkeletonTracker
 
 NODE_COUNTERS = (
     "no_camera_info",
     "no_transform",
-    "no_detections",  # tracks whose detections never came
-    "stale",  # tracks not newer than those before
+    "no_detections",  # tracks without the detections of their frame
+    "stale",  # tracks older than the last
     "clock_resets",
     "too_many",  # people beyond people_max
-    "repeated",  # tracks with the id of another one of the message
+    "repeated",  # tracks with a duplicate id
 )
-FRAMES_MAX = 64  # detections that wait for their tracks, of all cameras
-CLOCK_JUMP_NS = 1_000_000_000  # a stamp older than the newest by more: the clock was reset
+FRAMES_MAX = 64  # maximum number of detections waiting for their tracks
+CLOCK_JUMP_NS = 1_000_000_000  # minimum step back of the stamps that is a clock reset [ns]
+GAP_MAX_S = 1.0  # maximum interval between two frames; after it skeletons restart [s]
 
 
 class SkeletonNode(Node):
     """Estimates the joints of every tracked person from the keypoints of detections.
 
-    Tracks without the detections of their frame give no skeletons, counted. People of all cameras
-    share one frame, so each has one skeleton whichever camera sees them.
+    Tracks without the detections of their frame give no skeletons, counted. A person has one
+    skeleton for all cameras.
     """
 
     inputs: tuple[type[Message], ...] = (
@@ -58,13 +59,13 @@ class SkeletonNode(Node):
         self._transforms = TransformBuffer()
         self._infos: dict[str, CameraInfo] = {}
         self._detections: dict[tuple[str, int], Detections] = {}
-        self._skeletons = SkeletonTracker(config.joints, config.away_max_m)
+        self._skeletons = SkeletonTracker()
         self._newest_ns: int | None = None
         self._frame_id = ""
         self._counters = Counter(dict.fromkeys(NODE_COUNTERS, 0))
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
-        """Take one message; return the skeletons that follow from tracks."""
+        """Process one message; return the skeletons of tracks."""
         if isinstance(message, StaticTransform | MovingTransform | Odometry):
             self._transforms.add_transform(message)
         elif isinstance(message, CameraInfo):
@@ -84,7 +85,7 @@ class SkeletonNode(Node):
         return Status(counters={**self._counters, **self._transforms.counters})
 
     def _is_next(self, tracks: Tracks) -> bool:
-        """Check that tracks are not older than those before; begin anew after a clock reset."""
+        """Check that tracks are not older than the last; restart after a clock reset."""
         newest_ns = self._newest_ns
         if newest_ns is not None and newest_ns - tracks.stamp_ns > CLOCK_JUMP_NS:
             self._counters["clock_resets"] += 1
@@ -111,8 +112,8 @@ class SkeletonNode(Node):
         dt_s = self._time_since(tracks)
         found = self._people(tracks.tracks)
         detected = [detections.at(track.detection) for track in found]
-        observation = observe(detected, info, pose, self._config.joints)
-        states, measured = self._skeletons.update(dt_s, People.of(found), observation)
+        observation = observe_joints(detected, info, pose)
+        states, measured = self._skeletons.estimate_joints(dt_s, People.of(found), observation)
         return [
             Skeletons(
                 stamp_ns=stamp_ns,
@@ -125,16 +126,16 @@ class SkeletonNode(Node):
         ]
 
     def _time_since(self, tracks: Tracks) -> float:
-        """Return the time since the frame before; begin anew where nothing follows from that."""
+        """Return the time since the last frame; restart after a gap or in another frame."""
         before_ns, self._newest_ns = self._newest_ns, tracks.stamp_ns
         dt_s = 0.0 if before_ns is None else (tracks.stamp_ns - before_ns) / 1e9
         moved, self._frame_id = tracks.frame_id != self._frame_id, tracks.frame_id
-        if before_ns is None or moved or dt_s > self._config.gap_max_s:
-            self._skeletons.forget()
+        if before_ns is None or moved or dt_s > GAP_MAX_S:
+            self._skeletons.restart_skeletons()
         return dt_s
 
     def _people(self, tracks: Sequence[Track]) -> list[Track]:
-        """Return the people that have a skeleton, each once; count the others."""
+        """Return the people with a skeleton, without duplicates; count the others."""
         shown = [track for track in tracks if track.state != "tentative"]
         people = list({track.id: track for track in shown}.values())
         self._counters["repeated"] += len(shown) - len(people)

@@ -1,9 +1,8 @@
-"""Skeletons of tracked people: joints measured where they are visible, else predicted.
+"""Skeletons of tracked people: visible joints are measured, hidden joints predicted.
 
-A joint is visible if the surface at its keypoint is where the joint is expected; a nearer surface
-hides it, and its keypoint is a guess of the detector that gives a direction only. Bones, whose
-lengths are learned for each person, and the usual pose of the body give the rest (docs/method.md
-section 26).
+A joint is visible if the surface at its keypoint is at the expected depth. A nearer surface hides
+it; its keypoint then gives a direction only. Bones, with lengths learned for each person, and the
+usual pose constrain the other joints (docs/method.md section 26).
 """
 
 import math
@@ -15,7 +14,6 @@ import numpy.typing as npt
 
 from people4d.messages import F64, Track
 from services.skeleton.body import (
-    AGILITY_MPS2,
     BONE_LENGTHS_M,
     BONE_SIGMA,
     BONES,
@@ -26,14 +24,14 @@ from services.skeleton.body import (
     TORSO,
     USUAL_POSE_M,
     USUAL_SIGMA_M,
-    turned,
     unturned_pose,
+    yaw_rotations,
 )
-from services.skeleton.config import JointFilterConfig
 from services.skeleton.joint_filter import (
+    LASTS_S,
     UNKNOWN_M2,
     JointStates,
-    predict,
+    predict_joints,
     update_bones,
     update_points,
 )
@@ -41,15 +39,27 @@ from services.skeleton.observation import JointObservation
 
 Flags = npt.NDArray[np.bool_]
 ALL_BONES = tuple(bones for level in BONES for bones in level)
-SHAPES_MAX = 1000  # people whose bodies are remembered
+SHAPES_MAX = 1000  # maximum number of stored body shapes
+AWAY_MAX_M = 0.6  # maximum distance of a torso from its track; beyond, the skeleton restarts [m]
+CONFIDENT = 0.5  # confidence above which the noise of a keypoint is constant
+ACROSS_M = 0.028  # standard deviation of a visible joint across the line of sight [m]
+HIDDEN_ACROSS_M = 0.08  # standard deviation of a hidden joint across the line of sight [m]
+SURFACES_M = 0.3  # range within which any other surface is equally likely [m]
+OUTLIER_SIGMAS = 3.0  # distance above which the weight of a keypoint falls [standard deviations]
+POSE_S = 0.2  # duration in which a hidden joint returns to its usual pose [s]
+BONE_M = 0.03  # standard deviation of the length of a bone between frames [m]
+BONE_FRAMES = 10.0  # number of correlated measurements of a bone
+LEARN_S = 10.0  # time constant of a person's usual pose [s]
+SIDES_GAIN = 8.0  # minimum decrease of squared distances when sides are exchanged
+MISFIT_MAX = 25.0  # maximum squared distance of a joint [variances]
 
 
 @dataclass
 class BodyShape:
-    """Shape of one person's body, as learned."""
+    """Learned shape of a body."""
 
     bones_m: F64  # lengths, by kind
-    bones_m2: F64  # their variances
+    bones_m2: F64  # variances of the lengths
     pose_m: F64  # 17x3, usual pose
 
 
@@ -78,35 +88,34 @@ class People:
 class SkeletonTracker:
     """Skeletons of all people in one fixed frame."""
 
-    def __init__(self, config: JointFilterConfig, away_max_m: float) -> None:
-        self._config, self._away_max_m = config, away_max_m
+    def __init__(self) -> None:
         self._ids: list[int] = []
         self._states = JointStates(np.zeros((0, JOINT_COUNT, 6)), np.zeros((0, JOINT_COUNT, 6, 6)))
         self._shapes: dict[int, BodyShape] = {}
 
-    def forget(self) -> None:
-        """Begin all skeletons anew; what was learned of bodies stays."""
+    def restart_skeletons(self) -> None:
+        """Restart all skeletons; learned shapes remain."""
         self._ids = []
 
-    def update(
+    def estimate_joints(
         self, dt_s: float, people: People, observation: JointObservation
     ) -> tuple[JointStates, Flags]:
-        """Return the joints of all people in a frame, and which of them (Nx17) were measured.
+        """Return the joints of all people in a frame, and flags (Nx17) of measured joints.
 
         Args:
-            dt_s: Time since the frame before.
+            dt_s: Time since the last frame.
             people: Tracks of the frame.
-            observation: What it shows of their joints.
+            observation: Observed joints of the frame.
         """
         shapes = [self._shape(person) for person in people.ids]
         pose_m, pose_m2 = self._poses(people, shapes)
         states = self._predicted(dt_s, people, pose_m, pose_m2)
-        scale = max(dt_s, 1e-3) / self._config.pose_s
+        scale = max(dt_s, 1e-3) / POSE_S
         update_points(states, list(range(JOINT_COUNT)), pose_m, pose_m2 / min(scale, 1.0))
         self._order_sides(states, observation)
         bones_m = np.array([shape.bones_m for shape in shapes]).reshape(-1, len(BONE_LENGTHS_M))
         bones_m2 = np.array([shape.bones_m2 for shape in shapes]).reshape(-1, len(BONE_LENGTHS_M))
-        sigma_m = np.sqrt(bones_m2 + self._config.bone_m**2)
+        sigma_m = np.sqrt(bones_m2 + BONE_M**2)
         measured = np.zeros((len(people.ids), JOINT_COUNT), np.bool_)
         for level, joints in enumerate(LEVELS):
             if level:
@@ -137,18 +146,18 @@ class SkeletonTracker:
         wide_m, wide_sigma_m = unturned_pose(pose_m, sigma_m)
         pose_m = np.where(unknown[:, None, None], wide_m, pose_m)
         sigma_m = np.where(unknown[:, None, None], wide_sigma_m, sigma_m)
-        rotation = turned(np.nan_to_num(people.yaw_rad))[:, None]
+        rotation = yaw_rotations(np.nan_to_num(people.yaw_rad))[:, None]
         spread = rotation * (sigma_m**2)[:, :, None, :] @ np.swapaxes(rotation, -1, -2)
         mean_m = people.position_m[:, None] + (rotation @ pose_m[..., None])[..., 0]
         return mean_m, spread + people.covariance_m2[:, None]
 
     def _predicted(self, dt_s: float, people: People, pose_m: F64, pose_m2: F64) -> JointStates:
-        """Return the states now: of people known before moved on, of new ones the usual pose."""
+        """Return the predicted states of known people, and the usual pose of new people."""
         count = len(people.ids)
         fresh = JointStates(np.zeros((count, JOINT_COUNT, 6)), np.zeros((count, JOINT_COUNT, 6, 6)))
         fresh.mean[..., :3], fresh.mean[..., 3:] = pose_m, people.velocity_mps[:, None]
         fresh.covariance[..., :3, :3] = pose_m2
-        fresh.covariance[..., 3:, 3:] = np.eye(3) * self._config.lasts_s
+        fresh.covariance[..., 3:, 3:] = np.eye(3) * LASTS_S
         rows = {person: row for row, person in enumerate(self._ids)}
         pairs = [(n, rows[p]) for n, p in enumerate(people.ids) if p in rows]
         if not pairs:
@@ -156,15 +165,15 @@ class SkeletonTracker:
         now, before = np.array(pairs).T
         known = JointStates(self._states.mean[before], self._states.covariance[before])
         velocity = people.velocity_mps[now]
-        predict(known, dt_s, velocity, self._config.lasts_s, AGILITY_MPS2)
+        predict_joints(known, dt_s, velocity)
         away_m = known.position_m[:, TORSO].mean(axis=1) - people.position_m[now]
-        near = np.linalg.norm(away_m, axis=1) <= self._away_max_m
+        near = np.linalg.norm(away_m, axis=1) <= AWAY_MAX_M
         fresh.mean[now[near]] = known.mean[near]
         fresh.covariance[now[near]] = known.covariance[near]
         return fresh
 
     def _order_sides(self, states: JointStates, observation: JointObservation) -> None:
-        """Exchange left and right arms or legs of an observation where that fits better."""
+        """Exchange left and right arms or legs of an observation if this fits better."""
         to_m = states.position_m - observation.origin_m
         along_m = np.einsum("nji,nji->nj", to_m, observation.rays)
         straight = self._misfit(to_m, observation.rays, observation.confidence, states)
@@ -173,23 +182,22 @@ class SkeletonTracker:
         )
         for limb in LIMBS:
             others = [MIRRORED[joint] for joint in limb]
-            better = mirrored[:, limb].sum(axis=1) + 8.0 < straight[:, limb].sum(axis=1)
+            better = mirrored[:, limb].sum(axis=1) + SIDES_GAIN < straight[:, limb].sum(axis=1)
             for person in np.flatnonzero(better & (along_m[:, limb] > 0).all(axis=1)).tolist():
-                observation.exchange(person, limb, others)
+                observation.exchange_joints(person, limb, others)
 
     def _misfit(self, to_m: F64, rays: F64, confidence: F64, states: JointStates) -> F64:
-        """Return squared distances of expected joints from rays in standard deviations, Nx17."""
+        """Return squared distances of expected joints from rays, in variances, Nx17."""
         along = np.einsum("nji,nji->nj", to_m, rays)
         across = to_m - along[..., None] * rays
         spread = np.trace(states.position_m2, axis1=-2, axis2=-1) / 3
-        found = (across**2).sum(axis=-1) / (spread + self._config.hidden_across_m**2)
-        return np.where(confidence > 0, np.minimum(found, 25.0), 0.0)
+        found = (across**2).sum(axis=-1) / (spread + HIDDEN_ACROSS_M**2)
+        return np.where(confidence > 0, np.minimum(found, MISFIT_MAX), 0.0)
 
     def _measure(
         self, states: JointStates, joints: list[int], observation: JointObservation
     ) -> Flags:
-        """Measure joints of one level; return which were visible, NxJ."""
-        config = self._config
+        """Measure the joints of one level; return flags of visible joints, NxJ."""
         rays, read_m = observation.rays[:, joints], observation.range_m[:, joints]
         confidence = observation.confidence[:, joints]
         to_m = states.mean[:, joints, :3] - observation.origin_m
@@ -199,16 +207,16 @@ class SkeletonTracker:
         visible = self._visible(
             read_m - expected_m, along_m2 + observation.along_m[:, joints] ** 2, confidence
         )
-        uncertainty = np.maximum(config.confident / np.maximum(confidence, 0.01), 1.0)
-        across_m = np.hypot(config.across_m, observation.across_per_m * expected_m) * uncertainty
-        across_m = np.where(visible, across_m, np.hypot(across_m, config.hidden_across_m))
+        uncertainty = np.maximum(CONFIDENT / np.maximum(confidence, 0.01), 1.0)
+        across_m = np.hypot(ACROSS_M, observation.across_per_m * expected_m) * uncertainty
+        across_m = np.where(visible, across_m, np.hypot(across_m, HIDDEN_ACROSS_M))
         range_m = np.where(visible, read_m, expected_m)
         points_m = observation.origin_m + range_m[..., None] * rays
-        # Outliers across the line of sight count less.
+        # Outliers across the line of sight have a lower weight.
         off_m = points_m - states.mean[:, joints, :3]
         off_m -= np.einsum("nji,nji->nj", off_m, rays)[..., None] * rays
         spread_m2 = (np.trace(position_m2, axis1=-2, axis2=-1) - along_m2) / 2 + across_m**2
-        sigmas2 = (off_m**2).sum(axis=-1) / spread_m2 / config.outlier_sigmas**2
+        sigmas2 = (off_m**2).sum(axis=-1) / spread_m2 / OUTLIER_SIGMAS**2
         across_m2 = across_m**2 + spread_m2 * np.maximum(sigmas2 - 1, 0)
         across_m2 = np.where(confidence > 0, across_m2, UNKNOWN_M2)
         range_m2 = np.where(visible, observation.along_m[:, joints] ** 2, UNKNOWN_M2)
@@ -219,11 +227,11 @@ class SkeletonTracker:
         return visible
 
     def _visible(self, off_m: F64, variance_m2: F64, confidence: F64) -> Flags:
-        """Return where a reading, so far behind the expected joint, is rather the joint's own."""
+        """Flag readings that are more likely the joint than another surface (offsets NxJ)."""
         with np.errstate(invalid="ignore", divide="ignore"):
             own = np.exp(-(off_m**2) / variance_m2 / 2) / np.sqrt(2 * np.pi * variance_m2)
             odds = confidence / (1 - np.minimum(confidence, 0.99))
-            found = own * odds * self._config.surfaces_m > 1.0
+            found = own * odds * SURFACES_M > 1.0
         return np.asarray(found & (confidence > 0) & np.isfinite(off_m))
 
     def _learn(
@@ -235,9 +243,9 @@ class SkeletonTracker:
         measured: Flags,
         observation: JointObservation,
     ) -> None:
-        """Learn bones and usual poses from the joints that were measured."""
-        share = 1 - float(np.exp(-dt_s / self._config.learn_s))
-        rotation = turned(np.nan_to_num(people.yaw_rad))
+        """Learn bones and usual poses from measured joints."""
+        share = 1 - float(np.exp(-dt_s / LEARN_S))
+        rotation = yaw_rotations(np.nan_to_num(people.yaw_rad))
         pose_m = (states.position_m - people.position_m[:, None]) @ rotation
         for row, shape in enumerate(shapes):
             if np.isfinite(people.yaw_rad[row]):
@@ -254,7 +262,7 @@ class SkeletonTracker:
             for row, bone in np.argwhere(both).tolist():
                 shape, kind = shapes[row], bones.kind[bone]
                 length_m = math.sqrt(max(apart_m2[row, bone] - noise_m2[row, bone], 1e-6))
-                variance = noise_m2[row, bone] / 3 * self._config.bone_frames
+                variance = noise_m2[row, bone] / 3 * BONE_FRAMES
                 gain = shape.bones_m2[kind] / (shape.bones_m2[kind] + variance)
                 shape.bones_m[kind] += gain * (length_m - shape.bones_m[kind])
                 shape.bones_m2[kind] *= 1 - gain
@@ -262,5 +270,5 @@ class SkeletonTracker:
     def _noise_m2(self, observation: JointObservation, joints: list[int]) -> F64:
         """Return the trace of the covariance of measured joints, NxJ."""
         image_m = observation.across_per_m * observation.range_m[:, joints]
-        across_m2 = self._config.across_m**2 + image_m**2
+        across_m2 = ACROSS_M**2 + image_m**2
         return np.asarray(2 * across_m2 + observation.along_m[:, joints] ** 2)

@@ -35,7 +35,7 @@ from tests.skeleton.walker import (
 
 
 def walk(walker: Walker, count: int, hidden_from: int = 1000, **hidden: Any) -> list[Skeletons]:
-    """Return the skeletons of a walk; joints are hidden from a frame on."""
+    """Return the skeletons of a walk, with hidden joints from a frame on."""
     node = ready()
     return [
         answer(
@@ -61,7 +61,7 @@ def test_visible_joints_are_measured() -> None:
     assert errors_m(found, walker, 19).max() < 0.03
 
 
-def test_hidden_joints_are_predicted_with_a_greater_covariance() -> None:
+def test_hidden_joints_are_predicted_with_a_larger_covariance() -> None:
     walker, hidden = Walker(), (LEFT_WRIST, LEFT_ELBOW)
     found = walk(walker, 30, 20, hidden=hidden)
     before, after = found[19], found[29]
@@ -73,7 +73,7 @@ def test_hidden_joints_are_predicted_with_a_greater_covariance() -> None:
         assert spread[1] > 2 * spread[0]
 
 
-def test_joints_of_a_person_who_is_not_detected_follow_the_track() -> None:
+def test_joints_of_a_lost_track_follow_the_track() -> None:
     walker, node = Walker(), ready()
     for number in range(20):
         answer(node, walker.frame(number), walker.people(number))
@@ -85,7 +85,7 @@ def test_joints_of_a_person_who_is_not_detected_follow_the_track() -> None:
     assert np.median(errors_m(found, walker, 29)) < 0.05
 
 
-def test_a_person_without_depth_gets_the_usual_body_at_the_track() -> None:
+def test_person_without_depth_has_the_usual_pose_at_the_track() -> None:
     walker, node = Walker(), ready()
     for number in range(20):
         frame = walker.frame(number, keypoint_depths_m=None)
@@ -110,7 +110,7 @@ def test_lengths_of_bones_are_learned_for_each_person(size: float) -> None:
         )
 
 
-def test_sides_exchanged_for_a_frame_stay_apart() -> None:
+def test_sides_exchanged_in_one_frame_are_corrected() -> None:
     walker, node = Walker(yaw_rad=np.pi / 2 + 0.8), ready()
     for number in range(15):
         answer(node, walker.frame(number), walker.people(number))
@@ -126,14 +126,14 @@ def test_sides_exchanged_for_a_frame_stay_apart() -> None:
     assert errors_m(found, walker, 15)[[LEFT_WRIST, RIGHT_WRIST]].max() < 0.1
 
 
-def test_unknown_yaw_is_no_obstacle() -> None:
+def test_joints_are_accurate_with_unknown_yaw() -> None:
     walker, node = Walker(), ready()
     for number in range(20):
         found = answer(node, walker.frame(number), walker.people(number, yaw_rad=None))
     assert np.median(errors_m(found, walker, 19)) < 0.03
 
 
-def test_the_skeleton_follows_a_track_that_jumps() -> None:
+def test_skeleton_restarts_at_a_track_that_jumps() -> None:
     walker, node = Walker(), ready()
     for number in range(10):
         answer(node, walker.frame(number), walker.people(number))
@@ -143,7 +143,7 @@ def test_the_skeleton_follows_a_track_that_jumps() -> None:
     assert np.linalg.norm(person(found).positions_m[:, :2] - elsewhere[:2], axis=1).max() < 0.5
 
 
-def test_what_is_missing_is_counted() -> None:
+def test_missing_inputs_are_counted() -> None:
     walker, node = Walker(), build(SkeletonConfig(people_max=1))
     assert not node.handle(walker.people(0), 0)
     node.handle(walker.frame(1), 0)
@@ -165,7 +165,7 @@ def test_what_is_missing_is_counted() -> None:
     assert counters == expected | {"repeated": 1, "too_many": 1, "clock_resets": 1}
 
 
-def test_a_clock_that_jumps_back_begins_anew() -> None:
+def test_clock_reset_restarts_skeletons() -> None:
     walker, node = Walker(), ready()
     for number in (100, 101, 0, 1):
         found = answer(node, walker.frame(number), walker.people(number))
@@ -173,11 +173,11 @@ def test_a_clock_that_jumps_back_begins_anew() -> None:
     assert errors_m(found, walker, 1).max() < 0.06
 
 
-def test_detections_without_tracks_and_cameras_by_invention_take_no_memory() -> None:
+def test_detections_without_tracks_and_invented_cameras_are_limited() -> None:
     walker, node = Walker(), ready()
     node.handle(walker.frame(0), 0)
     for number in range(FRAMES_MAX):
         node.handle(detections(detection(), stamp_ns=1 + number), 0)
         node.handle(camera_info(camera=f"c{number}"), 0)
-    assert not node.handle(walker.people(0), 0)  # its detections gave way to newer ones
+    assert not node.handle(walker.people(0), 0)  # newer detections evicted its detections
     assert node.status().counters["no_detections"] == 1

@@ -1,4 +1,4 @@
-"""A person of known joints who walks past a camera, and what the camera shows of them."""
+"""Walking person with known joints, and the detections of a camera."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -8,7 +8,7 @@ import numpy as np
 from common.geometry.transforms import LINK_FROM_OPTICAL, apply, invert, project
 from people4d.codec import decode, encode
 from people4d.messages import F32, F64, CameraInfo, Detections, Message, PersonSkeleton, Skeletons
-from services.skeleton.body import INSIDE_M, TORSO, USUAL_POSE_M, turned
+from services.skeleton.body import INSIDE_M, TORSO, USUAL_POSE_M, yaw_rotations
 from services.skeleton.build import build
 from services.skeleton.config import SkeletonConfig
 from services.skeleton.node import SkeletonNode
@@ -31,11 +31,11 @@ LEFT_WRIST, RIGHT_WRIST, LEFT_ELBOW, LEFT_HIP = 9, 10, 7, 11
 
 @dataclass
 class Walker:
-    """A person of the usual pose, larger by `size`, who walks to the left 3 m before the camera."""
+    """Person in the usual pose, scaled by `size`, walking to the left 3 m from the camera."""
 
     size: float = 1.0
     yaw_rad: float = np.pi / 2
-    swing_m: float = 0.2  # of the wrists
+    swing_m: float = 0.2  # amplitude of the wrists
 
     def joints_m(self, number: int) -> F64:
         """Return the joints in a frame, 17x3, in the map."""
@@ -44,11 +44,11 @@ class Walker:
         swing = self.swing_m * np.sin(number * PERIOD_NS * 1e-9 * 2 * np.pi)
         pose[[LEFT_WRIST, RIGHT_WRIST], 0] += (swing, -swing)
         middle = np.array([3.0, -0.5 + number * PERIOD_NS * 1e-9, 1.2])
-        joints: F64 = middle + pose @ turned(np.array([self.yaw_rad]))[0].T
+        joints: F64 = middle + pose @ yaw_rotations(np.array([self.yaw_rad]))[0].T
         return joints
 
     def frame(self, number: int, hidden: tuple[int, ...] = (), **fields: Any) -> Detections:
-        """Return the detections of a frame; something 0.4 m nearer hides some joints."""
+        """Return the detections of a frame; a surface 0.4 m nearer hides some joints."""
         optical_m = apply(invert(POSE), self.joints_m(number))
         keypoints = np.column_stack([project(optical_m, INFO), np.full(17, 0.8)])
         slant = np.linalg.norm(optical_m, axis=1) / optical_m[:, 2]
@@ -71,16 +71,16 @@ class Walker:
         return tracks(track(**{**given, **fields}), stamp_ns=number * PERIOD_NS, sequence=number)
 
 
-def ready(**fields: Any) -> SkeletonNode:
-    """Build a node that knows camera and pose."""
-    node = build(SkeletonConfig(**fields))
+def ready() -> SkeletonNode:
+    """Build a node with camera and pose."""
+    node = build(SkeletonConfig())
     node.handle(INFO, 0)
     node.handle(static_transform(POSE, OPTICAL), 0)
     return node
 
 
 def answer(node: SkeletonNode, *messages: Message) -> Skeletons:
-    """Return the skeletons that follow from messages, after the codec."""
+    """Return the skeletons of messages, after the codec."""
     (found,) = [one for message in messages for one in node.handle(message, 0)]
     decoded = decode(encode(found))
     assert isinstance(decoded, Skeletons)
@@ -94,6 +94,6 @@ def person(found: Skeletons) -> PersonSkeleton:
 
 
 def errors_m(found: Skeletons, walker: Walker, number: int) -> F64:
-    """Return the distance of every joint from the true one, 17 in metres."""
+    """Return the errors of all joints (17) in metres."""
     apart = person(found).positions_m - walker.joints_m(number)
     return np.asarray(np.linalg.norm(apart, axis=1))
