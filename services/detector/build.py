@@ -1,7 +1,5 @@
 """Build the node of the service from its configuration."""
 
-from msgspec.structs import replace
-
 from common.inference.engines import open_session
 from common.io import weights
 from common.runtime.node import Node
@@ -14,11 +12,7 @@ from services.detector.orientation.network import OrientationNetwork
 
 def build(config: DetectorConfig, model: PersonModel | None = None) -> Node:
     """Make the detector; its models are loaded here, so that a missing one is reported at start."""
-    near, near_model = config.near_input, None
-    if near.height:
-        settings = replace(config, input_height=near.height, input_width=near.width)
-        near_model = load_model(settings)
-    return DetectorNode(model or load_model(config), config, near_model, load_network(config))
+    return DetectorNode(model or load_model(config), config, load_network(config))
 
 
 def load_network(config: DetectorConfig) -> OrientationNetwork | None:

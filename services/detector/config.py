@@ -53,19 +53,6 @@ class ModelSettings(Config, frozen=True, kw_only=True):
             raise ValueError("input_height, input_width: expected both or neither, got one")
 
 
-class NearInputConfig(Config, frozen=True, kw_only=True):
-    """Smaller input of the network while all people in view are near; docs/methods/models.md."""
-
-    height: InputSide = 0  # [px] of the smaller input; 0: every frame gets the full one
-    width: InputSide = 0  # [px] 0 if the height is 0
-
-    def __post_init__(self) -> None:
-        """Check that height and width are given together."""
-        super().__post_init__()
-        if (self.height == 0) != (self.width == 0):
-            raise ValueError("height, width: expected both or neither, got one")
-
-
 class OrientationConfig(Config, frozen=True, kw_only=True):
     """Yaw of the chest."""
 
@@ -79,7 +66,6 @@ class OrientationConfig(Config, frozen=True, kw_only=True):
 class DetectorConfig(ModelSettings, frozen=True, kw_only=True):
     """Configuration of the detector: its model, positions, orientations and crops."""
 
-    near_input: NearInputConfig = NearInputConfig()
     # Position of a person from depth. "torso": middle of shoulders and hips, from windows of depth
     # in the person's own layer, or upper middle of the mask of a model without keypoints
     # (docs/method.md section 10); "mask": centroid of the mask; "keypoints": mean of the keypoints

@@ -22,7 +22,6 @@ from people4d.messages import (
 from people4d.messages.base import MAX_CAMERAS
 from services.detector.config import DetectorConfig
 from services.detector.crops import FRONT_M, crop_person, hidden_pixels
-from services.detector.input_size import InputSizeChoice
 from services.detector.models.base import DetectedPerson, PersonModel
 from services.detector.orientation.angle import YawEstimate, heading_vector
 from services.detector.orientation.estimator import OrientationEstimator
@@ -50,7 +49,6 @@ class DetectorNode(Node):
     Args:
         model: Finds people in each image.
         config: Configuration of the service.
-        near_model: The same with a smaller input, for frames in which all people are near, or None.
         orientation_network: Yaws by images of people; None: yaws by keypoints and depth alone.
     """
 
@@ -63,11 +61,9 @@ class DetectorNode(Node):
         self,
         model: PersonModel,
         config: DetectorConfig,
-        near_model: PersonModel | None = None,
         orientation_network: OrientationNetwork | None = None,
     ) -> None:
-        self._model, self._near_model = model, near_model or model
-        self._sizes = InputSizeChoice(config.near_input) if near_model else None
+        self._model = model
         self._config = config
         self._positions = PositionEstimator(config, model.name)
         self._history = FrameHistory()
@@ -163,19 +159,12 @@ class DetectorNode(Node):
 
     def _find_people(self, frame: RgbdFrame) -> list[DetectedPerson]:
         """Return the people in the colour image; none, counted, if the model fails."""
-        with self._lock:
-            is_near = self._sizes is not None and self._sizes.is_near(frame.camera)
-        model = self._near_model if is_near else self._model
         try:
-            people = model.detect(frame.rgb)
+            people = self._model.detect(frame.rgb)
         except Exception as error:  # a model from outside may raise anything
             log.debug("the model failed", exc_info=True)
             self._fault(frame, "model_errors", f"the model failed: {error!r:.200}")
             return []
-        if self._sizes is not None:
-            with self._lock:
-                self._sizes.add_frame(frame.camera, is_near, people, frame.depth_mm.shape)
-                self._counters["near_inputs"] += is_near
         if frame.depth_mm.any():
             with self._lock:
                 self._faults.pop(frame.camera, None)

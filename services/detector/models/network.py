@@ -48,7 +48,7 @@ class ImageInput:
         if any(want not in (None, got) for want, got in zip(fixed, chosen, strict=True)):
             raise ModelError(
                 f"model input: the file is made for {_text(fixed)}, got {_text(chosen)}",
-                "Leave input_height, input_width and near_input out, or export the model again.",
+                "Leave input_height and input_width out, or export the model again.",
             )
         if any(side % SIDE_STEP for side in chosen):
             raise ModelError(
