@@ -1,0 +1,39 @@
+"""Verdicts of the ablation, on units made by hand."""
+
+import numpy as np
+
+from benchmarks.ablation import PARTS, REAL, Part, methods, verdicts
+from people4d.messages import F64
+
+PART = Part(("tracker.yaw=kalman",))
+PUBLISHED = Part(("tracker.yaw=kalman",), "IMM [Blom 1988]")
+
+
+def events(*rights: float) -> F64:
+    """Return events with ten annotations, so many of them right, and all else perfect."""
+    return np.array([[(right, 10.0), (10.0, 10.0), (0.0, 10.0)] for right in rights])
+
+
+def verdict(part: Part, *rights: float) -> list[str]:
+    """Return the cells of the verdict on a part without which so many are right."""
+    units = {"best": events(8, 9, 8), "rule": events(*rights)}
+    table = verdicts({"rule": part}, {"real": (units, REAL)})
+    return [cell.strip() for cell in table.splitlines()[-1].strip("|").split("|")]
+
+
+def test_part_without_which_every_event_is_worse_is_kept() -> None:
+    kept = "kept, because without it worse: identity % (real)"
+    assert verdict(PART, 5, 6, 5) == ["rule", kept, "-"]
+
+
+def test_part_without_which_every_event_is_better_is_not_kept() -> None:
+    assert verdict(PART, 9, 10, 9) == ["rule", "no figure is worse", "identity % (real)"]
+
+
+def test_part_without_effect_stays_if_it_is_published() -> None:
+    assert verdict(PART, 8, 9, 8)[1] == "no figure is worse"
+    assert verdict(PUBLISHED, 8, 9, 8)[1] == "published method: IMM [Blom 1988]"
+
+
+def test_settings_of_all_parts_are_known() -> None:
+    assert len(methods(PARTS)) == len(PARTS) + 1
