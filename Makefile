@@ -17,7 +17,7 @@ BIN := $(VENV)/bin
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.run
-	$(BIN)/people4d demo --report out/demo
+	$(BIN)/people4d demo --report out/demo || test $$? -eq 3  # 3: complete, on a slow machine
 
 test: $(VENV)/.dev
 	$(BIN)/pytest -n 2 --dist loadgroup

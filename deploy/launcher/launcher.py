@@ -254,11 +254,13 @@ def stop(state: State) -> bool:
     with state.locked(STOP_TIMEOUT_S):
         running = state.read()
         if running:
-            spared = {running.pid, *_writing(state)}
+            writing = _writing(state)
+            spared = {running.pid, *writing}
+            timeout_s = max([STOP_TIMEOUT_S, *writing.values()])
             with contextlib.suppress(SupervisorGoneError):  # it stops already
                 Supervisor(state).shutdown()
             start_s = time.monotonic()
-            while state.read() and (elapsed_s := time.monotonic() - start_s) < STOP_TIMEOUT_S:
+            while state.read() and (elapsed_s := time.monotonic() - start_s) < timeout_s:
                 if elapsed_s > STOP_S:
                     state.kill_processes(but=spared)
                 time.sleep(POLL_S)
@@ -267,13 +269,18 @@ def stop(state: State) -> bool:
     return running is not None or swept > 0
 
 
-def _writing(state: State) -> set[int]:
-    """Return the process numbers of those that have longer than STOP_S to end."""
+def _writing(state: State) -> dict[int, float]:
+    """Return the processes that have longer than STOP_S to end, with that time [s]."""
     with contextlib.suppress(People4dError):
         slow = [s for s in read_plan(state) if s.stop_grace_s > LONGEST_GRACE_S]
         processes = Supervisor(state).processes()
-        return {processes[name].pid for s in slow for name in s.instances if name in processes}
-    return set()
+        return {
+            processes[name].pid: s.stop_grace_s
+            for s in slow
+            for name in s.instances
+            if name in processes
+        }
+    return {}
 
 
 def tail(file: Path, lines: int) -> str:

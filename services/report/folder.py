@@ -2,7 +2,9 @@
 
 import logging
 import sys
-from collections.abc import Callable
+import tempfile
+import time
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
@@ -12,6 +14,7 @@ import msgspec
 import numpy as np
 
 from common.drawing.video import VideoWriter
+from common.io.images import decode_jpeg, encode_jpeg
 from people4d.errors import ConfigError, People4dError
 from people4d.messages import U8
 from services.report.config import ReportConfig
@@ -20,8 +23,10 @@ from services.report.text import text
 
 PAGE = "report.html"
 COMPLETE = "summary.json"  # written last, and renamed: if it exists, the report is complete
-RATE_FRAMES = 10  # frames from whose stamps the rate of a video is measured
 HZ_RANGE = 1.0, 120.0
+WAITING_MAX = 2 * 2**30  # [bytes] of frames that wait for the end of the run, of all cameras
+ENCODING_S = 540.0  # [s] for all videos; the compose file allows 600 s until the process is killed
+PROGRESS_S = 2.0
 
 log = logging.getLogger("people4d")
 
@@ -63,7 +68,8 @@ class ReportFolder:
         """Append a frame to the video of its camera."""
         if frame.camera not in self._videos:
             self._videos[frame.camera] = VideoFile(self._path / f"people_{frame.camera}.webm")
-        self._videos[frame.camera].write(frame)
+        waiting_bytes = sum(video.waiting_bytes for video in self._videos.values())
+        self._videos[frame.camera].add(frame, waiting_bytes < WAITING_MAX)
 
     def finish(self, sheet: U8, page: RunPage) -> None:
         """Write everything else.
@@ -71,9 +77,13 @@ class ReportFolder:
         Raises:
             People4dError: A file cannot be written, for example because the disk is full.
         """
+        deadline_s = time.monotonic() + ENCODING_S
         for video in self._videos.values():
-            video.close()
-        summary, words = page.summary, text(page.summary)
+            video.encode(deadline_s)
+        limits = [video.limit for video in self._videos.values() if video.limit]
+        degraded = (*page.summary.degraded, *limits)
+        summary = msgspec.structs.replace(page.summary, degraded=degraded)
+        page, words = replace(page, summary=summary), text(summary)
         videos = {n: v.path for n, v in sorted(self._videos.items()) if v.path.is_file()}
         json = msgspec.json.format(msgspec.json.encode(summary), indent=2)
         _, png = cv2.imencode(".png", cv2.cvtColor(sheet, cv2.COLOR_RGB2BGR))
@@ -112,52 +122,60 @@ def check_folder(config: ReportConfig) -> None:
 
 
 class VideoFile:
-    """A video whose rate comes from the stamps of its first frames."""
+    """A video that is encoded after the run, because encoding would delay the pipeline.
+
+    Until then its frames wait as JPEG in a file of the same folder that has no name.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._waiting: list[AnnotatedFrame] = []  # not written yet
-        self._writer: VideoWriter | None = None
-        self._size = (0, 0)
-        self._failed = False
+        self.waiting_bytes = 0
+        self.limit = ""  # what is missing, one sentence; empty: nothing
+        self._file = tempfile.TemporaryFile(dir=path.parent)  # noqa: SIM115 (it outlives this)
+        self._frames: list[tuple[int, int]] = []  # stamp, and number of bytes
+        self._count = self._written = 0
 
-    def write(self, frame: AnnotatedFrame) -> None:
-        """Append a frame; one of another size than the first is scaled to it."""
-        if self._failed:
-            return
-        self._waiting.append(frame)
-        if self._writer or len(self._waiting) >= RATE_FRAMES:
-            self._try(self._write_waiting)
+    def add(self, frame: AnnotatedFrame, has_room: bool) -> None:
+        """Append a frame; without room it is left out, and counted."""
+        self._count += 1
+        jpeg = encode_jpeg(frame.image) if has_room else b""
+        with suppress(OSError):  # the disk is full
+            if self._file.write(jpeg):
+                self.waiting_bytes += len(jpeg)
+                self._frames.append((frame.stamp_ns, len(jpeg)))
 
-    def close(self) -> None:
-        """Finish the file."""
-        self._try(self._write_waiting)
-        if self._writer:
-            self._try(self._writer.close)
-
-    def _try(self, work: Callable[[], None]) -> None:
+    def encode(self, deadline_s: float) -> None:
+        """Write the file; frames after the deadline, in monotonic time, are left out."""
+        self._file.seek(0)
         try:
-            if not self._failed:
-                work()
-        except People4dError as error:
-            log.warning("%s; the other files are", error.problem)
-            self._failed = True
+            with self._file:
+                self._encode(deadline_s)
+        except (People4dError, OSError) as error:
+            log.warning("%s; the other files are", getattr(error, "problem", error))
+        if missing := self._count - self._written:
+            self.limit = f"report: {self.path.name} lacks {missing} of {self._count} frames"
 
-    def _write_waiting(self) -> None:
-        if not self._waiting:
-            return
-        if self._writer is None:
-            height, width = self._waiting[0].image.shape[:2]
-            self._size = width, height
-            rate_hz = frame_rate_hz([frame.stamp_ns for frame in self._waiting])
-            self._writer = VideoWriter(self.path, rate_hz, self._size)
-        for frame in self._waiting:
-            image = frame.image
-            if image.shape[1::-1] != self._size:
-                scaled = cv2.resize(image, self._size, interpolation=cv2.INTER_AREA)
-                image = scaled.astype(np.uint8)
-            self._writer.write(image)
-        self._waiting.clear()
+    def _encode(self, deadline_s: float) -> None:
+        """Write one frame after the other, scaled to the first."""
+        writer, size = None, (0, 0)
+        shown_s = time.monotonic() + PROGRESS_S
+        for _, length in self._frames:
+            image = decode_jpeg(self._file.read(length))
+            if writer is None:
+                size = image.shape[1], image.shape[0]
+                rate_hz = frame_rate_hz([stamp_ns for stamp_ns, _ in self._frames])
+                writer = VideoWriter(self.path, rate_hz, size)
+            if image.shape[1::-1] != size:
+                image = cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
+            writer.write(image)
+            self._written += 1
+            if (now_s := time.monotonic()) > deadline_s:
+                break
+            if now_s > shown_s:
+                shown_s = now_s + PROGRESS_S
+                log.info("%s: %d of %d frames", self.path.name, self._written, self._count)
+        if writer:
+            writer.close()
 
 
 def frame_rate_hz(stamps_ns: list[int]) -> float:

@@ -44,6 +44,7 @@ class ReportNode(Node):
         Odometry,
         Health,
     )
+    frames_waiting = 16  # a busy machine delays the report, which leaves no frame out for that
 
     def __init__(self, config: ReportConfig, output: ReportOutput) -> None:
         self._config = config

@@ -26,6 +26,7 @@ def facts(summary: RunSummary) -> list[tuple[str, str]]:
         ("people", _people(summary)),
         ("tracks", _tracks(summary)),
         ("truth", _score(summary)),
+        *_latency(summary),
         *_drops(summary),
         *(("degraded", reason) for reason in summary.degraded),
         ("not used", ", ".join(summary.unused) or NONE),
@@ -91,6 +92,13 @@ def _score(s: RunSummary) -> str:
         parts.append(f"velocity RMSE {s.score.velocity_rmse_mps:.2f} m/s")
     switches = f"{s.score.id_switches} ID switches"
     return ", ".join([*parts, switches, f"{s.score.false_alarms} false alarms"])
+
+
+def _latency(s: RunSummary) -> Sequence[tuple[str, str]]:
+    latency = latency_of(s)
+    if latency is None:
+        return []
+    return [("latency", f"median {latency.p50_ms:.1f} ms, p95 {latency.p95_ms:.1f} ms, end to end")]
 
 
 def _drops(s: RunSummary) -> Sequence[tuple[str, str]]:

@@ -94,8 +94,23 @@ def test_latency_in_lockstep_is_no_headline() -> None:
     statistics = RunStatistics()
     statistics.add(msgspec.structs.replace(frame(0), lockstep=True), 0)
     assert statistics.summary().lockstep
-    trace = (span("camera.read", 0, 4),)
-    joined = SynchronisedFrame("front", 0, frame(0), tracks=tracks(0, [track(1, 1.0)], trace=trace))
-    statistics.settle(joined)
+    statistics.settle(joined_frame())
     assert statistics.summary().latency
     assert "latency" not in headline(statistics.summary())
+    assert "latency    median" not in text(statistics.summary())
+
+
+def test_latency_at_the_recorded_rate_is_a_key_figure() -> None:
+    statistics = RunStatistics()
+    statistics.add(frame(0), 0)
+    statistics.settle(joined_frame())
+    summary = statistics.summary()
+    assert headline(summary).endswith("latency 4 ms")
+    assert "latency    median 4.0 ms, p95 4.0 ms, end to end\n" in text(summary)
+    page = RunPage(summary=summary, trajectories=Trajectories(), series=RunSeries())
+    assert "<dt>latency</dt><dd>4 <small>ms, p95 4</small></dd>" in page.html()
+
+
+def joined_frame() -> SynchronisedFrame:
+    trace = (span("camera.read", 0, 4),)
+    return SynchronisedFrame("front", 0, frame(0), tracks=tracks(0, [track(1, 1.0)], trace=trace))

@@ -1,6 +1,7 @@
 """The report as a complete, from messages to files."""
 
 import json
+import time
 from pathlib import Path
 from typing import Any
 
@@ -8,11 +9,14 @@ import cv2
 import numpy as np
 import pytest
 
+from common.runtime.inbox import Inbox
 from common.runtime.synchroniser import Synchroniser
+from people4d.codec import encode
 from people4d.errors import ConfigError, People4dError
 from people4d.messages import U8, Message
+from people4d.topics import BY_NAME
 from services.report.config import ReportConfig
-from services.report.folder import AnnotatedFrame, ReportFolder, frame_rate_hz
+from services.report.folder import AnnotatedFrame, ReportFolder, VideoFile, frame_rate_hz
 from services.report.node import ReportNode
 from services.report.page import RunPage
 from services.report.statistics import RunSummary
@@ -161,6 +165,59 @@ def test_a_run_of_few_frames_gives_a_video(tmp_path: Path) -> None:
     run(ReportNode(ReportConfig(), ReportFolder(ReportConfig(folder=str(tmp_path)))), *stream(3))
     video = cv2.VideoCapture(str(tmp_path / "people_front.webm"))
     assert video.get(cv2.CAP_PROP_FRAME_COUNT) == 3
+
+
+def annotated(stamp_ns: int) -> AnnotatedFrame:
+    return AnnotatedFrame("front", stamp_ns, np.full((48, 64, 3), 128, np.uint8))
+
+
+def count_frames(video: Path) -> int:
+    return int(cv2.VideoCapture(str(video)).get(cv2.CAP_PROP_FRAME_COUNT))
+
+
+def test_video_is_encoded_after_the_run_from_a_file_without_a_name(tmp_path: Path) -> None:
+    video = VideoFile(tmp_path / "people_front.webm")
+    for k in range(20):
+        video.add(annotated(k * STEP), has_room=True)
+    assert video.waiting_bytes > 0
+    assert list(tmp_path.iterdir()) == []
+    video.encode(time.monotonic() + 60)
+    assert [file.name for file in tmp_path.iterdir()] == ["people_front.webm"]
+    assert count_frames(video.path) == 20
+    assert video.limit == ""
+
+
+def test_frames_without_room_or_time_are_left_out_of_the_video_and_reported(tmp_path: Path) -> None:
+    video = VideoFile(tmp_path / "people_front.webm")
+    for k in range(8):
+        video.add(annotated(k * STEP), has_room=k < 5)
+    video.encode(time.monotonic() + 60)
+    assert count_frames(video.path) == 5
+    assert video.limit == "report: people_front.webm lacks 3 of 8 frames"
+    late = VideoFile(tmp_path / "people_rear.webm")
+    for k in range(8):
+        late.add(annotated(k * STEP), has_room=True)
+    late.encode(time.monotonic() - 1)
+    assert count_frames(late.path) == 1
+    assert late.limit == "report: people_rear.webm lacks 7 of 8 frames"
+
+
+def test_incomplete_video_is_a_limit_of_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("services.report.folder.WAITING_MAX", 0)
+    run(ReportNode(ReportConfig(), ReportFolder(ReportConfig(folder=str(tmp_path)))), *stream(3))
+    degraded = json.loads((tmp_path / "summary.json").read_text())["degraded"]
+    assert degraded == ["report: people_front.webm lacks 3 of 3 frames"]
+    assert f"degraded   {degraded[0]}" in (tmp_path / "summary.txt").read_text()
+
+
+def test_frames_wait_for_a_busy_report() -> None:
+    inbox = Inbox(frames_waiting=ReportNode(ReportConfig(), StoredOutput()).frames_waiting)
+    for k in range(10):
+        inbox.put(BY_NAME["frames"], "front", encode(frame(k * STEP)))
+    assert inbox.counters["received_frames"] == 10
+    assert inbox.counters["dropped_frames"] == 0
 
 
 def test_a_folder_that_cannot_be_made(tmp_path: Path) -> None:

@@ -62,7 +62,7 @@ sys.exit(3)
 
 
 def test_demo_contacts_this_machine_only(state_folder: Path, tmp_path: Path) -> None:
-    demo = ("-m", "deploy.cli", "demo", "--report", str(tmp_path))
+    demo = ("-m", "deploy.cli", "demo", "--playback", "lockstep", "--report", str(tmp_path))
     assert watched(state_folder, *demo) == (0, [], [])
 
 

@@ -6,7 +6,7 @@ import sys
 import webbrowser
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -26,19 +26,23 @@ OFFER_S = 30.0
 
 def demo(
     preset: Preset = "",
+    playback: Annotated[
+        Literal["recorded", "lockstep"],
+        typer.Option(help="At the recorded rate, or every frame, however long that takes."),
+    ] = "recorded",
     report: Annotated[Path, typer.Option(help="Folder for the report.")] = Path("out/demo"),
     robot: Annotated[str, typer.Option(help="Name of the robot; default: a name of its own.")] = "",
     port: Annotated[
         int, typer.Option(min=0, max=65535, help="Port of the router; 0: a free one.")
     ] = 0,
 ) -> None:
-    """Run the pipeline on the shipped recording, frame by frame, and write a report."""
+    """Run the pipeline on the shipped recording and write a report."""
     port = port or free_port()
     settings = [
         *preset_settings(preset),
         setting(f"{CAMERA}.source", str(DEMO)),
-        setting(f"{CAMERA}.playback", "lockstep"),
-        *LOCKSTEP_WAITS,
+        setting(f"{CAMERA}.playback", playback),
+        *(LOCKSTEP_WAITS if playback == "lockstep" else ()),
         setting("gt_bridge.truth", str(DEMO)),
         setting(f"{REPORT}.note", SIMULATED),
     ]

@@ -30,6 +30,7 @@ SIMULATED = (
     "The room, the people and their depth images are simulated, with exact ground truth. "
     "Detection, tracking and all times are real."
 )
+TOO_SLOW = "too slow: "  # in the reason of a service that skips frames
 LIMITED = 3  # exit code of a complete report on a run whose services were degraded
 DRAIN_TIMEOUT_S = 120.0
 GONE_TIMEOUT_S = 3.0
@@ -77,6 +78,8 @@ def _attend_to_end(launcher: Launcher, request: LaunchRequest) -> None:
     state = launcher.state
     with ExitStack() as end:
         end.callback(stop, state)
+        if request.report:
+            end.callback(console.print, "Writing the report ...")
         try:
             _attend(launcher, request)
         except SupervisorGoneError as error:
@@ -112,4 +115,6 @@ def _print_summary(folder: Path, state: State) -> None:
     console.print(f"\nReport: {folder}/ ({', '.join(names)})", markup=False)
     if summary_json.degraded:
         console.print("The run had limits: see degraded above.", style="yellow")
+        if any(TOO_SLOW in reason for reason in summary_json.degraded):
+            console.print("--playback lockstep takes every frame, however long that takes.")
         raise typer.Exit(LIMITED)

@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from deploy.cli import app
-from deploy.cli.system import up
+from deploy.cli.system import demo, up
 from deploy.launcher.plan import LaunchRequest
 from tests import DEMO
 
@@ -29,6 +29,20 @@ def test_demo_is_the_shipped_recording_with_its_truth(requested: list[LaunchRequ
     assert f"camera.source='{DEMO}'" in {text.replace('"', "'") for text in found}
     assert "camera.loop=true" in found
     assert any(text.startswith("gt_bridge.truth=") and str(DEMO) in text for text in found)
+
+
+@pytest.mark.parametrize("playback", ["recorded", "lockstep"])
+def test_demo_plays_at_the_recorded_rate_unless_lockstep_is_asked_for(
+    playback: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    requests: list[LaunchRequest] = []
+    monkeypatch.setattr(demo, "launch", lambda request, *_, **__: requests.append(request))
+    asked = ["--playback", "lockstep"] if playback == "lockstep" else []
+    result = CliRunner().invoke(app, ["demo", *asked])
+    assert result.exit_code == 0, result.stderr
+    found = {text.replace('"', "'") for text in requests[-1].settings}
+    assert f"camera.playback='{playback}'" in found
+    assert ("tracker.reorder_wait_s=4.0" in found) == (playback == "lockstep")
 
 
 def test_file_without_option_is_the_source(requested: list[LaunchRequest], tmp_path: Path) -> None:
