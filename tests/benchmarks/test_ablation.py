@@ -21,12 +21,12 @@ def verdict(part: Part, *rights: float) -> list[str]:
     return [cell.strip() for cell in table.splitlines()[-1].strip("|").split("|")]
 
 
-def test_part_without_which_every_event_is_worse_is_kept() -> None:
+def test_part_without_which_every_event_is_worse_stays() -> None:
     kept = "kept, because without it worse: identity % (real)"
     assert verdict(PART, 5, 6, 5) == ["rule", kept, "-"]
 
 
-def test_part_without_which_every_event_is_better_is_not_kept() -> None:
+def test_part_without_which_every_event_is_better_does_not_stay() -> None:
     assert verdict(PART, 9, 10, 9) == ["rule", "no figure is worse", "identity % (real)"]
 
 
