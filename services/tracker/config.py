@@ -41,28 +41,28 @@ class ImageSortConfig(Config, frozen=True, kw_only=True):
     """
 
     # association
-    iou_min: PositiveRatio = 0.3  # pairs with a smaller intersection over union are refused; SORT
+    iou_min: PositiveRatio = 0.3  # least intersection over union of a pair; SORT
     # Two rounds by score, as in ByteTrack [Zhang 2022]: detections of at least this score choose
     # first; the others may only continue a track matched in the frame before. 0: one round, SORT
     score_high: Ratio = 0.0
     # life cycle
     score_new: Ratio = 0.0  # detections of a smaller score begin no track; 0: SORT
     min_hits: Annotated[int, Meta(ge=0)] = 3  # matches in a row after the first that confirm; SORT
-    # "streak": after each miss a track has to be confirmed anew before it is published again, but
-    # in the first min_hits frames all are published, SORT; "once": a track is confirmed once
+    # "streak": a miss ends the confirmation of a track, but in the first min_hits frames all
+    # tracks are published, SORT; "once": a track stays confirmed
     confirm: Literal["streak", "once"] = "streak"
-    lifetime: Literal["fixed", "dynamic"] = "fixed"  # of an unmatched track; section 7
-    t_lost: NonNegative = 1.0  # [frames] T_lost, unmatched frames that a track survives; section 7
-    r: PositiveOrInfinite = 5.0  # R, frames tracked that earn one frame more, if dynamic; section 7
-    max_age: PositiveOrInfinite = 30.0  # [frames] survived at most, if dynamic; section 7
-    lost_max_s: PositiveOrInfinite = 5.0  # [s] without a match after which any track ends
+    lifetime: Literal["fixed", "dynamic"] = "fixed"  # lifetime of an unmatched track; section 7
+    t_lost: NonNegative = 1.0  # [frames] T_lost: longest lifetime without a match; section 7
+    r: PositiveOrInfinite = 5.0  # R: tracked frames per additional frame, if dynamic; section 7
+    max_age: PositiveOrInfinite = 30.0  # [frames] largest dynamic lifetime; section 7
+    lost_max_s: PositiveOrInfinite = 5.0  # [s] longest time without a match of any track
     # ego motion
     # Correction of the camera's rotation; section 7. "odometry": by odometry and transforms
     ego_motion: Literal["none", "odometry"] = "none"
-    # [deg] horizontal field of view; absent: of the calibration
+    # [deg] horizontal field of view; absent: from the calibration
     fov_deg: Annotated[float, Meta(gt=0, lt=180)] | None = None
-    # "linear": all columns move alike, section 7; "pinhole": by the position in the image, as in a
-    # camera without distortion
+    # "linear": the same displacement of all columns, section 7; "pinhole": by the position in the
+    # image, as in a camera without distortion
     projection: Literal["linear", "pinhole"] = "linear"
     # time
     # [Hz] frames a second; the step is then measured from the stamps. 0: each frame is one step,
@@ -84,27 +84,27 @@ class TrackerConfig(Config, frozen=True, kw_only=True):
     # output
     publish_lost: bool = True  # publish unmatched tracks, predicted; section 4: False
     publish_tentative: bool = False  # publish tracks not yet confirmed
-    # "keypoints": as the detector measured it, filtered (section 12); "kalman": likewise, by a
-    # Kalman filter (section 6); "velocity": the direction of walking (section 4); "none"
+    # "keypoints": measured yaws, filtered by their density (section 12); "kalman": by a Kalman
+    # filter (section 6); "velocity": the direction of walking (section 4); "none"
     yaw: Literal["keypoints", "kalman", "velocity", "none"] = "keypoints"
-    yaw_speed_min_mps: NonNegative = 0.2  # [m/s] slower: no yaw from velocity; section 4: 0
+    yaw_speed_min_mps: NonNegative = 0.2  # [m/s] least speed for a yaw from velocity; section 4: 0
     # time
-    max_lost_s: Positive = 5.0  # [s] without a match after which any track is deleted
-    # After a time without frames, or without this process, that is longer than max_lost_s, people
-    # keep their identities within the gates of an absence of one second
-    absence_max_s: Positive = 30.0  # [s] longest such time; max_lost_s or less: never
-    # [s] a stamp this far from the camera's clock waits until more confirm it; if it is back, the
-    # tracker restarts then; nearer, it is stale
+    max_lost_s: Positive = 5.0  # [s] longest time without a match of any track
+    # [s] longest time without frames, or without this process, after which people keep their
+    # identities, with the gates of an absence of one second; max_lost_s or less: never
+    absence_max_s: Positive = 30.0
+    # [s] least jump of a clock: such a stamp waits until more confirm it. If it jumped back, the
+    # tracker restarts; a stamp that is back by less is stale
     clock_jump_s: Positive = 1.0
     embedding_wait_s: NonNegative = 0.05  # [s] longest wait for the embeddings of a frame
-    # [s] with several cameras or detectors, longest wait for frames of an earlier stamp; absent:
-    # for other detectors as long as from one frame of the camera to the next, for other cameras not
+    # [s] longest wait for frames of an earlier stamp from other cameras or detectors; absent: one
+    # frame interval for detectors, and none for cameras
     reorder_wait_s: NonNegative | None = None
     odometry_wait_s: NonNegative = 0.05  # [s] longest wait for the odometry of a frame
-    predict_after_s: Positive = 0.2  # [s] without detections after which predictions are published
+    predict_after_s: Positive = 0.2  # [s] silence of detections before predictions are published
     predict_hz: Positive = 10.0  # [Hz] rate of those predictions
     # input
-    max_range_m: Positive = 100.0  # [m] positions farther from the camera are dropped
+    max_range_m: Positive = 100.0  # [m] largest distance from the camera of a used position
     area: SiteAreaConfig = SiteAreaConfig()  # of a site with several trackers
     # methods
     sort3d: Sort3dConfig = Sort3dConfig()

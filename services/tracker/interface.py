@@ -58,7 +58,7 @@ class ImageEdges(NamedTuple):
 class Observation:
     """All measurements of one frame."""
 
-    stamp_ns: int  # [ns] acquisition time, never before that of the last observation
+    stamp_ns: int  # [ns] acquisition time, never before the last observation
     measurements: tuple[Measurement, ...] = ()  # in any order
     camera: str = "camera"  # name of the camera of the frame
     embedder: str = ""  # name of the model of the embeddings; empty if there are none
@@ -134,7 +134,7 @@ class Tracker(ABC):
         """Process one frame, an empty one too, and return all tracks, ordered by id.
 
         Raises:
-            ValueError: The stamp lies before that of the last observation.
+            ValueError: The stamp lies before the last observation.
         """
 
     def update_late(self, observation: Observation, now_ns: int) -> list[Track]:

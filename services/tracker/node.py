@@ -54,7 +54,7 @@ class NodeCheckpoint(msgspec.Struct, frozen=True, kw_only=True):
     stamp_ns: int  # [ns] time of the last frame tracked
     camera_poses: dict[str, F64]  # 4x4 by optical frame, of fixed cameras
     tracker: bytes  # its own checkpoint
-    # [ns] subtracted from the stamps of each camera, that of the reference first
+    # [ns] offset subtracted from the stamps of each camera, the reference first
     clock_offsets_ns: dict[str, int] = {}
 
 
@@ -113,7 +113,7 @@ class TrackerNode(StatefulNode):
         elif isinstance(message, CameraInfo):
             if message.camera in self._edges or len(self._edges) < MAX_CAMERAS:
                 self._edges[message.camera] = edges(message)
-        elif isinstance(message, TRANSFORMS) and self._poses.add(message):
+        elif isinstance(message, TRANSFORMS) and self._poses.add_transform(message):
             # The tracks are relative to the former pose of the camera.
             self._counters["transform_changes"] += 1
             self._groups.reset()
@@ -218,7 +218,7 @@ class TrackerNode(StatefulNode):
                 # Embeddings of the frames that were held have come, perhaps.
                 self._join.restart(detections.camera, frames[-1].detections.stamp_ns)
                 self._restart(detections, arrived_ns)
-            time_ns = self._groups.clocks.add(detections, arrived_ns)
+            time_ns = self._groups.clocks.add_detections(detections, arrived_ns)
             if time_ns is None:
                 self._groups.counters["refused_cameras"] += 1
             else:
@@ -293,9 +293,9 @@ class TrackerNode(StatefulNode):
     ) -> None:
         """Compare a frame with the people that other cameras find."""
         if not self._groups.is_apart(observation.camera):
-            self._drift.add(observation, tracks)
+            self._drift.add_frame(observation, tracks)
             self._groups.correct_stamps(self._drift, frame.time_ns)
-        self._absence.add(observation, tracks, frame.arrived_ns)
+        self._absence.add_frame(observation, tracks, frame.arrived_ns)
 
     def _pose_before(self, frame: PendingFrame) -> TransformEstimate | None:
         """Return the pose of the camera at the beginning of the velocities of a frame."""

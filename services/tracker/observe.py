@@ -19,14 +19,14 @@ from services.tracker.interface import (
     VelocityMeasurement,
 )
 
-PEOPLE_MAX = 128  # of one frame, those of the highest scores; matching takes their cube
-POSE_SIGMA_MIN_M = 0.01  # [m] a better known pose adds no covariance
-LENGTH_MIN = 1e-6  # of an embedding: a shorter one has no direction
-VELOCITY_MAX_MPS = 15.0  # [m/s] people do not run faster
-VELOCITY_SIGMA_MPS = 0.03  # [m/s] of the velocity now, by the mean since the frame before
-MOTION_ERROR = 0.1  # of the movement of a camera, in that of what it sees
-SURFACE_M = 0.12  # [m] from a position back to the surface that velocities are measured on
-LEVEL_MIN = 0.2  # a heading with a shorter level part (steeper than 78 deg) has no yaw
+PEOPLE_MAX = 128  # most detections of a frame, by score; matching takes their cube
+POSE_SIGMA_MIN_M = 0.01  # least standard deviation of a pose that adds a covariance [m]
+LENGTH_MIN = 1e-6  # least length of an embedding that has a direction
+VELOCITY_MAX_MPS = 15.0  # largest speed of a person [m/s]
+VELOCITY_SIGMA_MPS = 0.03  # change of a velocity within a frame [m/s]
+MOTION_ERROR = 0.1  # error of the movement of a camera, as a part of the movement
+SURFACE_M = 0.12  # distance of a position from the surface on which velocities are measured [m]
+LEVEL_MIN = 0.2  # least level part of a heading that has a yaw (78 deg steep)
 
 
 def observe(
@@ -39,8 +39,8 @@ def observe(
 ) -> Observation:
     """Return the usable detections of one frame; the others are counted.
 
-    The pose is that of the camera in the tracking frame; positions with a coordinate beyond
-    `max_range_m` are dropped, and so are those of the lowest scores beyond PEOPLE_MAX. The pose
+    The pose is the camera's in the tracking frame; positions with a coordinate beyond
+    `max_range_m` are dropped, and the lowest scores beyond PEOPLE_MAX. The pose
     before is that at the beginning of the detections' velocities; without it they do not count.
     """
     people, map_from_camera = detections.detections, pose.matrix

@@ -23,7 +23,7 @@ class TrackerOutput:
         time_ns: int,
         trace: tuple[Span, ...],
     ) -> Tracks:
-        """Return the message of tracks; its stamp is that of the detections."""
+        """Return the message of tracks, with the stamp of the detections."""
         tracks = self._poses.to_output_frame(tracks, time_ns)
         published = tuple(track for track in tracks if self._is_published(track))
         return Tracks(

@@ -17,7 +17,7 @@ class DuePrediction(NamedTuple):
     """Prediction to be published now."""
 
     detections: Detections  # the last ones
-    time_ns: int  # [ns] time of the tracks, corrected as those of the frames
+    time_ns: int  # [ns] time of the tracks, in the common time of all cameras
     stamp_ns: int  # [ns] by the clock of the camera of the detections
 
 

@@ -12,10 +12,10 @@ Memory = Annotated[float, Meta(gt=0, le=600)]
 
 
 class SiteAreaConfig(Config, frozen=True, kw_only=True):
-    """The area of a site that this tracker covers; its name is that of the robot."""
+    """The area of a site that this tracker covers; the robot's name is its name."""
 
-    # robot names of the hosts whose cameras are tracked beside its own; their cameras and frames
-    # have names that are unique over all hosts
+    # robot names of further hosts with tracked cameras; names of cameras and frames are unique over
+    # all hosts
     hosts: tuple[Name, ...] = ()
     # of this area, unique in the site: it gives the identities n, n + 1000, n + 2000, ...; 0: there
     # are no areas

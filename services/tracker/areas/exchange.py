@@ -18,11 +18,11 @@ from services.tracker.areas.neighbours import Neighbours
 from services.tracker.interface import GalleryEntry, IdCounter, Tracker
 
 SHARE_NS = 250_000_000  # time between two messages to neighbours [ns]
-REFRESH_NS = 1_000_000_000  # after which people of areas that became silent are looked at again
-PRESENT_NS = 500_000_000  # since the last match, within which a person is certainly there
-REACH_M, REACH_MPS = 1.5, 3.0  # farther apart than this, two positions are of two people
-# Two tracks of two areas are of one person if they are so near to each other, and to no one else,
-# in so many consecutive messages
+REFRESH_NS = 1_000_000_000  # longest time between two looks at the people of neighbours [ns]
+PRESENT_NS = 500_000_000  # largest time since the last match of a present person [ns]
+REACH_M, REACH_MPS = 1.5, 3.0  # largest distance of one person's positions, and its growth
+# Largest distance of one person's tracks in two areas [m], least distance of others [m], and least
+# number of consecutive messages
 SAME_M, ALONE_M, SAME_MESSAGES = 0.5, 1.0, 4
 NO_VIEWS = 3.0  # more than any cosine distance
 MATCHES_ALIKE = 15  # difference of matches below which the lower identity is the older one
@@ -30,7 +30,7 @@ COUNTERS = ("identities_taken_over", "identities_joined", "identities_yielded")
 
 
 class AreaExchange:
-    """Sends the people whom a tracker knows to its neighbours, and takes theirs.
+    """Exchange of known people with the trackers of neighbours.
 
     Args:
         config: The area.
@@ -98,7 +98,7 @@ class AreaExchange:
         known = self._known_people()
         if message.run == self._run or known is None:
             return
-        self._neighbours.add(message, known.embedder, now_ns, time_ns)
+        self._neighbours.add_message(message, known.embedder, now_ns, time_ns)
         self._refreshed_ns = None
 
     def refresh(self, time_ns: int, now_ns: int) -> None:
@@ -177,7 +177,7 @@ class AreaExchange:
     def _joined(
         self, own: Mapping[int, GalleryEntry], people: Mapping[int, GalleryEntry], time_ns: int
     ) -> dict[int, int]:
-        """Return the identities of neighbours for people whom both see, by the own ones.
+        """Return the identities of neighbours for people that both track, by the own identities.
 
         The tracker with fewer matches takes the identity of the other.
         """
@@ -194,7 +194,7 @@ class AreaExchange:
     def _count_taken_over(
         self, own: Mapping[int, GalleryEntry], people: Mapping[int, GalleryEntry]
     ) -> None:
-        """Count the people who were elsewhere before and are here now."""
+        """Count the people that came here from elsewhere."""
         away = {
             identity
             for identity, entry in people.items()
@@ -226,7 +226,7 @@ def _tracked_by_both(
 ) -> list[tuple[int, int]]:
     """Return pairs of an own identity and a neighbour's whose tracks are of one person now.
 
-    Of several people who are near to each other those are one whose views are the most alike.
+    Among several nearby people the pair with the most similar views is one person.
     """
     oldest_ns = time_ns - PRESENT_NS
     here = [i for i, entry in own.items() if entry.matched_ns >= oldest_ns]

@@ -61,7 +61,7 @@ class CameraHosts:
         ]
 
     def reasons(self) -> list[str]:
-        """Return a sentence on hosts of which nothing comes."""
+        """Return a sentence on silent hosts."""
         now_s = time.monotonic()
         silent = [host for host, s in self._heard_s.items() if now_s - s > SILENT_S]
         if not silent:

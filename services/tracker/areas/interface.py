@@ -9,7 +9,7 @@ from services.tracker.interface import GalleryEntry
 
 @dataclass(frozen=True, slots=True)
 class KnownPeople:
-    """People whom a tracker can recognise."""
+    """People that a tracker can recognise."""
 
     embedder: str  # name of the model of their views
     entries: Mapping[int, GalleryEntry]  # by identity
@@ -20,7 +20,7 @@ class AreaTracker(ABC):
 
     @abstractmethod
     def known_people(self) -> KnownPeople | None:
-        """Return the people whom it can recognise; None if re-identification is off."""
+        """Return the people that it can recognise; None if re-identification is off."""
 
     @abstractmethod
     def learn_neighbours(self, people: Mapping[int, GalleryEntry]) -> None:
@@ -30,5 +30,5 @@ class AreaTracker(ABC):
     def rename(self, identities: Mapping[int, int | None]) -> None:
         """Give tracks the identities that neighbours have for the same people.
 
-        None: the identity is that of another person elsewhere, and the track gets a new one.
+        None: another person elsewhere has the identity, and the track gets a new one.
         """

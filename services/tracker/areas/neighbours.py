@@ -54,7 +54,9 @@ class Neighbours:
         if self._started_ns is None:
             self._started_ns = now_ns
 
-    def add(self, message: AreaPeople, embedder: str, now_ns: int, time_ns: int | None) -> None:
+    def add_message(
+        self, message: AreaPeople, embedder: str, now_ns: int, time_ns: int | None
+    ) -> None:
         """Take a message of another process; see `AreaExchange.hear`."""
         area, before = message.area, self._heard.get(message.area)
         conflict = self._conflict(message, before)
@@ -77,7 +79,7 @@ class Neighbours:
     def people(self, ids: IdCounter, time_ns: int, now_ns: int) -> dict[int, GalleryEntry]:
         """Return the people of all usable neighbours by identity, each at the last match.
 
-        Their `matches` are those of the other tracker.
+        `matches` are counted by the other tracker.
 
         Args:
             ids: Identities of this tracker; a neighbour cannot have one that was never given.

@@ -15,14 +15,14 @@ from people4d.messages import Track
 from people4d.messages.base import MAX_CAMERAS
 from services.tracker.interface import Observation
 
-SILENT_NS, SILENT_FRAMES = 3_000_000_000, 10  # both without a frame: a camera is silent
-FORGOTTEN_NS = 600_000_000_000  # after which a camera that is silent has been taken away
-SAMPLE_NS, WINDOW_NS = 200_000_000, 10_000_000_000
-NEAR_M, FAR_M = 0.8, 5.0  # along the axis, of the people that a camera should find
-INSIDE = 0.8  # part of the width of the image in which they are
-FRESH_S = 0.3  # since the last match of a track
-EXPECTED_MIN = 25  # people over the samples of the window, with none found: a camera is covered
-USUAL_MIN, USUAL_SHARE = 50, 0.5  # people expected before, and share of them that was found
+SILENT_NS, SILENT_FRAMES = 3_000_000_000, 10  # time and frames after which a camera is silent
+FORGOTTEN_NS = 600_000_000_000  # silence after which a camera has been taken away [ns]
+SAMPLE_NS, WINDOW_NS = 200_000_000, 10_000_000_000  # interval of samples, and their window [ns]
+NEAR_M, FAR_M = 0.8, 5.0  # depths of people whom a camera should find [m]
+INSIDE = 0.8  # central part of the image's width in which a camera should find people
+FRESH_S = 0.3  # largest time since the last match of a track [s]
+EXPECTED_MIN = 25  # expected people in the window, none found, by which a camera is covered
+USUAL_MIN, USUAL_SHARE = 50, 0.5  # least expected people before, and their least share found
 
 
 @dataclass(slots=True)
@@ -36,7 +36,7 @@ class _Camera:
     expected: int = 0  # of all samples that have left the window
     found: int = 0
 
-    def add(self, stamp_ns: int, expected: int, found: int) -> None:
+    def add_sample(self, stamp_ns: int, expected: int, found: int) -> None:
         """Add a sample."""
         self.sampled_ns = stamp_ns
         self.samples.append((stamp_ns, expected, min(expected, found)))
@@ -47,7 +47,7 @@ class _Camera:
 
     @property
     def is_covered(self) -> bool:
-        """True if it finds none of the people before it, of whom it found most before."""
+        """True if it finds no one, although people are in its view and it found most before."""
         expected = sum(sample[1] for sample in self.samples)
         usual = self.expected >= USUAL_MIN and self.found >= USUAL_SHARE * self.expected
         return usual and expected >= EXPECTED_MIN and not any(s[2] for s in self.samples)
@@ -65,7 +65,7 @@ class CameraAbsence:
             camera.samples.clear()
             camera.sampled_ns = None
 
-    def add(self, observation: Observation, tracks: Sequence[Track], arrived_ns: int) -> None:
+    def add_frame(self, observation: Observation, tracks: Sequence[Track], arrived_ns: int) -> None:
         """Take a frame and the tracks after it."""
         name, stamp_ns = observation.camera, observation.stamp_ns
         if name not in self._cameras and len(self._cameras) >= MAX_CAMERAS:
@@ -76,7 +76,9 @@ class CameraAbsence:
         if len(self._cameras) < 2:
             return
         if camera.sampled_ns is None or not 0 <= stamp_ns - camera.sampled_ns < SAMPLE_NS:
-            camera.add(stamp_ns, _expected(observation, tracks), len(observation.measurements))
+            camera.add_sample(
+                stamp_ns, _expected(observation, tracks), len(observation.measurements)
+            )
 
     def reasons(self, now_ns: int) -> list[str]:
         """Return sentences on cameras that are silent or covered, while others are not."""

@@ -17,14 +17,14 @@ from people4d.messages.base import MAX_CAMERAS
 # Difference of delays above which a camera has another clock, unless people show one [ns]
 TOLERANCE_NS = 350_000_000
 OFFSET_MAX_NS = 2_000_000_000  # largest offset of a clock that is corrected; else it is apart [ns]
-HALF_WINDOW_NS = 5_000_000_000  # the least delay is that of one to two of these
-DELAY_MAX_NS = 900_000_000  # differences of delays above this are clocks that differ
-RISE_NS = 250_000_000  # a delay longer by this, in RISEN_MAX frames in a row, is a clock set back
-RISEN_MAX = 10
-TRACE_MAX_NS = 2_000_000_000  # of the stages in a trace
-ACTIVE_NS = 3_000_000_000  # a camera that was heard of within this is active
-INTERVALS = 9  # between the last frames of a camera, of which the longest counts
-REFERENCE_NS = 30_000_000_000  # without a frame of the reference after which another replaces it
+HALF_WINDOW_NS = 5_000_000_000  # half of the window of the least delay [ns]
+DELAY_MAX_NS = 900_000_000  # largest difference of two delays; a larger one is of clocks [ns]
+RISE_NS = 250_000_000  # rise of the least delay that shows a clock set back [ns]
+RISEN_MAX = 10  # consecutive frames with such a rise
+TRACE_MAX_NS = 2_000_000_000  # largest sum of the stages in a trace [ns]
+ACTIVE_NS = 3_000_000_000  # longest silence of an active camera [ns]
+INTERVALS = 9  # last intervals between frames of a camera; the longest one counts
+REFERENCE_NS = 30_000_000_000  # silence of the reference after which another replaces it [ns]
 
 
 class LeastDelay:
@@ -48,7 +48,7 @@ class LeastDelay:
         """The last frames came later than ever: perhaps the clock was set back."""
         return self._risen > 0
 
-    def add(self, delay_ns: int, now_ns: int) -> None:
+    def add_delay(self, delay_ns: int, now_ns: int) -> None:
         """Take the delay of a frame."""
         self.frames += 1
         self._risen = self._risen + 1 if self.frames > 1 and delay_ns > self.ns + RISE_NS else 0
@@ -74,7 +74,7 @@ class CameraClock:
 
 
 class CameraClocks:
-    """Corrections of stamps to one common time, that of the reference camera.
+    """Corrections of stamps to the time of the reference camera.
 
     The first camera is the reference. A stamp is corrected by an offset that changes when frames
     come earlier or later, without their delay, than it says by more than TOLERANCE_NS, and
@@ -94,7 +94,7 @@ class CameraClocks:
         """True if frames of two or more cameras came."""
         return len(self._clocks) > 1
 
-    def add(self, detections: Detections, now_ns: int) -> int | None:
+    def add_detections(self, detections: Detections, now_ns: int) -> int | None:
         """Take the arrival of detections; return their time [ns], None beyond MAX_CAMERAS cameras.
 
         Args:
@@ -110,7 +110,7 @@ class CameraClocks:
         if not is_first:
             clock.intervals_ns.append(now_ns - clock.heard_ns)
         clock.heard_ns = now_ns
-        clock.delay.add(now_ns - _measured_ns(detections.trace) - stamp_ns, now_ns)
+        clock.delay.add_delay(now_ns - _measured_ns(detections.trace) - stamp_ns, now_ns)
         self._choose_reference(camera, now_ns)
         self._correct(camera, clock)
         return stamp_ns - clock.offset_ns
@@ -137,7 +137,7 @@ class CameraClocks:
         return abs(self._ahead_ns(camera)) > OFFSET_MAX_NS
 
     def restart(self, camera: str, now_ns: int) -> bool:
-        """Measure the clock of a camera anew; return True if others go on in the common time."""
+        """Restart the clock of a camera; return True if other cameras continue."""
         others = [
             name
             for name, clock in self._clocks.items()
@@ -191,7 +191,7 @@ class CameraClocks:
         return [c for c, clock in self._clocks.items() if now_ns - clock.heard_ns < ACTIVE_NS]
 
     def save(self) -> dict[str, int]:
-        """Return the offsets [ns] by camera, that of the reference first."""
+        """Return the offsets [ns] by camera, the reference first."""
         cameras = sorted(self._clocks, key=lambda camera: camera != self.reference)
         return {camera: self._clocks[camera].offset_ns for camera in cameras}
 

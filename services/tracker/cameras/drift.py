@@ -16,22 +16,22 @@ from people4d.messages import F64, Track
 from services.tracker.cameras.stamp_errors import StampError, Walked, stamp_errors
 from services.tracker.interface import Observation
 
-CAMERAS_MAX = 16  # that are compared
-COMPARED_MAX = 3  # other cameras with which one frame is compared, those longest not compared
-SAMPLES_MAX = 300  # of a pair of cameras
-SAMPLES_MIN = 60  # of a camera, to be fitted
-TOGETHER_NS = 150_000_000  # longest between two frames that are compared
-WINDOW_NS = 20_000_000_000
-SAMPLE_NS = 200_000_000  # between two samples of a pair
-FRAMES_MAX = 16  # of each camera: others may be late
-STAMPS_NS = 2_000_000_000  # between two fits of errors of stamps
-FIT_NS = 5_000_000_000  # between two fits
-SAME_M, ALONE_M = 1.0, 1.5  # of one person by two cameras; to the next person
-MOVED_M = 0.12  # RMS of the displacement of people that is reported
+CAMERAS_MAX = 16  # most cameras that are compared
+COMPARED_MAX = 3  # most cameras that a frame is compared with, the longest not compared first
+SAMPLES_MAX = 300  # most samples of a pair of cameras
+SAMPLES_MIN = 60  # least samples of a camera for a fit
+TOGETHER_NS = 150_000_000  # longest time between two frames that are compared [ns]
+WINDOW_NS = 20_000_000_000  # window of the samples [ns]
+SAMPLE_NS = 200_000_000  # interval of the samples of a pair [ns]
+FRAMES_MAX = 16  # stored frames of each camera: others may be late
+STAMPS_NS = 2_000_000_000  # interval of the fits of errors of stamps [ns]
+FIT_NS = 5_000_000_000  # interval of the fits of movements [ns]
+SAME_M, ALONE_M = 1.0, 1.5  # largest distance of one person's positions, least one to others [m]
+MOVED_M = 0.12  # least RMS displacement of people that is reported [m]
 EXPLAINED = 0.3  # share of the cost of all differences that the fit of one camera explains
-SCALE_M = 0.2  # of differences in the cost, which has a limit for two people taken for one
-ITERATIONS = 6  # of the reweighted fit
-PRIOR_RAD, PRIOR_M = 0.2, 0.5  # standard deviations of rotation and shift before
+SCALE_M = 0.2  # scale of differences in the robust cost [m]
+ITERATIONS = 6  # iterations of the reweighted fit
+PRIOR_RAD, PRIOR_M = 0.2, 0.5  # prior standard deviations of rotation [rad] and shift [m]
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,7 @@ class _Sample:
     from_first_m: F64  # 3, from the first camera to the person
     from_second_m: F64
     velocity_mps: F64  # 3, NaN if unknown
-    between_s: float  # stamp of the first frame minus that of the second
+    between_s: float  # [s] stamp of the first frame minus the second stamp
 
 
 class CameraDrift:
@@ -101,8 +101,8 @@ class CameraDrift:
             for k, sample in enumerate(samples):
                 samples[k] = replace(sample, between_s=sample.between_s + later_s)
 
-    def add(self, observation: Observation, tracks: Sequence[Track] = ()) -> None:
-        """Compare the people of a frame with those of other cameras at the time.
+    def add_frame(self, observation: Observation, tracks: Sequence[Track] = ()) -> None:
+        """Compare the people of a frame with the people of other cameras at the time.
 
         Args:
             observation: The frame.

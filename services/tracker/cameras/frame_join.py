@@ -9,15 +9,15 @@ from people4d.messages import Detections, Embeddings
 from people4d.messages.base import MAX_CAMERAS
 from services.tracker.config import TrackerConfig
 
-ACTIVE_NS = 1_000_000_000
+ACTIVE_NS = 1_000_000_000  # longest silence of an active camera [ns]
 TIMEOUTS_MAX = 3  # consecutive timeouts after which embeddings are not waited for
-EARLY_MAX = 64  # embeddings that came before their detections, ...
-EARLY_MAX_BYTES = 16 * 2**20  # ... and their size in all
-FIRST_PERIOD_NS = 50_000_000  # until two frames have come
-PERIOD_MIN_NS, PERIOD_MAX_NS = 10_000_000, 500_000_000
-PERIODS = 15  # of which the median is taken
-RELEASED_MAX = 64  # stamps of released frames, to detect duplicates
-DETECTORS_MAX = 256  # names, a bound against invented ones
+EARLY_MAX = 64  # most embeddings that came before their detections
+EARLY_MAX_BYTES = 16 * 2**20  # size of all these
+FIRST_PERIOD_NS = 50_000_000  # assumed period before the second frame [ns]
+PERIOD_MIN_NS, PERIOD_MAX_NS = 10_000_000, 500_000_000  # limits of the period [ns]
+PERIODS = 15  # periods in the median
+RELEASED_MAX = 64  # stored stamps of released frames, to detect duplicates
+DETECTORS_MAX = 256  # most names of detectors, against invented ones
 FrameKey: TypeAlias = tuple[str, int, int]  # camera, stamp and sequence
 COUNTERS = (
     *("embedding_timeouts", "without_embeddings", "late_embeddings"),
@@ -39,7 +39,7 @@ class DetectionStream:
         # Sequence and stamp of released frames, the last one last
         self._released: deque[tuple[int, int]] = deque(maxlen=RELEASED_MAX)
 
-    def add(self, detections: Detections) -> None:
+    def add_detections(self, detections: Detections) -> None:
         """Record the arrival of detections."""
         sequence, stamp_ns = detections.sequence, detections.stamp_ns
         self._newest.pop(detections.detector, None)
@@ -140,7 +140,7 @@ class FrameJoin:
         """
         camera, key = detections.camera, _key(detections)
         stream = self._stream(camera)
-        stream.add(detections)
+        stream.add_detections(detections)
         if stream.was_released(detections) or any(_key(f.detections) == key for f in self._frames):
             self.counters["duplicates"] += 1
             return
@@ -234,7 +234,7 @@ class FrameJoin:
 
     def _stream(self, camera: str) -> DetectionStream:
         stream = self._streams.pop(camera, None) or DetectionStream()
-        self._streams[camera] = stream  # the one used last is the last to be forgotten
+        self._streams[camera] = stream  # the last used one is evicted last
         if len(self._streams) > MAX_CAMERAS:
             del self._streams[next(iter(self._streams))]
         return stream

@@ -14,14 +14,14 @@ from services.tracker.motion.past_frames import LENGTH_NS
 STAMP_MIN_S, STAMP_SIGMAS = 0.015, 3.0  # errors of a camera's stamps that are corrected first,
 AGAIN_MIN_S, AGAIN_SIGMAS = 0.005, 1.0  # and later: its stamps are wrong, but by how much exactly
 ABSENCE_MOVED_S = 1.0  # longest time for which people move during an absence of frames [s]
-APART_MAX = 4  # cameras tracked apart
-APART_NS = 10_000_000_000  # without a frame after which a camera apart is forgotten
+APART_MAX = 4  # most cameras tracked apart
+APART_NS = 10_000_000_000  # silence after which a camera apart is removed [ns]
 COUNTERS = ("late_frames", "tracker_failures", "refused_cameras", "apart")
 
 
 @dataclass(slots=True)
 class ApartTracker:
-    """Tracker of a camera whose clock is too far from that of the others."""
+    """Tracker of a camera whose clock is too far from the other clocks."""
 
     tracker: Tracker
     last_ns: int  # [ns] time of its last frame

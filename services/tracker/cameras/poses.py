@@ -47,7 +47,7 @@ class CameraPoseLookup:
         """Use the poses of a checkpoint until transforms come."""
         self._fixed |= fixed
 
-    def add(self, message: StaticTransform | MovingTransform | Odometry) -> bool:
+    def add_transform(self, message: StaticTransform | MovingTransform | Odometry) -> bool:
         """Add a transform; return True if a pose that was used already has changed, or moves."""
         changes = self._buffer.changes
         self._buffer.add_transform(message)

@@ -30,11 +30,11 @@ class Walked(NamedTuple):
     apart_m: F64  # Nx3, position by the first camera minus that by the second
     ray_m: F64  # Nx3, from the first camera
     velocity_mps: F64  # Nx3, NaN where unknown
-    between_s: F64  # N, stamp of the first minus that of the second
+    between_s: F64  # [s] N, stamp of the first frame minus the second stamp
 
 
 class StampError(NamedTuple):
-    """By how much the stamps of a camera are ahead of those of the reference."""
+    """Error of the stamps of a camera against the reference."""
 
     ahead_s: float
     sigma_s: float

@@ -12,14 +12,14 @@ from dataclasses import dataclass, field
 from people4d.messages import Detections
 from services.tracker.cameras.clocks import CameraClocks
 
-SILENT_NS = 1_000_000_000  # without a frame of the old time, after which a clock was set; ...
-SILENT_INTERVALS = 3  # ... of a camera whose frames come rarely so many of the longest intervals
-SILENT_MAX_NS = 4_000_000_000
-CAMERAS_MAX = 8  # of which frames wait at once, ...
-HELD_MAX = 64  # ... of each so many; of more the oldest but the first are left out
-HELD_MAX_BYTES = 16 * 2**20  # of all that wait
-PERSON_BYTES = 2000  # of a detection without its mask
-REPORTED_NS = 10_000_000_000  # for which frames that were left out are a reason to be degraded
+SILENT_NS = 1_000_000_000  # least silence of the old time after which a clock was set [ns]
+SILENT_INTERVALS = 3  # the same in longest intervals of a camera whose frames are rare
+SILENT_MAX_NS = 4_000_000_000  # largest such silence [ns]
+CAMERAS_MAX = 8  # most cameras with waiting frames
+HELD_MAX = 64  # most waiting frames of a camera; the second oldest ones are left out
+HELD_MAX_BYTES = 16 * 2**20  # size of all waiting frames
+PERSON_BYTES = 2000  # size of a detection without its mask
+REPORTED_NS = 10_000_000_000  # time for which left out frames degrade the status [ns]
 
 
 @dataclass(slots=True)
@@ -65,7 +65,7 @@ class StampGuard:
             return []
         held = self._held.setdefault(camera, held)
         held.append(frame)
-        if len(held) > HELD_MAX:  # the time since the first one is that of silence
+        if len(held) > HELD_MAX:  # the first one marks the beginning of the silence
             self.counters["stray_frames"] += 1
             del held[1]
         return []
@@ -84,7 +84,7 @@ class StampGuard:
         return min((self._due_ns(*waiting) for waiting in self._held.items()), default=None)
 
     def reasons(self, now_ns: int) -> list[str]:
-        """Return a sentence on each camera of which frames were left out in the last seconds."""
+        """Return a sentence on each camera with frames left out in the last seconds."""
         self._strays = {c: s for c, s in self._strays.items() if now_ns - s[0] < REPORTED_NS}
         return [
             f"frames in the name of camera {camera} with stamps {abs(ahead_s):.1f} s "

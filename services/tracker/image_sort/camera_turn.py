@@ -17,7 +17,7 @@ class Turn(NamedTuple):
     """Rotation of a camera."""
 
     rad: float  # [rad] about the vertical, to the left, counter-clockwise seen from above
-    sigma_rad: float = 0.0  # [rad] standard deviation of it
+    sigma_rad: float = 0.0  # [rad] its standard deviation
     up_rad: float = 0.0  # [rad] upwards, of a camera that is tilted
 
 

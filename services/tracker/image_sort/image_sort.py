@@ -30,9 +30,9 @@ FOV_DEG = 69.0  # [deg] of a camera without calibration: colour of a RealSense D
 class BoxFrame:
     """Detections of one image."""
 
-    stamp_ns: int  # [ns] acquisition time, never before that of the last frame
-    boxes_xyxy_px: F64  # [px] Nx4; those that are not finite or have no area are ignored
-    scores: F64  # N, 0 to 1; those that are not finite are ignored
+    stamp_ns: int  # [ns] acquisition time, never before the last frame
+    boxes_xyxy_px: F64  # [px] Nx4; boxes that are not finite or have no area are ignored
+    scores: F64  # N, 0 to 1; scores that are not finite are ignored
     size_px: tuple[int, int] = (640, 480)  # [px] width and height of the image
     turn: Turn = STILL  # of the camera since the last frame
     fov_deg: float = FOV_DEG  # [deg] horizontal field of view, unless the configuration has one
@@ -69,7 +69,7 @@ class ImageSort:
         """Process one frame, an empty one too, and return the confirmed tracks matched in it.
 
         Raises:
-            ValueError: The stamp lies before that of the last frame, or there is not one score for
+            ValueError: The stamp lies before the last frame, or there is not one score for
                 each box of four numbers.
         """
         steps = self._steps_to(frame.stamp_ns)

@@ -17,8 +17,8 @@ from services.tracker.motion.state_filter import FilterState
 from services.tracker.motion.track_filter import TrackFilter
 from services.tracker.motion.track_record import TrackRecord
 
-LENGTH_NS = 1_000_000_000  # for which frames are stored
-LASTS_MAX_S = 0.2  # of an acceleration between frames of several cameras
+LENGTH_NS = 1_000_000_000  # time for which frames are stored [ns]
+LASTS_MAX_S = 0.2  # longest acceleration between frames of several cameras [s]
 
 
 class PastMatch(NamedTuple):
@@ -62,16 +62,16 @@ class PastFrames:
         self._present: dict[int, TrackRecord] = {}  # copies of the records, while they are back
 
     def clear(self) -> None:
-        """Forget all."""
+        """Delete all frames."""
         self._frames.clear()
         self._matches.clear()
         self._present.clear()
 
-    def match(self, record: TrackRecord, match: PastMatch) -> None:
-        """Note a match in the frame that is tracked."""
+    def add_match(self, record: TrackRecord, match: PastMatch) -> None:
+        """Store a match of the frame that is tracked."""
         self._matches[id(record)] = match
 
-    def add(self, records: Sequence[TrackRecord], observation: Observation) -> None:
+    def add_frame(self, records: Sequence[TrackRecord], observation: Observation) -> None:
         """Store the tracks after the frame that is tracked."""
         states = {  # their arrays are replaced, never changed
             id(t): PastState(t, FilterState(t.x, t.P, t.imm), t.yaw, t.matched_ns) for t in records

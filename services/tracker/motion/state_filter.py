@@ -24,9 +24,9 @@ STANDING_S, WALKING_S = 0.5, 10.0  # mean times until people begin to walk, and 
 CHI2_3DOF_999 = 16.27  # largest squared distance of a velocity that a mode explains: 99.9 %
 IS_POSITION = np.pad(np.ones((3, 3)), (0, 3))  # elements of a covariance
 ON_POSITION = IS_POSITION * np.eye(6)
-OWN = np.array([IS_POSITION, np.ones((6, 6))])  # of each mode: who stands has no velocity
-PROBABILITY_MIN = 1e-6  # of each mode
-UNKNOWN_M2PS2 = 1e6  # [m^2/s^2] variance of a velocity that says nothing
+OWN = np.array([IS_POSITION, np.ones((6, 6))])  # covariances that each mode estimates
+PROBABILITY_MIN = 1e-6  # least probability of a mode
+UNKNOWN_M2PS2 = 1e6  # variance of an unknown velocity [m^2/s^2]
 
 Velocities: TypeAlias = Sequence[VelocityMeasurement | None]
 
@@ -102,7 +102,7 @@ class KalmanFilter:
 class Imm:
     """Interacting multiple models: one for standing people and one for walking people.
 
-    A person who stands has no velocity, but a single model turns every error of the measured
+    A standing person has no velocity, but a single model turns every error of the measured
     position into one. So two filters run in parallel, each as probable as it predicts the
     measurements, with transitions between them at a rate; the estimate is their mean. `decay`
     applies to the walking mode. Source: docs/method.md, section 16 [Blom 1988].
@@ -206,7 +206,7 @@ class Imm:
         )
 
     def _stand(self, x: F64, P: F64, dt_s: float, noise_factor: float) -> None:
-        """Stay, with a velocity of 0 that has the variance of a person who begins to walk."""
+        """Stay, with a velocity of 0 and the variance of a person that begins to walk."""
         drift_m2 = noise_factor * STANDING_SIGMA_MPS**2 * dt_s**2 + DRIFT_M2PS * dt_s
         x[:, 3:] = 0.0
         P *= IS_POSITION
@@ -226,7 +226,7 @@ def mix(x: F64, P: F64, probability: F64, transition: F64) -> tuple[F64, F64, F6
 def moments(weight: F64, x: F64, P: F64) -> tuple[F64, F64]:
     """Return means (NxMxn) and covariances of mixtures (NxMx2) of two states (Nx2xn) each.
 
-    The spread of two states about their mean is that of their difference: w_0 w_1 d d^T.
+    The spread of two states about their mean is w_0 w_1 d d^T, d their difference.
     """
     n = x.shape[-1]
     off = x[:, 0] - x[:, 1]
@@ -244,7 +244,7 @@ def weighed(probability: F64, d_m2: F64, S: F64) -> F64:
 
 
 def stacked(velocities: Velocities) -> tuple[F64, F64]:
-    """Return velocities (Nx3) and covariances (Nx3x3), those of unknown ones so large."""
+    """Return velocities (Nx3) and covariances (Nx3x3), large ones where unknown."""
     unknown = VelocityMeasurement(np.zeros(3), UNKNOWN_M2PS2 * np.eye(3))
     pairs = [velocity or unknown for velocity in velocities]
     return np.array([v.mps for v in pairs]), np.array([v.covariance_m2ps2 for v in pairs])

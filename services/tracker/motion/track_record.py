@@ -10,7 +10,7 @@ import numpy.typing as npt
 from people4d.messages import F64
 from people4d.messages.base import MAX_M
 
-ROUNDING = 1e-9  # of the trace: a negative eigenvalue may be so large
+ROUNDING = 1e-9  # largest negative eigenvalue, as a part of the trace
 BOOL = npt.NDArray[np.bool_]
 
 
@@ -53,7 +53,7 @@ class TrackRecord:
     embedding: F64 | None = None
     identity: IdentityDecision = IdentityDecision()
     yaw: F64 | None = None  # state of its filter
-    imm: ImmState | None = None  # of which x and P are the mean
+    imm: ImmState | None = None  # states of both modes; x and P are their mean
     hits: int = 1  # frames matched, the first included
     streak: int = 1  # frames matched since the last miss
     age: int = 1  # frames since the first one, itself included

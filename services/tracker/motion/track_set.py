@@ -123,7 +123,7 @@ class TrackSet:
         z, R = self._motion.measure(measurements), self._motion.noise(measurements)
         self._filter.update(records, measurements, z, R)
         for k, (record, measurement) in enumerate(matches):
-            self._past.match(record, PastMatch(measurement, z[k], R[k]))
+            self._past.add_match(record, PastMatch(measurement, z[k], R[k]))
             record.score, record.detection = measurement.score, measurement.index
             record.camera, record.matched_ns = observation.camera, observation.stamp_ns
             record.hits += 1
@@ -139,7 +139,7 @@ class TrackSet:
                 record.streak = 0
         for measurement in unmatched:
             self.begin(measurement, observation, self.ids.new())
-        self._past.add(self.records, observation)
+        self._past.add_frame(self.records, observation)
         return self.tracks(observation.stamp_ns)
 
     def begin(self, measurement: Measurement, observation: Observation, identity: int) -> None:

@@ -28,13 +28,13 @@ ANGLES = STEP_RAD * np.arange(BINS, dtype=np.float64)
 PREVIOUS, NEXT = np.roll(np.arange(BINS), 1), np.roll(np.arange(BINS), -1)
 OPPOSITE = np.roll(np.arange(BINS), BINS // 2)
 NEAR = np.arange(-BINS // 6, BINS // 6 + 1)  # bins within 60 deg of the mode
-DENSITY_MIN = 1e-9  # of each bin: nothing is impossible
-TURN_MAX_RAD = math.radians(60)  # a larger step in one frame is no turn
+DENSITY_MIN = 1e-9  # least density of a bin: nothing is impossible
+TURN_MAX_RAD = math.radians(60)  # largest step of a turn in one frame
 OUTLIERS_MAX = 0.9
-SINCE_MIN_S = 0.05  # a step in less time is not one of so fast a turn
-OTHER_VIEW_RAD = math.radians(20)  # between the lines of sight of two cameras
-LARGEST = np.array([3.2, 1e6, 3.2])  # yaw, rate and bearing of a checkpoint
-TIME_MAX_S = 1e12  # likewise
+SINCE_MIN_S = 0.05  # least time over which a step gives a rate [s]
+OTHER_VIEW_RAD = math.radians(20)  # least angle between the lines of sight of two cameras
+LARGEST = np.array([3.2, 1e6, 3.2])  # largest yaw, rate and bearing of a checkpoint
+TIME_MAX_S = 1e12  # largest time of a checkpoint [s]
 
 # Elements of a state: the most likely angle, the probability within 60 degrees of it, the rate of
 # turning, the time since the last update, the line of sight of that one, and the density
@@ -79,7 +79,7 @@ class DensityYaw(VelocityYaw):
     def update(self, states: States, measurements: Sequence[Measurement]) -> list[F64 | None]:
         """Weigh the angles by the measured yaws."""
         after, yaws = _stacked(states), _yaws(measurements)
-        # Errors of consecutive frames are similar, but not those of another camera.
+        # Errors of consecutive frames are similar; errors of another camera are not.
         is_other = np.abs(wrap_each(yaws.bearing_rad - after[:, BEARING])) > OTHER_VIEW_RAD
         weight = np.where(is_other, 1.0, np.minimum(after[:, SINCE] / CORRELATION_S, 1.0))
         p = likelihood_measured(yaws, np.sqrt(weight))
@@ -120,7 +120,7 @@ class DensityYaw(VelocityYaw):
 
 
 def likelihood_measured(yaws: YawMeasurements, factor: F64) -> F64:
-    """Return the likelihoods (NxBINS) of measured yaws, the sigmas of which have a factor (N).
+    """Return the likelihoods (NxBINS) of measured yaws, with a factor (N) on their sigmas.
 
     The measured angle is the true one, the opposite one, or any.
     """

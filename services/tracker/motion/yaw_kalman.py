@@ -14,7 +14,7 @@ from services.tracker.motion.yaw import States, VelocityYaw, measured_rad
 SIGMA_ACCELERATION_RADPS2 = 6.0  # acceleration of the yaw [rad/s^2]
 SIGMA_RAD = 0.35  # measured yaw [rad]
 SIGMA_START_RATE_RADPS = 1.0  # rate of a new track [rad/s]
-STATE_MAX = 1e12  # of a checkpoint; its largest numbers are variances
+STATE_MAX = 1e12  # largest number of a checkpoint, a variance
 
 
 class KalmanYaw(VelocityYaw):

@@ -24,7 +24,7 @@ class Sort3d(TrackSetTracker):
     """SORT with the 3D position in its state and cost.
 
     It compares boxes, so it serves one camera; several cameras need StrongSORT-3D. A tentative
-    track outlives a miss, but then needs its matches in a row anew, as in SORT.
+    track survives a miss, but then needs its consecutive matches again, as in SORT.
     """
 
     def __init__(self, config: TrackerConfig) -> None:

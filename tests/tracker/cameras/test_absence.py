@@ -43,7 +43,7 @@ def run(
     for k in range(seconds.start * 10, seconds.stop * 10):
         now_ns = k * 100 * MS
         for camera, found in cameras.items():
-            watch.add(observation(camera, now_ns, found), people, now_ns)
+            watch.add_frame(observation(camera, now_ns, found), people, now_ns)
     return now_ns
 
 
@@ -66,9 +66,9 @@ def test_slow_camera_is_not_silent() -> None:
     # One frame in 2 s: 20 s without one are not too many.
     watch = CameraAbsence()
     for k in range(20):
-        watch.add(observation("slow", 2 * k * S, 1), (), 2 * k * S)
-        watch.add(observation("fast", 2 * k * S, 1), (), 2 * k * S)
-    watch.add(observation("fast", 48 * S, 1), (), 48 * S)
+        watch.add_frame(observation("slow", 2 * k * S, 1), (), 2 * k * S)
+        watch.add_frame(observation("fast", 2 * k * S, 1), (), 2 * k * S)
+    watch.add_frame(observation("fast", 48 * S, 1), (), 48 * S)
     assert watch.reasons(48 * S) == []
 
 

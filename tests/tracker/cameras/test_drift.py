@@ -79,7 +79,7 @@ def watch(true: dict[str, F64], seconds: float = 40.0, others: float = 0.0) -> C
                     for m in view.measurements
                 )
                 view = replace(view, measurements=aside)
-            drift.add(view)
+            drift.add_frame(view)
     return drift
 
 
@@ -99,7 +99,7 @@ def test_samples_of_a_camera_stay_when_its_stamps_are_corrected() -> None:
             velocities = (people(t_s + 0.01) - people(t_s - 0.01)) / 0.02
             walks = [track_of(number, v) for number, v in enumerate(velocities)]
             at_s = t_s + ahead_s * (camera == "b")
-            drift.add(replace(view, stamp_ns=round(at_s * 1e9)), walks)
+            drift.add_frame(replace(view, stamp_ns=round(at_s * 1e9)), walks)
     found = drift.stamp_errors("a", round(at_s * 1e9))["b"]
     assert found.ahead_s == pytest.approx(ahead_s, abs=3 * found.sigma_s)
     drift.restamp("b", round(ahead_s * 1e9))
@@ -146,9 +146,9 @@ def test_after_a_calibration_the_watch_begins_anew() -> None:
 def test_single_camera_and_frames_without_pose_or_people_are_no_matter() -> None:
     drift, rng = CameraDrift(), np.random.default_rng(1)
     for k in range(100):
-        drift.add(observation("a", k * 0.1, POSES["a"], POSES["a"], rng))
-        drift.add(Observation(stamp_ns=k * 10**8, camera="b"))
-        drift.add(Observation(stamp_ns=k * 10**8, camera="c", map_from_camera=np.eye(4)))
+        drift.add_frame(observation("a", k * 0.1, POSES["a"], POSES["a"], rng))
+        drift.add_frame(Observation(stamp_ns=k * 10**8, camera="b"))
+        drift.add_frame(Observation(stamp_ns=k * 10**8, camera="c", map_from_camera=np.eye(4)))
     assert drift.movement is None
 
 
@@ -167,7 +167,7 @@ def test_people_who_stand_close_together_are_not_compared() -> None:
                 )
                 for n in range(3)
             )
-            drift.add(
+            drift.add_frame(
                 Observation(
                     stamp_ns=frame.stamp_ns,
                     measurements=crowd,
@@ -181,7 +181,9 @@ def test_people_who_stand_close_together_are_not_compared() -> None:
 def test_names_of_cameras_are_bounded() -> None:
     drift, rng = CameraDrift(), np.random.default_rng(1)
     for k in range(100):
-        drift.add(observation("a", 0.001 * k, POSES["a"], POSES["a"], rng))
+        drift.add_frame(observation("a", 0.001 * k, POSES["a"], POSES["a"], rng))
         one = observation("b", 0.001 * k, POSES["b"], POSES["b"], rng)
-        drift.add(Observation(one.stamp_ns, one.measurements, f"x{k}", map_from_camera=POSES["b"]))
+        drift.add_frame(
+            Observation(one.stamp_ns, one.measurements, f"x{k}", map_from_camera=POSES["b"])
+        )
     assert len(drift._frames) <= 16

@@ -24,7 +24,7 @@ def odometry(stamp_ns: int, x_m: float) -> Odometry:
 def positions(*messages: StaticTransform | Odometry, frame_id: str = "map") -> CameraPoseLookup:
     made = CameraPoseLookup(frame_id, required=False)
     for message in messages:
-        assert not made.add(message)
+        assert not made.add_transform(message)
     return made
 
 
@@ -46,16 +46,16 @@ def test_a_camera_without_a_transform_is_the_origin_unless_one_is_required() -> 
 def test_a_transform_that_comes_late_moves_the_camera() -> None:
     made = positions()
     matrix_of(made)
-    assert made.add(fixed("map", CAMERA, 2.0))
+    assert made.add_transform(fixed("map", CAMERA, 2.0))
     assert matrix_of(made)[0, 3] == 2.0
     assert made.without_transform == set()
-    assert not made.add(fixed("map", CAMERA, 2.0))
-    assert made.add(fixed("map", CAMERA, 3.0))
+    assert not made.add_transform(fixed("map", CAMERA, 2.0))
+    assert made.add_transform(fixed("map", CAMERA, 3.0))
 
 
 def test_transform_before_the_first_frame_resets_nothing() -> None:
     made = positions(fixed("map", CAMERA, 2.0))
-    assert not made.add(fixed("map", CAMERA, 3.0))
+    assert not made.add_transform(fixed("map", CAMERA, 3.0))
     assert matrix_of(made)[0, 3] == 3.0
 
 
@@ -65,7 +65,7 @@ def test_a_base_that_drives_carries_its_camera() -> None:
     assert matrix_of(made, 250 * MS)[0, 3] == pytest.approx(1.7)
     assert not made.awaits_sample(CAMERA, 500 * MS)
     assert made.awaits_sample(CAMERA, 501 * MS)
-    assert not made.add(odometry(1000 * MS, 3.0))
+    assert not made.add_transform(odometry(1000 * MS, 3.0))
     assert made.fixed == {}
 
 
@@ -83,5 +83,5 @@ def test_restored_poses_hold_until_transforms_come() -> None:
     made.restore(before.fixed)
     assert matrix_of(made)[0, 3] == 2.0
     assert made.without_transform == set()
-    assert not made.add(fixed("map", CAMERA, 2.0))
-    assert made.add(fixed("map", CAMERA, 2.5))
+    assert not made.add_transform(fixed("map", CAMERA, 2.0))
+    assert made.add_transform(fixed("map", CAMERA, 2.5))
