@@ -23,7 +23,6 @@ from evaluation.gait.tables import GaitTables
 from evaluation.recordings.hand_annotations import MOUNT_RPY_RAD, MOUNT_XYZ_M, TORSO_MM, Pixel
 from evaluation.recordings.hand_marks import Mark, read_frames
 from people4d.messages import F64, CameraInfo
-from services.gait.config import StepConfig
 from services.gait.estimator import GaitFrame, GaitResult
 
 REPORT = Path(__file__).with_suffix(".md")
@@ -133,9 +132,9 @@ def published_steps(
     run: Run, marks: dict[int, tuple[Mark, ...]], rate_hz: float
 ) -> dict[str, list[tuple[float, str]]]:
     """Return frame and foot of the published steps of each person."""
-    tables = GaitTables(StepConfig())
+    tables = GaitTables()
     for _, frame, results in run:
-        tables.add(frame.stamp_ns, results)
+        tables.add_frame(frame.stamp_ns, results)
     owner = owners(run, marks)
     found: dict[str, list[tuple[float, str]]] = {}
     for track in tables.people:

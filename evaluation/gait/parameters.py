@@ -14,7 +14,7 @@ from scipy.stats import t as student
 from evaluation.gait.head_path import HeadPath, sway_m, turn_durations_s
 from evaluation.gait.literature import source_of
 from people4d.messages import F64
-from services.gait.config import StepConfig
+from services.gait.steps.alternation import STEP_MAX_S
 from services.gait.steps.rhythm import Oscillation
 from services.gait.steps.steps import FootStep, Stride, cadence, step_times_s, walked_strides
 from services.gait.steps.swings import FEET, Side
@@ -50,11 +50,10 @@ class GaitParameter:
 def gait_parameters(
     steps: Sequence[FootStep],
     head: HeadPath | None,
-    config: StepConfig,
     rhythm: Sequence[Oscillation] = (),
 ) -> list[GaitParameter]:
     """Return all parameters of a walk, also those that are not known."""
-    walked = walked_strides(steps, config)
+    walked = walked_strides(steps)
     strides = [stride for _, stride in walked]
     length_m, weights = [one.length_m for one in strides], [one.confidence for one in strides]
     stride_s = np.array([stride.time_s for stride in strides])
@@ -78,7 +77,7 @@ def gait_parameters(
         _mean("speed", "m/s", [s.length_m / s.time_s for s in strides], "stride length by time"),
         _share("stance", 100 - np.asarray(swing), "of the stride, the foot is on the ground"),
         _share("swing", swing, "of the stride, the foot is in the air"),
-        _share("double support", _double_support(steps, config), "of the stride, on both feet"),
+        _share("double support", _double_support(steps), "of the stride, on both feet"),
         _resampled("step time variability", "%", both, _variation, "standard deviation by mean"),
         _time_asymmetry(walked, times),
         _asymmetry("step length asymmetry", lengths["left"], lengths["right"], "step lengths"),
@@ -237,7 +236,7 @@ def _follows(before: FootStep, step: FootStep, time_s: float) -> bool:
     return math.isclose(step.landed_s - time_s, before.landed_s, abs_tol=1e-6)
 
 
-def _double_support(steps: Sequence[FootStep], config: StepConfig) -> list[float]:
+def _double_support(steps: Sequence[FootStep]) -> list[float]:
     """Return the share of each stride, in %, between landings of a foot and lifts of the other."""
     shared = {
         id(step): max(step.lifted_s - before.landed_s, 0.0)
@@ -250,5 +249,5 @@ def _double_support(steps: Sequence[FootStep], config: StepConfig) -> list[float
         if step.stride
         and id(before) in shared
         and id(step) in shared
-        and step.stride.time_s <= 2 * config.step_max_s
+        and step.stride.time_s <= 2 * STEP_MAX_S
     ]

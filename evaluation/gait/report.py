@@ -69,7 +69,7 @@ class GaitReport:
         self._video: VideoFile | None = None
         self._stills: EvenSample[Tile] = EvenSample(2 * STILLS)
         self._viewer: GaitViewer | None = None
-        self.tables = GaitTables(run.gait.steps)
+        self.tables = GaitTables()
 
     def run(self, on_progress: OnProgress) -> None:
         """Play the recording.
@@ -116,7 +116,7 @@ class GaitReport:
             ground_m = np.empty((0, 2)) if head is None else head.positions_m[:, :2]
             path = None if head is None else HeadPath(head.times_s, ground_m)
             rhythm = self.tables.rhythm(person)
-            parameters = gait_parameters(steps, path, self._run.gait.steps, rhythm)
+            parameters = gait_parameters(steps, path, rhythm)
             rows += [(person, *astuple(one), one.source) for one in parameters]
             tracks = {person: ground_m} if head is not None else {}
             page = person_page(person, parameters, steps, Trajectories(tracks=tracks))
@@ -137,9 +137,9 @@ class GaitReport:
             write_bytes(self._folder / f"steps_{person}.png", steps)
 
     def _add(self, info: CameraInfo, frame: GaitFrame, results: Sequence[GaitResult]) -> None:
-        time_s = self.tables.add(frame.stamp_ns, results)
-        self._viewer = self._viewer or GaitViewer(info, self._run.gait.cascade.depth.spin)
-        self._viewer.add(frame, results)
+        time_s = self.tables.add_frame(frame.stamp_ns, results)
+        self._viewer = self._viewer or GaitViewer(info)
+        self._viewer.add_frame(frame, results)
         # Stills show frames with people only.
         wanted = bool(results) and self._stills.is_next
         if self._draws_all or wanted:

@@ -98,9 +98,7 @@ def _estimate_box(camera: CameraConfig, run: GaitRun, on_frame: OnFrame) -> Iter
 
 def colour_only(config: GaitConfig) -> GaitConfig:
     """Return the configuration in which colour tracks a box without limit, as published."""
-    cascade = msgspec.structs.replace(
-        config.cascade, carry_s=UNLIMITED_S, forget_s=UNLIMITED_S, colour_distance_max=1.0
-    )
+    cascade = msgspec.structs.replace(config.cascade, carry_s=UNLIMITED_S, colour_distance_max=1.0)
     return msgspec.structs.replace(config, cascade=cascade)
 
 

@@ -54,8 +54,8 @@ def compare_steps(
     """
     if covariances_m2 is None:
         covariances_m2 = np.broadcast_to(NOISE_M2, (*feet_m.shape, 3))
-    config = StepConfig(every_s=1e-3)  # measures of the compared frame
-    meter, entire = StepMeter(config, UP), StepMeter(StepConfig(window_s=600.0), UP)
+    meter = StepMeter(StepConfig(every_s=1e-3), UP)  # measures of the compared frame
+    entire = StepMeter(StepConfig(window_s=600.0), UP)
     means, compared = list[tuple[float, ...]](), 0
     for time_s, feet, noises in zip(times_s.tolist(), feet_m, covariances_m2, strict=True):
         both = [
@@ -69,7 +69,7 @@ def compare_steps(
         compared += 1
         recent = meter.steps()
         true, steps_per_min = (
-            _true(walked_strides(recent, config), falls),
+            _true(walked_strides(recent), falls),
             _true_cadence(recent, falls),
         )
         if true and steps_per_min and measures.step_length_m and measures.cadence_per_min:

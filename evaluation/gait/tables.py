@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from evaluation.report.csv_files import write_csv
 from people4d.messages import F64, BodyPoint, GaitMeasures
-from services.gait.config import StepConfig
 from services.gait.estimator import UP, GaitResult
 from services.gait.points.keypoints import HEAD, LEFT_FOOT, RIGHT_FOOT
 from services.gait.steps.rhythm import Oscillation, feet_distance, head_height
@@ -46,14 +45,13 @@ class _Row:
 
 
 class GaitTables:
-    """Collects the results of all frames; the configuration limits steps."""
+    """Collects the results of all frames."""
 
-    def __init__(self, config: StepConfig) -> None:
-        self._config = config
+    def __init__(self) -> None:
         self._rows: list[_Row] = []
         self._start_ns: int | None = None
 
-    def add(self, stamp_ns: int, results: Sequence[GaitResult]) -> float:
+    def add_frame(self, stamp_ns: int, results: Sequence[GaitResult]) -> float:
         """Add a frame and return the seconds since the first one."""
         self._start_ns = stamp_ns if self._start_ns is None else self._start_ns
         time_s = (stamp_ns - self._start_ns) / 1e9
@@ -84,7 +82,7 @@ class GaitTables:
     def steps(self, person: int) -> list[FootStep]:
         """Return all steps of a person."""
         feet = self._feet(person)
-        return [] if feet is None else find_steps(*feet, UP, self._config)
+        return [] if feet is None else find_steps(*feet, UP)
 
     def rhythm(self, person: int) -> list[Oscillation]:
         """Return what goes up and down with each step of a person."""
@@ -97,7 +95,7 @@ class GaitTables:
 
     def measures(self, person: int) -> GaitMeasures:
         """Return the gait measures of a person over all steps."""
-        return gait_measures(self.steps(person), self._config, self.rhythm(person))
+        return gait_measures(self.steps(person), self.rhythm(person))
 
     def _feet(self, person: int) -> tuple[FootTrajectory, FootTrajectory] | None:
         trajectories = self.trajectories(person)

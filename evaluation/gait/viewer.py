@@ -23,7 +23,6 @@ from common.drawing.strokes import (
 from common.geometry.transforms import apply, invert, project
 from people4d.messages import F64, U8, CameraInfo, PersonGait
 from services.gait.cascade import GaitEstimate
-from services.gait.config import SpinConfig
 from services.gait.estimator import GaitFrame, GaitResult
 from services.gait.points.keypoints import HEAD, LEFT_FOOT, LEFT_HAND, RIGHT_FOOT, RIGHT_HAND
 from services.gait.surface.mesh import BodyMesh
@@ -56,11 +55,11 @@ def point_colour(name: str) -> Colour:
 class GaitViewer:
     """Draws frames with their results."""
 
-    def __init__(self, info: CameraInfo, spin: SpinConfig) -> None:
-        self._info, self._spin = info, spin
+    def __init__(self, info: CameraInfo) -> None:
+        self._info = info
         self._trajectories: dict[tuple[int, str], deque[tuple[int, F64]]] = defaultdict(deque)
 
-    def add(self, frame: GaitFrame, results: Sequence[GaitResult]) -> None:
+    def add_frame(self, frame: GaitFrame, results: Sequence[GaitResult]) -> None:
         """Add the points of a frame to the trajectories; each frame once, drawn or not."""
         for one in results:
             for point in one.person.points:
@@ -113,26 +112,27 @@ class GaitViewer:
             if one.estimate.mesh is not None:
                 top = HEIGHT_PX - SPIN_PX - 3 * GAP_PX - 12
                 _draw_body(panel[:top], one.estimate, one.estimate.mesh)
-                self._draw_spin_images(panel[top:], one.estimate, one.estimate.mesh)
+                _draw_spin_images(panel[top:], one.estimate, one.estimate.mesh)
                 break
         return panel
 
-    def _draw_spin_images(self, panel: U8, estimate: GaitEstimate, mesh: BodyMesh) -> None:
-        left = GAP_PX
-        for name, point in estimate.points.items():
-            if left + SPIN_PX > panel.shape[1]:
-                break
-            put_text(panel, name.replace("_", " "), (left, 12), 9, GREY)
-            if point.state == "measured":
-                vertex = mesh.nearest(point.position_m)
-                image = spin_images(mesh, [vertex], self._spin)[0]
-                shade = 255 - np.sqrt(image / max(float(image.max()), 1e-9)) * 255
-                tile = cv2.resize(shade, (SPIN_PX, SPIN_PX), interpolation=cv2.INTER_NEAREST)
-                area = panel[16 : 16 + SPIN_PX, left : left + SPIN_PX]
-                area[:] = np.asarray(tile, np.uint8)[..., None]
-                corner = (left + SPIN_PX - 1, 16 + SPIN_PX - 1)
-                cv2.rectangle(panel, (left, 16), corner, point_colour(name), 1)
-            left += SPIN_PX + GAP_PX
+
+def _draw_spin_images(panel: U8, estimate: GaitEstimate, mesh: BodyMesh) -> None:
+    left = GAP_PX
+    for name, point in estimate.points.items():
+        if left + SPIN_PX > panel.shape[1]:
+            break
+        put_text(panel, name.replace("_", " "), (left, 12), 9, GREY)
+        if point.state == "measured":
+            vertex = mesh.nearest(point.position_m)
+            image = spin_images(mesh, [vertex])[0]
+            shade = 255 - np.sqrt(image / max(float(image.max()), 1e-9)) * 255
+            tile = cv2.resize(shade, (SPIN_PX, SPIN_PX), interpolation=cv2.INTER_NEAREST)
+            area = panel[16 : 16 + SPIN_PX, left : left + SPIN_PX]
+            area[:] = np.asarray(tile, np.uint8)[..., None]
+            corner = (left + SPIN_PX - 1, 16 + SPIN_PX - 1)
+            cv2.rectangle(panel, (left, 16), corner, point_colour(name), 1)
+        left += SPIN_PX + GAP_PX
 
 
 def _draw_body(panel: U8, estimate: GaitEstimate, mesh: BodyMesh) -> None:

@@ -17,6 +17,10 @@ from services.gait.surface.mesh import BodyMesh, build_mesh
 from services.gait.surface.segmentation import BodySegment, segment_body
 from services.gait.surface.silhouette import part_rows_px
 
+BOX_MARGIN = 0.06  # Widening of a detected box, which may miss a hand [heights]
+COLOUR_MARGIN = 0.12  # Widening of a box of the colour layer [heights]
+FORGET_S = 2.0  # Maximum age of the last observation of a person [s]
+GAP_S = 1.0  # Maximum time between frames of a tracked point [s]
 SAME_BOX_IOU = 0.7  # of a detected box to that of the colour layer, which goes on then
 
 
@@ -65,7 +69,7 @@ class Cascade:
     def __init__(self, config: CascadeConfig, info: CameraInfo) -> None:
         self._config, self._info = config, info
         self._colours = ColourLayer(config.colour, config.seed)
-        self._floor = FloorDetector(config.floor, info, config.seed)
+        self._floor = FloorDetector(info, config.seed)
         self._people: dict[int, _PersonState] = {}
         self._frame = 0
         self._stamp_ns = 0
@@ -111,7 +115,7 @@ class Cascade:
         body = self._segment(state, depth_mm) if state is not None else None
         if state is None or body is None:
             return False
-        mesh = build_mesh(body, self._info, self._config.body)
+        mesh = build_mesh(body, self._info)
         vertex = int(mesh.vertices_at(pixel)[0])
         if vertex < 0:
             return False
@@ -130,7 +134,7 @@ class Cascade:
                 layer = DepthLayer(self._config.depth, self._info, seed)
                 self._people[one.id] = _PersonState(layer)
             self._people[one.id].observed_ns = stamp_ns
-        limit_ns = stamp_ns - round(self._config.forget_s * 1e9)
+        limit_ns = stamp_ns - round(FORGET_S * 1e9)
         for person in [p for p, state in self._people.items() if state.observed_ns < limit_ns]:
             self._people.pop(person)
             self._colours.stop(person)
@@ -169,15 +173,15 @@ class Cascade:
         return set(waiting[: self._config.people_max])
 
     def _estimate(self, one: PersonObservation, depth_mm: U16, fresh: bool) -> GaitEstimate:
-        config, state = self._config, self._people[one.id]
+        state = self._people[one.id]
         elapsed_s = (self._stamp_ns - state.processed_ns) / 1e9 if state.processed >= 0 else 0.0
-        if elapsed_s > config.gap_s:
+        if elapsed_s > GAP_S:
             state.layer.mark_lost()
         if not fresh and state.box is not None:
             points = state.layer.predicted(elapsed_s)
             return GaitEstimate(one.id, state.box, points, fresh=False)
         body = self._segment(state, depth_mm)
-        mesh = build_mesh(body, self._info, config.body) if body is not None else None
+        mesh = build_mesh(body, self._info) if body is not None else None
         state.processed, state.processed_ns = self._frame, self._stamp_ns
         points = state.layer.update(
             MeshObservation(
@@ -192,22 +196,20 @@ class Cascade:
         )
         if mesh is not None:
             state.depth_m = float(mesh.middle_m[2])
-        if not config.details:
+        if not self._config.details:
             return GaitEstimate(one.id, state.box, points)
         particles = {name: p.particles for name, p in state.layer.filters.items()}
-        rows_px = part_rows_px(body, config.body)
-        return GaitEstimate(one.id, state.box, points, True, mesh, rows_px, particles)
+        return GaitEstimate(one.id, state.box, points, True, mesh, part_rows_px(body), particles)
 
     def _segment(self, state: _PersonState, depth_mm: U16) -> BodySegment | None:
         """Segment a person in the depth image; None without a box or body."""
         if state.box is None:
             return None
-        config = self._config
         by_colour = state.detected_ns != self._stamp_ns
-        ratio = config.colour_margin if by_colour else config.box_margin
+        ratio = COLOUR_MARGIN if by_colour else BOX_MARGIN
         margin = ratio * (state.box[3] - state.box[1])
         box = state.box + margin * np.array([-1.0, -1.0, 1.0, 1.0])
-        return segment_body(self._floor.remove(depth_mm, box), box, state.depth_m, config.body)
+        return segment_body(self._floor.remove(depth_mm, box), box, state.depth_m)
 
 
 def _valid_box(observation: PersonObservation) -> F64 | None:

@@ -14,6 +14,7 @@ from services.gait.points.point_filter import PointEstimate
 from services.gait.steps.step_meter import FootSample, StepMeter
 
 BOX_MAX_PX = 1e6  # bound of published boxes
+CLOCK_JUMP_S = 1.0  # Minimum step back of the stamps that begins a new time [s]
 UP = np.array([0.0, 0.0, 1.0])  # of every fixed frame
 ESTIMATOR_COUNTERS = ("over_budget", "wrong_size", "stale", "clock_resets")
 
@@ -55,7 +56,7 @@ class GaitEstimator:
             self._counters["wrong_size"] += 1
             return None
         if self._last and frame.stamp_ns <= self._last.stamp_ns:
-            if self._last.stamp_ns - frame.stamp_ns <= self._config.clock_jump_s * 1e9:
+            if self._last.stamp_ns - frame.stamp_ns <= CLOCK_JUMP_S * 1e9:
                 self._counters["stale"] += 1
                 return None
             self._counters["clock_resets"] += 1

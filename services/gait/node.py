@@ -35,7 +35,8 @@ NODE_COUNTERS = (
     "without_frame",  # tracks whose frame was dropped
     "frames_unused",  # without tracks: the detector skipped them, or the tracks came too late
 )
-SETTLE_MAX = 10  # times settle_s, after which a frame is processed in any case
+SETTLE_S = 0.003  # Time that a frame waits for a newer one of its camera [s]
+SETTLE_MAX = 10  # times SETTLE_S, after which a frame is processed in any case
 
 
 class GaitNode(Node):
@@ -99,7 +100,7 @@ class GaitNode(Node):
         return Status(counters={**self._counters, **self._transforms.counters})
 
     def _wait(self, parts: FrameParts, now_ns: int) -> None:
-        settle_ns = int(self._config.settle_s * 1e9)
+        settle_ns = int(SETTLE_S * 1e9)
         self._first_ns = self._first_ns if self._ready else now_ns
         self._counters["passed_over"] += parts[0].camera in self._ready
         self._ready[parts[0].camera] = parts

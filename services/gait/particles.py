@@ -17,6 +17,14 @@ I64 = npt.NDArray[np.int64]
 STATES = 8
 FIRST = np.array([[1, 0, 1, 0], [0, 1, 0, 1], [0, 0, 1, 0], [0, 0, 0, 1]], np.float64)
 SECOND = np.array([[0.5, 0, 0.5, 0], [0, 0.5, 0, 0.5], [0, 0, 1, 0], [0, 0, 0, 1]], np.float64)
+BOX_MIN_PX = 4.0  # Minimum side of a box [px]
+# Hierarchical sampling. a and b have mean and variance 1, times these factors; published: 1 for
+# both, with which a box doubles within a second
+GROWTH_SIDEWAYS_PX2 = 0.02  # Factor of a / |x'| [px^2 a frame^3]
+GROWTH_UPRIGHT = 0.005  # Factor of b y' [1 a frame]
+SPEED_MIN_PX = 1.0  # Minimum |x'|, and minimum speed that has a direction [px a frame]
+ALONG_SHARE = 0.5  # Share of the particles that are sampled along the motion
+ALONG_STRETCH = 1.4  # Factor of their noise along the motion, and its inverse across
 
 
 class BoxMotionModel:
@@ -51,22 +59,18 @@ class BoxMotionModel:
         if self._config.state == 4:
             moved[..., 4:] = states[..., 4:]
         moved += noise
-        np.maximum(moved[..., 4:6], self._config.box_min_px, out=moved[..., 4:6])
+        np.maximum(moved[..., 4:6], BOX_MIN_PX, out=moved[..., 4:6])
         return np.asarray(moved)
 
     def _stretched(self, noise: F64, states: F64) -> F64:
         """Rotate and stretch the noise of the first particles along their motion."""
-        config = self._config
         velocities = states[..., 2:4]
         speeds = np.linalg.norm(velocities, axis=-1, keepdims=True)
         along = velocities / np.maximum(speeds, 1e-9)
         across = along[..., ::-1] * (-1.0, 1.0)
-        stretched = (
-            noise[..., :1] * config.along_stretch * along
-            + noise[..., 1:] / config.along_stretch * across
-        )
-        chosen = np.arange(noise.shape[-2])[:, None] < config.along_share * noise.shape[-2]
-        return np.where(chosen & (speeds >= config.speed_min_px), stretched, noise)
+        stretched = noise[..., :1] * ALONG_STRETCH * along + noise[..., 1:] / ALONG_STRETCH * across
+        chosen = np.arange(noise.shape[-2])[:, None] < ALONG_SHARE * noise.shape[-2]
+        return np.where(chosen & (speeds >= SPEED_MIN_PX), stretched, noise)
 
     def _growth(self, states: F64, generator: np.random.Generator) -> F64:
         """Return the addition of hierarchical sampling to w' and h'.
@@ -75,11 +79,10 @@ class BoxMotionModel:
         a / x' is used: its mean would shrink every box that moves to the left. The faster the
         motion down, towards the camera, the more the box grows.
         """
-        config = self._config
         a, b = generator.normal(1.0, 1.0, (2, *states.shape[:-1]))
-        sideways = np.maximum(np.abs(states[..., 2]), config.speed_min_px)
-        spread = config.growth_sideways_px2 * (a - 1.0) / sideways
-        return np.asarray(spread + config.growth_upright * b * states[..., 3])
+        sideways = np.maximum(np.abs(states[..., 2]), SPEED_MIN_PX)
+        spread = GROWTH_SIDEWAYS_PX2 * (a - 1.0) / sideways
+        return np.asarray(spread + GROWTH_UPRIGHT * b * states[..., 3])
 
 
 def systematic(weights: F64, generator: np.random.Generator) -> I64:

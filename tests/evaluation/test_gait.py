@@ -14,7 +14,6 @@ from deploy.launcher.plan import COMPOSE_FILE
 from evaluation.gait.tables import POINT_FIELDS, GaitTables
 from people4d.messages import BodyPoint, GaitMeasures, PersonGait
 from services.gait.cascade import GaitEstimate
-from services.gait.config import StepConfig
 from services.gait.estimator import GaitResult
 from tests.gait.steps.test_steps import feet
 
@@ -95,7 +94,7 @@ def test_invalid_arguments_give_an_error(
 
 def test_tables_by_hand(tmp_path: Path) -> None:
     # Steps of 0.6 m in 0.5 s, the right foot first: 120 a minute; left feet land at 1, 2, ... s.
-    log, times_s = GaitTables(StepConfig()), np.arange(0, 5, 1 / 30)
+    log, times_s = GaitTables(), np.arange(0, 5, 1 / 30)
     for time_s, *positions in zip(times_s, *feet(times_s), strict=True):
         points = tuple(
             BodyPoint(
@@ -109,7 +108,7 @@ def test_tables_by_hand(tmp_path: Path) -> None:
             for side, position in zip(("left", "right"), positions, strict=True)
         )
         person = PersonGait(id=4, points=points, measures=GaitMeasures())
-        log.add(
+        log.add_frame(
             7_000_000_000 + round(time_s * 1e9), [GaitResult(GaitEstimate(4, None, {}), person)]
         )
     log.write(tmp_path)

@@ -20,12 +20,10 @@ from evaluation.gait.person_page import person_page
 from evaluation.gait.tables import PointTrajectory
 from evaluation.gait.trc import trc
 from people4d.messages import F64
-from services.gait.config import StepConfig
 from services.gait.steps.steps import FootStep, Stride, find_steps, gait_measures
 from services.gait.steps.swings import Side
 from tests.gait.steps.test_steps import UP, feet, trajectory
 
-CONFIG = StepConfig()
 # Of people of another simulator: step time, its variation, and errors of landings
 STEP_S, VARIATION_S, LANDING_S = 0.58, 0.03, 0.05
 
@@ -33,10 +31,10 @@ STEP_S, VARIATION_S, LANDING_S = 0.58, 0.03, 0.05
 def walk(duration_s: float = 8.0, **swings_s: float) -> dict[str, GaitParameter]:
     times_s = np.arange(0, duration_s, 1 / 30)
     left, right = feet(times_s, **swings_s)
-    steps = find_steps(trajectory(times_s, left), trajectory(times_s, right), UP, CONFIG)
+    steps = find_steps(trajectory(times_s, left), trajectory(times_s, right), UP)
     sway_m = 0.03 * np.sin(2 * np.pi * times_s)  # once a stride
     head = HeadPath(times_s, np.stack([1.2 * times_s, 0.1 + sway_m], axis=1))
-    return {one.name: one for one in gait_parameters(steps, head, CONFIG)}
+    return {one.name: one for one in gait_parameters(steps, head)}
 
 
 @pytest.mark.parametrize(
@@ -66,14 +64,14 @@ def test_even_walk_by_hand(name: str, value: float, tolerance: float) -> None:
 def test_mean_length_is_that_of_the_measures_and_weighted_by_confidence() -> None:
     times_s = np.arange(0, 8, 1 / 30)
     left, right = feet(times_s)
-    steps = find_steps(trajectory(times_s, left), trajectory(times_s, right), UP, CONFIG)
+    steps = find_steps(trajectory(times_s, left), trajectory(times_s, right), UP)
     assert steps[-1].stride is not None
     unsure = replace(steps[-1].stride, length_m=0.6, confidence=0.3)
     steps[-1] = replace(steps[-1], stride=unsure)
-    one = {p.name: p for p in gait_parameters(steps, None, CONFIG)}["stride length"]
-    assert one.value == pytest.approx(gait_measures(steps, CONFIG).stride_length_m)
+    one = {p.name: p for p in gait_parameters(steps, None)}["stride length"]
+    assert one.value == pytest.approx(gait_measures(steps).stride_length_m)
     certain = replace(steps[-1], stride=replace(unsure, confidence=1.0))
-    other = {p.name: p for p in gait_parameters([*steps[:-1], certain], None, CONFIG)}
+    other = {p.name: p for p in gait_parameters([*steps[:-1], certain], None)}
     # The stride that is off widens the interval less, the less it counts.
     low, high = other["stride length"].low, other["stride length"].high
     assert None not in (one.low, one.high, low, high)
@@ -83,11 +81,11 @@ def test_mean_length_is_that_of_the_measures_and_weighted_by_confidence() -> Non
 def test_interval_of_the_cadence_is_that_of_the_steps_it_is_of() -> None:
     times_s = np.arange(0, 8, 1 / 30)
     left, right = feet(times_s)
-    steps = find_steps(trajectory(times_s, left), trajectory(times_s, right), UP, CONFIG)
+    steps = find_steps(trajectory(times_s, left), trajectory(times_s, right), UP)
     last = steps[-1]
     stop = replace(last, landed_s=last.landed_s + 1.4, confidence=0.4, follows=True)
     walked, stopped = (
-        {p.name: p for p in gait_parameters(some, None, CONFIG)}["cadence"]
+        {p.name: p for p in gait_parameters(some, None)}["cadence"]
         for some in (steps, [*steps, stop])
     )
     assert (stopped.low, stopped.value, stopped.high) == (walked.low, walked.value, walked.high)
@@ -131,7 +129,7 @@ def test_few_steps_give_no_intervals() -> None:
 
 
 def test_person_who_stands_has_no_parameters() -> None:
-    parameters = gait_parameters([], None, CONFIG)
+    parameters = gait_parameters([], None)
     assert {one.value for one in parameters} == {None}
     page = person_page(3, parameters, [], Trajectories())
     assert "No steps were found" in page
@@ -139,7 +137,7 @@ def test_person_who_stands_has_no_parameters() -> None:
 
 def test_literature_of_definitions_is_that_of_the_method() -> None:
     method = Path("docs/method.md").read_text(encoding="utf-8")
-    for one in gait_parameters([], None, CONFIG):
+    for one in gait_parameters([], None):
         assert not one.source or one.source in REFERENCES, one.name
     for key, text in REFERENCES.items():
         assert f"| [{key}] | {text} |" in method
@@ -162,9 +160,9 @@ def test_turns_by_hand(degrees: float, expected_s: list[float]) -> None:
 def test_page_contains_everything_and_loads_nothing() -> None:
     times_s = np.arange(0, 6, 1 / 30)
     left, right = feet(times_s)
-    steps = find_steps(trajectory(times_s, left), trajectory(times_s, right), UP, CONFIG)
+    steps = find_steps(trajectory(times_s, left), trajectory(times_s, right), UP)
     page = person_page(
-        7, gait_parameters(steps, None, CONFIG), steps, Trajectories(tracks={7: left[:, :2]})
+        7, gait_parameters(steps, None), steps, Trajectories(tracks={7: left[:, :2]})
     )
     assert "Gait of person 7" in page
     assert "steps in 5 s, 0.60 m a step, 120 steps a minute, 1.20 m/s. No limp is seen" in page
@@ -211,7 +209,7 @@ def limp(ratio: float, duration_s: float, seed: int) -> str | None:
         foot: Side = "right" if k % 2 else "left"
         step = FootStep(foot, time_s, 0.6, stride, time_s - 0.4, (0.6 * k, 0.0), 0.2, 1.0, k > 0)
         steps.append(step)
-    return limping_side(gait_parameters(steps, None, CONFIG))
+    return limping_side(gait_parameters(steps, None))
 
 
 @pytest.mark.parametrize(("ratio", "duration_s"), [(0.1, 120.0), (0.2, 30.0)])

@@ -5,27 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from services.gait.config import BodyConfig
 from services.gait.surface.mesh import BodyMesh
 from services.gait.surface.segmentation import BodySegment
 from tests import builders
 
 INFO = builders.camera_info(fx=500.0)
-
-# As published: fixed thresholds, each pixel a vertex, nothing smoothed or joined.
-PUBLISHED = BodyConfig(
-    fill_passes=1,
-    fill_neighbours=1,
-    continuity_per_m=0.0,
-    noise_sigmas=0.0,
-    edge_stretch=0.0,
-    edge_noise_per_m2=0.0,
-    smooth_px=0,
-    join_m=0.0,
-    normal_passes=0,
-    vertices=0,
-    pixels_min=1,
-)
 
 
 def body_of(depth_m: npt.ArrayLike, left_px: int = 0, top_px: int = 0) -> BodySegment:

@@ -157,7 +157,7 @@ def test_points_are_in_the_frame_of_the_tracks() -> None:
 
 def test_newest_pending_frame_is_processed_live() -> None:
     """Live, a slow node must not fall behind."""
-    node = calibrated(GaitConfig(settle_s=0.003))
+    node = calibrated()
     assert not feed(
         node, [*synchronised(1, lockstep=False), *synchronised(2, lockstep=False)], now_ns=0
     )
@@ -295,7 +295,7 @@ def test_callback_gets_the_published_results() -> None:
 
 @pytest.mark.parametrize(
     "fields",
-    [{"people_max": 0}, {"frames": 0}, {"clock_jump_s": 0.0}, {"settle_s": 1.0}],
+    [{"people_max": 0}, {"frames": 0}],
     ids=lambda fields: next(iter(fields)),
 )
 def test_invalid_configuration_is_refused(fields: dict[str, int]) -> None:

@@ -81,14 +81,14 @@ def test_noise_is_as_large_as_tau() -> None:
     assert np.abs(noise.mean(axis=0)) == pytest.approx(np.zeros(8), abs=0.3)
 
 
+SIZE_SIGMA = 0.01
+
+
 def hierarchical(vx: float, vy: float) -> np.ndarray:
     config = ColourLayerConfig(
         particles=20_000,
-        tau=PUBLISHED_TAU,
+        tau=(10.0, 10.0, 1.0, 1.0, 0.1, 0.1, SIZE_SIGMA, SIZE_SIGMA),
         sampling="hierarchical",
-        growth_sideways_px2=0.05,
-        growth_upright=0.02,
-        along_stretch=2.0,
     )
     states = np.zeros((1, 20_000, 8))
     states[..., 2:6] = vx, vy, 100.0, 200.0
@@ -97,19 +97,20 @@ def hierarchical(vx: float, vy: float) -> np.ndarray:
 
 def test_hierarchical_sampling_couples_size_to_motion() -> None:
     damp, fast = hierarchical(1.0, 0.0)[:, 6], hierarchical(20.0, 0.0)[:, 6]
-    # Beside tau = 0.1 there is 0.05 / |x'|: sqrt(0.1^2 + 0.05^2) = 0.1118, and 0.1 when fast.
-    assert damp.std() == pytest.approx(0.1118, rel=0.03)
-    assert fast.std() == pytest.approx(0.1, rel=0.03)
-    # Down at 10 px a frame: grows by 0.02 * 10 on average; up it shrinks. Height alike.
+    # Together with tau = 0.01 it is 0.02 / |x'|: sqrt(0.01^2 + 0.02^2) = 0.02236, and
+    # sqrt(0.01^2 + 0.001^2) = 0.01005 when fast.
+    assert damp.std() == pytest.approx(0.02236, rel=0.03)
+    assert fast.std() == pytest.approx(0.01005, rel=0.03)
+    # Down at 10 px a frame: grows by 0.005 * 10 on average; up it shrinks. The height does so, too.
     down, up = hierarchical(0.0, 10.0), hierarchical(0.0, -10.0)
-    assert down[:, 6:].mean(axis=0) == pytest.approx([0.2, 0.2], abs=0.01)
-    assert up[:, 6:].mean(axis=0) == pytest.approx([-0.2, -0.2], abs=0.01)
+    assert down[:, 6:].mean(axis=0) == pytest.approx([0.05, 0.05], abs=0.002)
+    assert up[:, 6:].mean(axis=0) == pytest.approx([-0.05, -0.05], abs=0.002)
 
 
 def test_hierarchical_sampling_stretches_noise_along_the_motion() -> None:
-    # Moving down: half of the particles have sigma 20 along y and 5 across, half 10 and 10.
+    # Moving down: half of the particles have sigma 14 along y and 10 / 1.4 across, half 10.
     noise = hierarchical(0.0, 10.0)[:, :2] - (0.0, 10.0)
-    assert noise[:10_000].std(axis=0) == pytest.approx([5.0, 20.0], rel=0.05)
+    assert noise[:10_000].std(axis=0) == pytest.approx([10 / 1.4, 14.0], rel=0.05)
     assert noise[10_000:].std(axis=0) == pytest.approx([10.0, 10.0], rel=0.05)
     # Without motion there is no direction.
     assert hierarchical(0.0, 0.0)[:, :2].std(axis=0) == pytest.approx([10.0, 10.0], rel=0.05)
@@ -120,14 +121,8 @@ def test_hierarchical_sampling_stretches_noise_along_the_motion() -> None:
     [
         {"particles": 0},
         {"sigma": 0.0},
-        {"ratio_sigma": 0.0},
-        {"aspect_sigma": float("inf")},
-        {"bands": 0},
-        {"background_scale": 1.0},
+        {"sigma": float("inf")},
         {"tau": (-1.0,) * 8},
-        {"along_share": 1.5},
-        {"points": (0, 5)},
-        {"growth_upright": float("nan")},
     ],
 )
 def test_invalid_configuration_is_refused(fields: dict[str, object]) -> None:

@@ -22,7 +22,6 @@ from evaluation.gait.parameters import gait_parameters, limping_side
 from evaluation.gait.tables import GaitTables
 from lab.truth.motion_capture import Footfall
 from people4d.messages import F64, GaitMeasures, PersonGait
-from services.gait.config import StepConfig
 from services.gait.estimator import GaitResult
 from services.gait.steps.steps import FootStep
 from services.gait.steps.swings import FEET
@@ -70,9 +69,9 @@ def tally(
     reference = references(truth.joints_m, truth.camera_m)
     assigned: list[dict[int, PersonGait]] = []
     votes: dict[int, list[int]] = {}
-    tables = GaitTables(StepConfig())
+    tables = GaitTables()
     for index, frame in enumerate(results):
-        tables.add(stamps_ns[index], frame)
+        tables.add_frame(stamps_ns[index], frame)
         before = {one.id: k for k, one in assigned[-1].items()} if assigned else {}
         people_here = [one.person for one in frame]
         assigned.append(_assigned(people_here, truth.joints_m[index], before))
@@ -218,7 +217,7 @@ def _asymmetry(
         return
     if best.step_time_asymmetry is not None:
         tally_.asymmetry_off.append(best.step_time_asymmetry - true)
-    side = limping_side(gait_parameters(steps, None, StepConfig()))
+    side = limping_side(gait_parameters(steps, None))
     expected = ("left" if true > 0 else "right") if abs(true) >= LIMP else None
     tally_.limps += expected is not None
     tally_.limps_found += expected is not None and side == expected

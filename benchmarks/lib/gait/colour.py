@@ -18,7 +18,7 @@ from benchmarks.lib.table import markdown, spread
 from people4d.messages import F64, U8
 from services.gait.colour.colour_layer import ColourLayer
 from services.gait.colour.colour_ratio import ColourRatio
-from services.gait.colour.histogram import HueSaturationHistogram, hsv_patch, sample_grid
+from services.gait.colour.histogram import SAMPLES, HueSaturationHistogram, hsv_patch, sample_grid
 from services.gait.config import PUBLISHED_TAU, ColourLayerConfig
 
 SUCCESS = 0.5  # overlap from which on a frame counts
@@ -267,11 +267,11 @@ def comparing_ms(recording: ColourSequence, rounds: int) -> dict[str, list[float
     middle = (recording.boxes_px[0, :2] + recording.boxes_px[0, 2:]) / 2
     centres = middle + random.normal(0, 10, (100, 2))
     boxes = np.concatenate([centres, np.full((100, 2), (150.0, 250.0))], axis=1)
-    config, rgb = ColourLayerConfig(), recording.frames[0]
-    bins = HueSaturationHistogram(config.hue_bins, config.saturation_bins, config.points)
-    ratios = ColourRatio(config, bins)
+    rgb = recording.frames[0]
+    bins = HueSaturationHistogram()
+    ratios = ColourRatio(bins)
     model = ratios.learn(hsv_patch(rgb, boxes[:1] * ratios.reach), boxes[0])
-    grid = sample_grid(config.points)
+    grid = sample_grid(SAMPLES)
     times: dict[str, list[float]] = {"numpy": [], "compiled": []}
     for _ in range(rounds + 1):
         begin_ns = time.perf_counter_ns()

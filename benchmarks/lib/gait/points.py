@@ -133,11 +133,10 @@ def compared(
 
 def keypoints_alone(recording: GaitRecording) -> PointResults:
     """Return the points at the depth of keypoints, without any filter."""
-    config = DepthLayerConfig()
     points = np.full(recording.truth.points_m.shape, np.nan)
     for index, frame in enumerate(recording.frames()):
         for k, detection in enumerate(recording.detections[index]):
-            estimates = anchors(detection.keypoints if detection else None, config)
+            estimates = anchors(detection.keypoints if detection else None)
             for name, anchor in estimates.items():
                 u, v = np.rint(anchor.pixel).astype(int)
                 window = frame.depth_mm[max(v - 1, 0) : v + 2, max(u - 1, 0) : u + 2]

@@ -15,10 +15,12 @@ from services.gait.colour.histogram import (
     normalised_weights,
 )
 from services.gait.config import ColourLayerConfig
-from services.gait.particles import STATES, BoxMotionModel, systematic
+from services.gait.particles import BOX_MIN_PX, STATES, BoxMotionModel, systematic
 
 BOX = [0, 1, 4, 5]  # centre, width and height in a state
 SIZE = slice(4, 6)
+RATIO_SIGMA = 0.05  # Standard deviation of the mean log-likelihood ratio over a box
+ASPECT_SIGMA = 0.15  # Standard deviation of the logarithm of width by height, to the first box
 
 
 @dataclass(frozen=True)
@@ -51,10 +53,9 @@ class ColourLayer:
     def __init__(self, config: ColourLayerConfig, seed: int = 0) -> None:
         self._config = config
         self._generator = np.random.default_rng(seed)
-        bins = config.hue_bins, config.saturation_bins
-        self._histogram = HueSaturationHistogram(*bins, config.points)
+        self._histogram = HueSaturationHistogram()
         by_ratio = config.weights == "ratio"
-        self._ratio = ColourRatio(config, self._histogram) if by_ratio else None
+        self._ratio = ColourRatio(self._histogram) if by_ratio else None
         self._motion = BoxMotionModel(config)
         self._filters: dict[int, _BoxFilter] = {}
 
@@ -72,7 +73,7 @@ class ColourLayer:
         self.stop(person)
         left, top, right, bottom = np.asarray(box_xyxy_px, np.float64).tolist()
         box = np.array([(left + right) / 2, (top + bottom) / 2, right - left, bottom - top])
-        if not np.all(np.isfinite(box)) or box[2:].min() < self._config.box_min_px:
+        if not np.all(np.isfinite(box)) or box[2:].min() < BOX_MIN_PX:
             return False
         height, width = rgb.shape[:2]
         if right < 1 or bottom < 1 or left > width - 1 or top > height - 1:
@@ -124,15 +125,14 @@ class ColourLayer:
         one.initial = None
 
     def _log_weights(self, one: _BoxFilter, patch: HsvPatch, boxes: F64) -> F64:
-        config = self._config
         if self._ratio is None or one.model is None:
             distances = self._histogram.distances(patch, boxes, one.reference)
-            return log_likelihoods(distances, config.sigma)
+            return log_likelihoods(distances, self._config.sigma)
         scores = self._ratio.scores(patch, boxes, one.model)
         # Per pixel of the box: neighbouring pixels are not independent.
-        logs = scores / (one.box[2] * one.box[3] * config.ratio_sigma)
+        logs = scores / (one.box[2] * one.box[3] * RATIO_SIGMA)
         stretch = np.log(boxes[:, 2] / boxes[:, 3]) - one.log_aspect
-        return np.asarray(logs - 0.5 * (stretch / config.aspect_sigma) ** 2)
+        return np.asarray(logs - 0.5 * (stretch / ASPECT_SIGMA) ** 2)
 
     def _estimates(self, patches: Sequence[HsvPatch], states: F64) -> dict[int, ColourEstimate]:
         estimates = {}

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from common.compiled import compiled
 from people4d.messages import F64
 from services.gait.colour.histogram import (
+    SAMPLES,
     HsvPatch,
     HueSaturationHistogram,
     SampleGrid,
@@ -24,7 +25,6 @@ from services.gait.colour.histogram import (
     sample_bins,
     sample_grid,
 )
-from services.gait.config import ColourLayerConfig
 from services.gait.surface.segmentation import I32
 
 # Probability that a pixel of a box is the person's, in tenths: largest in the middle, falling
@@ -32,6 +32,8 @@ from services.gait.surface.segmentation import I32
 MIDDLE_TENTHS, HEAD_RATIO = 8.0, 0.15  # in the middle; the head's part of the height
 HEAD_WIDTH, BODY_WIDTH = 0.2, 0.4  # where it falls to 1/e, from the middle, in widths of the box
 TENTHS = 10
+BANDS = 4  # Parts of the height, each with its own colours
+BACKGROUND_SCALE = 1.6  # Width of the background about a box [widths of the box]
 LEARN_POINTS = (32, 72)  # in and about a box, that colours are learnt from
 UNSEEN = 3e-4  # probability of a colour that was not observed
 RATIO_MAX = 10.0  # bound of one pixel's likelihood ratio
@@ -71,14 +73,14 @@ def person_prior(grid: SampleGrid, bands: int) -> PersonPrior:
 class ColourRatio:
     """Learns colour models and scores boxes by them."""
 
-    def __init__(self, config: ColourLayerConfig, histogram: HueSaturationHistogram) -> None:
-        self._histogram, self._bands = histogram, config.bands
-        scale = config.background_scale, (1 + config.background_scale) / 2
+    def __init__(self, histogram: HueSaturationHistogram, bands: int = BANDS) -> None:
+        self._histogram, self._bands = histogram, bands
+        scale = BACKGROUND_SCALE, (1 + BACKGROUND_SCALE) / 2
         self.reach = np.array([1.0, 1.0, *scale])  # box times this covers the background
-        self._grid = sample_grid(config.points)
-        self._prior = person_prior(self._grid, config.bands)
+        self._grid = sample_grid(SAMPLES)
+        self._prior = person_prior(self._grid, bands)
         self._learn_grid = sample_grid(LEARN_POINTS, scale)
-        self._learn_prior = person_prior(self._learn_grid, config.bands)
+        self._learn_prior = person_prior(self._learn_grid, bands)
 
     def learn(self, patch: HsvPatch, box: F64) -> ColourModel:
         """Return the colours of the person in a box (4: x, y, width, height) and of the background.

@@ -11,6 +11,8 @@ from people4d.messages import F64, U8
 from services.gait.surface.segmentation import I32
 
 Tables: TypeAlias = tuple[I32, I32]
+BINS = (20, 20)  # Bins of hue and of saturation
+SAMPLES = (12, 32)  # Samples of a box of any size, across and down
 
 
 class HsvPatch(NamedTuple):
@@ -46,7 +48,8 @@ class HueSaturationHistogram:
     Source: docs/method.md, section 8.1 [Pérez 2002].
     """
 
-    def __init__(self, hue_bins: int, saturation_bins: int, points: tuple[int, int]) -> None:
+    def __init__(self, samples: tuple[int, int] = SAMPLES) -> None:
+        hue_bins, saturation_bins = BINS
         self.bins = hue_bins * saturation_bins
         levels = np.arange(256)
         # By the value of a pixel: what hue and saturation add to the number of its bin.
@@ -54,7 +57,7 @@ class HueSaturationHistogram:
             (levels * hue_bins // 256 * saturation_bins).astype(np.int32),
             (levels * saturation_bins // 256).astype(np.int32),
         )
-        self._grid = sample_grid(points)
+        self._grid = sample_grid(samples)
 
     def __call__(self, rgb: U8, boxes: F64) -> F64:
         """Return the histograms (M x bins) of boxes (Mx4: centre x, y, width, height) of an image.

@@ -12,9 +12,11 @@ import numpy as np
 from common.geometry.transforms import deproject, project
 from people4d.messages import F64, CameraInfo
 from services.gait.config import DepthLayerConfig
-from services.gait.points.body import MeasuredBody
+from services.gait.points.body import WINDOW_M, MeasuredBody
 from services.gait.points.keypoints import PAIRS, START_CONFIDENCE, Anchor
 from services.gait.points.likelihood import (
+    EXTREMITY_SIGMA_M,
+    GEODESIC_SIGMA_M,
     PRIOR_FREE,
     ParticleWeights,
     PointEvidence,
@@ -29,8 +31,9 @@ from services.gait.points.limbs.visibility import (
     limb_evidence,
     shank_points_away,
 )
-from services.gait.points.point_filter import PointFilter
+from services.gait.points.point_filter import GATE, TIMEOUT_S, PointFilter
 
+CONFIDENCE_MIN = 0.25  # Minimum confidence of a measured position
 CONTRADICTION = 3.0  # [standard deviations] of a point from its keypoint
 TOLERANCE = 1.5  # [standard deviations] that count as one
 OCCLUDED_M, OCCLUDED_SIGMAS = 0.07, 2.0  # before the expected position a surface hides a point
@@ -94,7 +97,7 @@ class Acceptance:
         positions = body.mesh.points_m[np.maximum(point.vertices, 0)]
         vertex, position = int(point.vertices[best]), positions[best]
         if self._config.feature == "combined":
-            near = np.linalg.norm(positions - positions[best], axis=1) <= self._config.window_m
+            near = np.linalg.norm(positions - positions[best], axis=1) <= WINDOW_M
             inside = weights * near * (point.vertices >= 0)
             position = (inside / inside.sum()) @ positions
         point.resample(weights)
@@ -174,28 +177,24 @@ class Acceptance:
         dt_s: float,
     ) -> None:
         assert point.motion is not None
-        config, position, vertex = self._config, candidate.position_m, candidate.vertex
+        position, vertex = candidate.position_m, candidate.vertex
         noise = point.noise_m2(position, candidate.noise_m2)
         off = float(np.sqrt(point.motion.distances2(position[None], noise)[0]))
         support = max(
             self._by_extremity(point, body, vertex, evidence),
             self._by_anchor(point, position, evidence),
         )
-        point.unsupported_s = 0.0 if support > config.confidence_min else point.unsupported_s + dt_s
+        point.unsupported_s = 0.0 if support > CONFIDENCE_MIN else point.unsupported_s + dt_s
         # Without extremity and keypoint, similar features elsewhere count for a while only.
-        decay = float(np.exp(-point.unsupported_s / (2 * config.timeout_s))) if point.kind else 1.0
+        decay = float(np.exp(-point.unsupported_s / (2 * TIMEOUT_S))) if point.kind else 1.0
         if not (self.has_keypoints and point.prior is not None):
             support = max(support, decay * self._by_distance(point, body, vertex))
         elif evidence.anchor is None and point.prior is not None:
             squares = float(point.prior.distances2(position[None])[0])
             support *= _agreement(np.sqrt(max(squares - PRIOR_FREE, 0.0)))
-        confidence = support * _agreement(off / config.gate * TOLERANCE**2)
-        supported = confidence >= config.confidence_min
-        if (
-            off > config.gate
-            or point.state == "lost"
-            or not (supported or candidate.noise_m2 is not None)
-        ):
+        confidence = support * _agreement(off / GATE * TOLERANCE**2)
+        supported = confidence >= CONFIDENCE_MIN
+        if off > GATE or point.state == "lost" or not (supported or candidate.noise_m2 is not None):
             point.mark_missed(dt_s)
             return
         odds = self._odds(point, body, candidate, evidence)
@@ -262,10 +261,10 @@ class Acceptance:
         if not np.isfinite(point.tip_distance_m):
             return 0.0
         off = float(body.tip_distance_m[vertex] - point.tip_distance_m)
-        return extremity.strength * _agreement(off / self._config.extremity_sigma_m)
+        return extremity.strength * _agreement(off / EXTREMITY_SIGMA_M)
 
     def _by_distance(self, point: PointFilter, body: MeasuredBody, vertex: int) -> float:
-        off = float(body.geodesic_m[vertex] - point.geodesic_m) / self._config.geodesic_sigma_m
+        off = float(body.geodesic_m[vertex] - point.geodesic_m) / GEODESIC_SIGMA_M
         return _agreement(off) if np.isfinite(off) else 0.0
 
     def _by_anchor(self, point: PointFilter, position: F64, evidence: PointEvidence) -> float:

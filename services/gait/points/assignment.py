@@ -10,7 +10,7 @@ from people4d.messages import F64, CameraInfo
 from services.gait.config import DepthLayerConfig
 from services.gait.points.body import UP, Extremity, MeasuredBody
 from services.gait.points.keypoints import KINDS, START_CONFIDENCE, Anchor, pixels_of
-from services.gait.points.point_filter import PointFilter
+from services.gait.points.point_filter import TIMEOUT_S, PointFilter
 
 REACH_M = 0.30  # from the predicted point to its extremity, at most
 GEODESIC_SIGMA_M = 0.10  # of an extremity's geodesic distance
@@ -94,7 +94,7 @@ def is_idle(point: PointFilter, config: DepthLayerConfig) -> bool:
     """Check that a point is lost, or had no extremity for long."""
     if point.motion is None or config.feature != "combined":
         return point.motion is None
-    return not point.alive or point.unsupported_s > config.timeout_s
+    return not point.alive or point.unsupported_s > TIMEOUT_S
 
 
 def body_vertex(pixel: F64, body: MeasuredBody, info: CameraInfo) -> int | None:

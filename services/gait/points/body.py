@@ -5,17 +5,17 @@ Source: docs/method.md, section 19.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 
 from people4d.messages import F32, F64, U16, CameraInfo
-from services.gait.config import DepthLayerConfig
 from services.gait.points.keypoints import torso_pixel
 from services.gait.surface.floor import FloorPlane
 from services.gait.surface.geodesic import GeodesicExtrema
 from services.gait.surface.mesh import BodyMesh
 from services.gait.surface.segmentation import I64
-from services.gait.surface.spin_image import similarity, spin_images
+from services.gait.surface.spin_image import SIMILARITY_SIGMA, similarity, spin_images
 
 UP = np.array([0.0, -1.0, 0.0])  # of a level camera
 # All as ratios of the stature:
@@ -26,6 +26,10 @@ HEAD_ASIDE_M = 0.3  # farthest head from the body's axis
 HAND_GEODESIC_MIN_M = 0.3  # nearer to the torso's middle extrema are elbows and shoulders
 
 BOTTOM = 0.94  # of the image's height: legs that go on below are cut off there
+# Distance along the body from the end of a limb to the middle of its point: fingertips, toes, and
+# the top of the head, round it [m]
+LENGTHS_M: Mapping[str, float] = MappingProxyType({"head": 0.17, "hand": 0.09, "foot": 0.10})
+WINDOW_M = 0.06  # Radius over which a position is averaged [m]
 TORSO_CANDIDATES = 24
 TORSO_SIGMA_M = 0.08  # [m] of candidates about the torso's middle
 REFERENCE_DECAY = 0.95  # of the torso's reference in each frame; the rest is the new spin image
@@ -114,38 +118,30 @@ def measure_body(
     return MeasuredBody(mesh, heights_m, stature_m, geodesic_m, extrema, kinds, tip_distance)
 
 
-def extremities_in_view(
-    body: MeasuredBody, info: CameraInfo, config: DepthLayerConfig
-) -> list[Extremity]:
+def extremities_in_view(body: MeasuredBody, info: CameraInfo) -> list[Extremity]:
     """Return the extremities that are not cut off by the image."""
     margin = 2 * body.mesh.step_px
     last = np.array([info.width - 1 - margin, BOTTOM * info.height])
     pixels = body.mesh.pixels_px[body.extrema.vertices]
     inside = np.all((pixels > margin) & (pixels < last), axis=1)
-    return [one for one in find_extremities(body, config) if inside[one.basin]]
+    return [one for one in find_extremities(body) if inside[one.basin]]
 
 
-def find_extremities(body: MeasuredBody, config: DepthLayerConfig) -> list[Extremity]:
+def find_extremities(body: MeasuredBody) -> list[Extremity]:
     """Return heads, hands and feet, the most persistent first."""
-    lengths = lengths_m(config)
     found = []
     for k, kind in enumerate(body.kinds):
         geodesic = float(body.geodesic_m[body.extrema.vertices[k]])
         if not kind or (kind == "hand" and geodesic < HAND_GEODESIC_MIN_M):
             continue
-        near = (body.extrema.basin == k) & (body.tip_distance_m <= 2 * lengths[kind])
+        near = (body.extrema.basin == k) & (body.tip_distance_m <= 2 * LENGTHS_M[kind])
         points = body.mesh.points_m[near]
         # Not the mean: more vertices are on the nearer side of a limb.
         middle = (points.min(axis=0) + points.max(axis=0)) / 2
         distances = np.linalg.norm(points - middle, axis=1)
-        position = points[distances <= distances.min() + config.window_m / 2].mean(axis=0)
+        position = points[distances <= distances.min() + WINDOW_M / 2].mean(axis=0)
         found.append(Extremity(k, kind, position, geodesic, float(body.extrema.strengths[k])))
     return sorted(found, key=lambda one: -one.strength)
-
-
-def lengths_m(config: DepthLayerConfig) -> Mapping[str, float]:
-    """Return the distance of points from the end of the limb, by kind."""
-    return {"head": config.head_m, "hand": config.hand_m, "foot": config.foot_m}
 
 
 class TorsoReference:
@@ -155,14 +151,14 @@ class TorsoReference:
     reference adapts slowly, and the vertex stays about the torso's middle.
     """
 
-    def __init__(self, config: DepthLayerConfig) -> None:
-        self._config = config
+    def __init__(self) -> None:
         self._reference: F64 | None = None
 
-    def find(self, mesh: BodyMesh, heights_m: F64, stature_m: float, keypoints: F32 | None) -> int:
+    def find_vertex(
+        self, mesh: BodyMesh, heights_m: F64, stature_m: float, keypoints: F32 | None
+    ) -> int:
         """Return the vertex at the middle of the torso."""
-        config = self._config
-        pixel = torso_pixel(keypoints, config) if config.keypoints else None
+        pixel = torso_pixel(keypoints)
         torso = torso_vertices(heights_m, stature_m)
         if pixel is None:
             pixel = np.median(mesh.pixels_px[torso], axis=0)
@@ -171,12 +167,12 @@ class TorsoReference:
         nearest = torso[np.argsort(near, kind="stable")]
         nearest = nearest[np.sort(near) < 2 * TORSO_SIGMA_M]
         candidates = nearest[:: max(1, len(nearest) // TORSO_CANDIDATES)]
-        images = spin_images(mesh, candidates, config.spin)
+        images = spin_images(mesh, candidates)
         if self._reference is None:
             self._reference = images[0]
             return int(middle)
         off = np.linalg.norm(mesh.points_m[candidates] - mesh.points_m[middle], axis=1)
-        scores = similarity(images, self._reference, config.spin.overlap_min) / config.spin_sigma
+        scores = similarity(images, self._reference) / SIMILARITY_SIGMA
         best = int(np.argmax(np.maximum(scores, -20.0) - 0.5 * (off / TORSO_SIGMA_M) ** 2))
         self._reference = REFERENCE_DECAY * self._reference + (1 - REFERENCE_DECAY) * images[best]
         return int(candidates[best])

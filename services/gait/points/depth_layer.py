@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from people4d.messages import F64, CameraInfo
+from people4d.messages import F32, F64, CameraInfo
 from services.gait.config import DepthLayerConfig
 from services.gait.points.acceptance import Acceptance, drop_same
 from services.gait.points.assignment import (
@@ -15,6 +15,7 @@ from services.gait.points.assignment import (
     is_idle,
 )
 from services.gait.points.body import (
+    LENGTHS_M,
     UP,
     Extremity,
     MeasuredBody,
@@ -22,7 +23,6 @@ from services.gait.points.body import (
     TorsoReference,
     extremities_in_view,
     heights_of,
-    lengths_m,
     measure_body,
 )
 from services.gait.points.heading import HeadingEstimator, LeftRightCheck
@@ -67,13 +67,13 @@ class DepthLayer:
     def __init__(self, config: DepthLayerConfig, info: CameraInfo, seed: int = 0) -> None:
         self._config, self._info = config, info
         self._generator = np.random.default_rng(seed)
-        self._torso = TorsoReference(config)
+        self._torso = TorsoReference()
         self._heading_estimator = HeadingEstimator()
         self._heading: F64 | None = None  # 3, level, optical frame
         self._up: F64 = UP
         self._points = {name: self._new(name) for name in config.points}
         self._acceptance = Acceptance(config, info)
-        self._left_right = LeftRightCheck(config.swap_s)
+        self._left_right = LeftRightCheck()
         self._assigned: dict[str, Extremity] = {}  # by point
         self._floor_feet: Mapping[str, FloorPosition] = {}  # of feet without depth
         self._stature_m = 0.0
@@ -103,7 +103,7 @@ class DepthLayer:
 
     def update(self, observation: MeshObservation) -> Mapping[str, PointEstimate]:
         """Return the estimates of the points in the next frame."""
-        has_keypoints = self._config.keypoints and observation.keypoints is not None
+        has_keypoints = self._keypoints(observation) is not None
         self._acceptance.has_keypoints = has_keypoints
         self._acceptance.had_keypoints |= has_keypoints
         self._up = UP if observation.floor is None else observation.floor.up
@@ -117,9 +117,7 @@ class DepthLayer:
             return self._estimates()
         expected = self._anchors(observation, body)
         starts = any(point.motion is None for point in self._points.values())
-        extremities = (
-            extremities_in_view(body, self._info, self._config) if self._combined or starts else []
-        )
+        extremities = extremities_in_view(body, self._info) if self._combined or starts else []
         self._assigned = assign_all(self._points, extremities, expected, self._info)
         self._floor_feet = floor_positions(
             expected, self._points, observation, self._heading, self._info
@@ -130,7 +128,7 @@ class DepthLayer:
             damp_occluded(self._points, observation.dt_s)
         self._start_points(observation, body, expected, extremities)
         if not expected and self._combined:
-            pairs = self._left_right.swapped(self._points, self._heading, observation.dt_s)
+            pairs = self._left_right.find_swapped(self._points, self._heading, observation.dt_s)
             for left, right in pairs:
                 self._swap(left, right)
         return self._estimates()
@@ -143,6 +141,10 @@ class DepthLayer:
         """Set all points lost, after a gap in time."""
         for point in self._points.values():
             point.state = "lost"
+
+    def _keypoints(self, observation: MeshObservation) -> F32 | None:
+        """Return the keypoints of a frame if they are used."""
+        return observation.keypoints if self._config.keypoints else None
 
     def _new(self, name: str) -> PointFilter:
         return PointFilter(name, self._config, self._info, self._generator)
@@ -160,11 +162,13 @@ class DepthLayer:
         self._set_heading(observation, mesh, heights)
         self._stature_m = max(0.998 * self._stature_m, float(np.quantile(heights, 0.995)))
         if self._combined or config.source == "body":
-            source = self._torso.find(mesh, heights, self._stature_m, observation.keypoints)
+            source = self._torso.find_vertex(
+                mesh, heights, self._stature_m, self._keypoints(observation)
+            )
         else:
             source = int(np.argmax(heights))
         distances = geodesic_m(mesh, source)
-        extrema = geodesic_extrema(mesh, distances, config.persistence_m)
+        extrema = geodesic_extrema(mesh, distances)
         return measure_body(mesh, heights, self._stature_m, distances, extrema)
 
     def _set_heading(
@@ -179,8 +183,7 @@ class DepthLayer:
         """Set the expected positions of the points relative to the body."""
         priors: Mapping[str, Normal] = {}
         if body is not None and self._combined and self._config.body_prior:
-            known = observation.keypoints if self._config.keypoints else None
-            joints = joint_pixels(known, self._config)
+            joints = joint_pixels(self._keypoints(observation))
             priors = limb_priors(body, self._heading, self._up, joints, self._info)
         for name, point in self._points.items():
             point.prior, point.hidden_keypoint = priors.get(name), None
@@ -189,12 +192,12 @@ class DepthLayer:
     def _anchors(self, observation: MeshObservation, body: MeasuredBody) -> Mapping[str, Anchor]:
         if not (self._combined and self._config.keypoints):
             return {}
-        found = anchors(observation.keypoints, self._config)
+        found = anchors(observation.keypoints)
         if self._heading is not None:
             depth_m = float(body.mesh.middle_m[2])
-            found = feet_ahead(found, depth_m, self._heading, self._info, self._config)
+            found = feet_ahead(found, depth_m, self._heading, self._info)
         found = {name: anchor for name, anchor in found.items() if name in self._points}
-        return on_own_limbs(found, self._points, observation.dt_s, self._info, self._config)
+        return on_own_limbs(found, self._points, observation.dt_s, self._info)
 
     def _propagate(self, dt_s: float, expected: Mapping[str, Anchor]) -> None:
         for name, point in self._points.items():
@@ -215,11 +218,11 @@ class DepthLayer:
             point.project_to(body)
         # Before any update: the evidence of a point contains its counterpart's prediction.
         evidence = [self._evidence(point, body, expected.get(point.name)) for point in points]
-        similarities = spin_similarities(points, body.mesh, self._config)
+        similarities = spin_similarities(points, body.mesh)
         weights = [
-            combined_weights(point, body, similar, own, self._config)
+            combined_weights(point, body, similar, own)
             if self._combined
-            else single_feature_weights(point, body, similar, self._config)
+            else single_feature_weights(point, body, similar)
             for point, similar, own in zip(points, similarities, evidence, strict=True)
         ]
         candidates = {
@@ -231,7 +234,7 @@ class DepthLayer:
         for point, own in zip(points, evidence, strict=True):
             floor = self._floor_feet.get(point.name)
             if floor is not None and own.surface is None and point.alive:
-                correct_by_floor(point, floor, self._config.gate, dt_s)
+                correct_by_floor(point, floor, dt_s)
             else:
                 self._acceptance.update(point, body, candidates[point.name], own, dt_s)
 
@@ -240,7 +243,7 @@ class DepthLayer:
     ) -> PointEvidence:
         assert point.motion is not None
         depth_m = point.motion.position_m[2]
-        noise_px = sigma_px(anchor, depth_m, self._info, self._config) if anchor else 1.0
+        noise_px = sigma_px(anchor, depth_m, self._info) if anchor else 1.0
         other = self._points.get(COUNTERPARTS.get(point.name, ""))
         taken = self._assigned.get(other.name) if other is not None else None
         own = self._assigned.get(point.name)
@@ -274,7 +277,7 @@ class DepthLayer:
                     self._start_at(name, vertex, body)
                 elif floor is not None:
                     point.start_beside(anchor.pixel, floor.position_m, floor.noise_m2)
-        if self._combined and self._config.keypoints and observation.keypoints is not None:
+        if self._combined and self._keypoints(observation) is not None:
             for name, one in expected_starts(self._points, extremities):
                 self._start_at(name, body.mesh.nearest(one.position_m), body)
             return
@@ -300,7 +303,7 @@ class DepthLayer:
         point = self._points.setdefault(name, self._new(name))
         spin = reference_spin_image(point, vertex, body.mesh, self._config)
         point.start(vertex, body, spin)
-        point.tip_distance_m = lengths_m(self._config).get(point.kind, np.nan)
+        point.tip_distance_m = LENGTHS_M.get(point.kind, np.nan)
 
     def _swap(self, left: str, right: str) -> None:
         points = self._points

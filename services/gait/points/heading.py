@@ -19,6 +19,7 @@ HEEL_M = 0.03  # [m] that visible feet are nearer to the camera than shins at an
 SPEED_MPS = 0.5  # walking so fast counts as much as feet do
 EVIDENCE_MIN = 0.3  # of what feet count alone; less leaves the heading as it is
 VERTICES_MIN = 20  # of feet and of shins
+SWAP_S = 0.15  # Time that left and right contradict the heading before their exchange [s]
 APART_M = 0.12  # [m] across between left and right, from which on a frame counts in full
 FIXED = np.eye(4)  # pose of a camera at rest
 
@@ -92,13 +93,12 @@ def _feet_ahead(mesh: BodyMesh, heights_m: F64) -> F64:
 
 
 class LeftRightCheck:
-    """Detects pairs whose left and right contradict the heading for `swap_s` seconds."""
+    """Detects pairs whose left and right contradict the heading for SWAP_S seconds."""
 
-    def __init__(self, swap_s: float) -> None:
-        self._swap_s = swap_s
+    def __init__(self) -> None:
         self._wrong_s: dict[str, float] = {}
 
-    def swapped(
+    def find_swapped(
         self, points: Mapping[str, PointFilter], heading: F64 | None, dt_s: float
     ) -> list[tuple[str, str]]:
         """Return the pairs of points that have each other's name."""
@@ -111,7 +111,7 @@ class LeftRightCheck:
             apart = float((b - a) @ np.cross(UP, heading)) / APART_M
             wrong_s = self._wrong_s.get(left, 0.0) + dt_s * float(np.clip(apart, -1.0, 1.0))
             self._wrong_s[left] = max(wrong_s, 0.0)
-            if wrong_s > self._swap_s:
+            if wrong_s > SWAP_S:
                 self._wrong_s[left] = 0.0
                 found.append((left, right))
         return found

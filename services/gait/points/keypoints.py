@@ -8,7 +8,6 @@ import numpy as np
 
 from common.geometry.transforms import deproject, project
 from people4d.messages import F32, F64, CameraInfo
-from services.gait.config import DepthLayerConfig
 
 HEAD, LEFT_HAND, RIGHT_HAND = "head", "left_hand", "right_hand"
 LEFT_FOOT, RIGHT_FOOT = "left_foot", "right_foot"
@@ -23,8 +22,13 @@ TORSO = [5, 6, 11, 12]  # COCO: shoulders and hips
 JOINTS: Mapping[str, tuple[int, int]] = MappingProxyType(
     {LEFT_HAND: (9, 7), RIGHT_HAND: (10, 8), LEFT_FOOT: (15, 13), RIGHT_FOOT: (16, 14)}
 )
-START_CONFIDENCE = 0.5  # of a keypoint or extremity at which a lost point starts
-ANKLE_CONFIDENCE_MIN = 0.1  # of a keypoint that counts if it is near its foot
+KEYPOINT_SIGMA_M = 0.04  # Standard deviation of a keypoint, at right angles to the ray [m]
+KEYPOINT_CONFIDENCE_MIN = 0.4  # Minimum confidence of a keypoint
+ANKLE_CONFIDENCE_MIN = 0.1  # Minimum confidence of the keypoint of an ankle near its foot
+START_CONFIDENCE = 0.5  # Minimum confidence of a keypoint or extremity at which a lost point starts
+HAND_REACH = 0.5  # Offset from the wrist to the middle of the hand [forearms]
+FOOT_REACH = 0.12  # Offset from the ankle to the middle of the foot [shanks]
+FOOT_AHEAD_M = 0.07  # Offset from the ankle ahead to the middle of the foot [m]
 UNDIRECTED_NOISE = 1.5  # factor of the noise, where the direction of a limb is not known
 # Factor of the noise: the face is beside the head's middle; the direction of a foot is not known.
 KIND_NOISE: Mapping[str, float] = MappingProxyType({"head": 2.0, "hand": 1.0, "foot": 2.5})
@@ -51,12 +55,12 @@ def pixels_of(length_m: float, depth_m: float, info: CameraInfo) -> float:
     return float(info.fx * length_m / max(depth_m, 0.1))
 
 
-def sigma_px(anchor: Anchor, depth_m: float, info: CameraInfo, config: DepthLayerConfig) -> float:
+def sigma_px(anchor: Anchor, depth_m: float, info: CameraInfo) -> float:
     """Return the noise of an anchor in pixels."""
-    return anchor.sigma * pixels_of(config.keypoint_sigma_m, depth_m, info)
+    return anchor.sigma * pixels_of(KEYPOINT_SIGMA_M, depth_m, info)
 
 
-def anchors(keypoints: F32 | None, config: DepthLayerConfig) -> Mapping[str, Anchor]:
+def anchors(keypoints: F32 | None) -> Mapping[str, Anchor]:
     """Return the expected pixels of points by confident keypoints (17x3, COCO; None: not detected).
 
     Hands are beyond the wrists and feet beyond the ankles, by a ratio of forearm and shank in the
@@ -66,18 +70,17 @@ def anchors(keypoints: F32 | None, config: DepthLayerConfig) -> Mapping[str, Anc
         return {}
     uv, confidence = keypoints[:, :2].astype(np.float64), keypoints[:, 2].astype(np.float64)
     confidence = np.where(np.isfinite(keypoints).all(axis=1), confidence, 0.0)
-    least = config.keypoint_confidence_min
     found = {}
-    face = np.flatnonzero(confidence[FACE] > least)
+    face = np.flatnonzero(confidence[FACE] > KEYPOINT_CONFIDENCE_MIN)
     if len(face):
         middle = uv[face].mean(axis=0)
         found[HEAD] = Anchor(middle, KIND_NOISE["head"], float(confidence[face].max()))
     for point, (end, before) in JOINTS.items():
         foot = kind_of(point) == "foot"
-        if confidence[end] <= (min(ANKLE_CONFIDENCE_MIN, least) if foot else least):
+        if confidence[end] <= (ANKLE_CONFIDENCE_MIN if foot else KEYPOINT_CONFIDENCE_MIN):
             continue
-        reach = config.foot_reach if foot else config.hand_reach
-        directed = confidence[before] > least
+        reach = FOOT_REACH if foot else HAND_REACH
+        directed = confidence[before] > KEYPOINT_CONFIDENCE_MIN
         pixel = uv[end] + reach * (uv[end] - uv[before]) if directed else uv[end]
         sigma = KIND_NOISE[kind_of(point)] * (1.0 if directed else UNDIRECTED_NOISE)
         known = uv[before] if directed else None
@@ -90,7 +93,6 @@ def feet_ahead(
     depth_m: float,
     heading: F64,
     info: CameraInfo,
-    config: DepthLayerConfig,
 ) -> Mapping[str, Anchor]:
     """Return anchors with those of feet moved ahead of their ankles.
 
@@ -100,25 +102,28 @@ def feet_ahead(
     for name, anchor in found.items():
         if kind_of(name) == "foot":
             ankle_m = deproject(anchor.pixel, [depth_m], info)[0]
-            pixel = project(ankle_m + config.foot_ahead_m * heading, info)[0]
+            pixel = project(ankle_m + FOOT_AHEAD_M * heading, info)[0]
             moved[name] = replace(anchor, pixel=pixel, sigma=anchor.sigma / KIND_NOISE["foot"])
     return moved
 
 
-def joint_pixels(keypoints: F32 | None, config: DepthLayerConfig) -> Mapping[str, F64]:
+def joint_pixels(keypoints: F32 | None) -> Mapping[str, F64]:
     """Return the pixels of elbows and knees by the hands and feet after them."""
     if keypoints is None or keypoints.shape != (17, 3):
         return {}
     rows = {name: keypoints[before].astype(np.float64) for name, (_, before) in JOINTS.items()}
-    least = config.keypoint_confidence_min
-    return {n: row[:2] for n, row in rows.items() if np.isfinite(row).all() and row[2] > least}
+    return {
+        name: row[:2]
+        for name, row in rows.items()
+        if np.isfinite(row).all() and row[2] > KEYPOINT_CONFIDENCE_MIN
+    }
 
 
-def torso_pixel(keypoints: F32 | None, config: DepthLayerConfig) -> F64 | None:
+def torso_pixel(keypoints: F32 | None) -> F64 | None:
     """Return the middle of shoulders and hips in the image; None unless all four are confident."""
     if keypoints is None or keypoints.shape != (17, 3):
         return None
     torso = keypoints[TORSO].astype(np.float64)
-    confident = np.isfinite(torso).all(axis=1) & (torso[:, 2] > config.keypoint_confidence_min)
+    confident = np.isfinite(torso).all(axis=1) & (torso[:, 2] > KEYPOINT_CONFIDENCE_MIN)
     middle: F64 | None = torso[:, :2].mean(axis=0) if confident.all() else None
     return middle

@@ -16,8 +16,10 @@ from services.gait.points.limbs.surface import SurfacePosition
 from services.gait.points.point_filter import PointFilter
 from services.gait.surface.mesh import BodyMesh
 from services.gait.surface.segmentation import I64
-from services.gait.surface.spin_image import similarity, spin_images
+from services.gait.surface.spin_image import SIMILARITY_SIGMA, similarity, spin_images
 
+GEODESIC_SIGMA_M = 0.08  # Standard deviation of a geodesic distance to the reference [m]
+EXTREMITY_SIGMA_M = 0.04  # Standard deviation of a distance to the end of a limb [m]
 CLIP = 8.0  # no feature alone excludes a particle
 BODY_CLIP = 3.0  # of all features of the body, where a keypoint identifies the limb
 KEYPOINT_RELIABLE = 0.6  # confidence from which on a keypoint is hardly ever on the wrong limb
@@ -60,19 +62,17 @@ def reference_spin_image(
     """
     if config.feature == "geodesic" or (config.feature == "combined" and point.kind):
         return None
-    image: F64 = spin_images(mesh, [vertex], config.spin)[0]
+    image: F64 = spin_images(mesh, [vertex])[0]
     return image
 
 
-def spin_similarities(
-    points: Sequence[PointFilter], mesh: BodyMesh, config: DepthLayerConfig
-) -> list[F64 | None]:
+def spin_similarities(points: Sequence[PointFilter], mesh: BodyMesh) -> list[F64 | None]:
     """Return the similarities of the particles' spin images to their points' references."""
     vertices = [point.vertices for point in points if point.spin is not None]
     if not vertices:
         return [None] * len(points)
     distinct = np.unique(np.concatenate([[-1], *vertices]))
-    images = spin_images(mesh, distinct, config.spin)
+    images = spin_images(mesh, distinct)
     found: list[F64 | None] = []
     for point in points:
         if point.spin is None:
@@ -80,12 +80,12 @@ def spin_similarities(
             continue
         rows, back = np.unique(point.vertices, return_inverse=True)
         own = images[np.searchsorted(distinct, rows)]
-        found.append(similarity(own, point.spin, config.spin.overlap_min)[back])
+        found.append(similarity(own, point.spin)[back])
     return found
 
 
 def single_feature_weights(
-    point: PointFilter, body: MeasuredBody, similarities: F64 | None, config: DepthLayerConfig
+    point: PointFilter, body: MeasuredBody, similarities: F64 | None
 ) -> ParticleWeights:
     """Weigh particles by one feature: spin images, or without similarities (N) geodesic distances.
 
@@ -93,9 +93,9 @@ def single_feature_weights(
     """
     on_body = point.vertices >= 0
     if similarities is not None:
-        logs = similarities / config.spin_sigma
+        logs = similarities / SIMILARITY_SIGMA
     else:
-        logs = -0.5 * (_geodesic_deviation(point, body, config) ** 2)
+        logs = -0.5 * (_geodesic_deviation(point, body) ** 2)
     return ParticleWeights(np.where(on_body, np.nan_to_num(logs, nan=-np.inf), -np.inf))
 
 
@@ -104,7 +104,6 @@ def combined_weights(
     body: MeasuredBody,
     similarities: F64 | None,
     evidence: PointEvidence,
-    config: DepthLayerConfig,
 ) -> ParticleWeights:
     """Weigh particles by all features, each by its own confidence.
 
@@ -118,15 +117,15 @@ def combined_weights(
     vertices = np.where(on_body, point.vertices, 0)
     logs = np.where(on_body, 0.0, -np.inf)
     trust = {}
-    off = _geodesic_deviation(point, body, config)
+    off = _geodesic_deviation(point, body)
     trust["geodesic"] = float(agreement(off[on_body]).max(initial=0.0))
     logs -= trust["geodesic"] * np.minimum(0.5 * off**2, CLIP)
     if similarities is not None:
         best = float(np.where(on_body, similarities, -np.inf).max(initial=0.0))
         trust["spin"] = min(best / 2.0, 1.0)
-        off = (best - np.maximum(similarities, -2.0)) / config.spin_sigma
+        off = (best - np.maximum(similarities, -2.0)) / SIMILARITY_SIGMA
         logs -= trust["spin"] * np.minimum(off, CLIP)
-    logs -= _limb_penalty(point, body, vertices, evidence, config)
+    logs -= _limb_penalty(point, body, vertices, evidence)
     if point.prior is not None:
         squares = point.prior.distances2(body.mesh.points_m[vertices])
         logs -= np.clip(0.5 * (squares - PRIOR_FREE), 0.0, CLIP)
@@ -144,10 +143,10 @@ def combined_weights(
     return ParticleWeights(logs, trust)
 
 
-def _geodesic_deviation(point: PointFilter, body: MeasuredBody, config: DepthLayerConfig) -> F64:
+def _geodesic_deviation(point: PointFilter, body: MeasuredBody) -> F64:
     """Return the deviation of particles' geodesic distance from the reference, in sigmas."""
     geodesic = body.geodesic_m[np.maximum(point.vertices, 0)]
-    off = np.abs(geodesic - point.geodesic_m) / config.geodesic_sigma_m
+    off = np.abs(geodesic - point.geodesic_m) / GEODESIC_SIGMA_M
     return np.asarray(np.where(np.isfinite(off), off, 1e3))
 
 
@@ -156,14 +155,13 @@ def _limb_penalty(
     body: MeasuredBody,
     vertices: I64,
     evidence: PointEvidence,
-    config: DepthLayerConfig,
 ) -> F64:
     """Return the penalty of particles by their limb and their distance to its end."""
     if not np.isfinite(point.tip_distance_m):
         return np.zeros(len(vertices))
     basin = body.extrema.basin[vertices]
     strengths = np.append(body.extrema.strengths, 0.0)[basin]
-    off = (body.tip_distance_m[vertices] - point.tip_distance_m) / config.extremity_sigma_m
+    off = (body.tip_distance_m[vertices] - point.tip_distance_m) / EXTREMITY_SIGMA_M
     along = strengths * np.minimum(0.5 * np.nan_to_num(off, posinf=1e3) ** 2, CLIP)
     same = np.array([*(kind in (point.kind, "") for kind in body.kinds), True])[basin]
     if evidence.extremity is not None:

@@ -18,7 +18,18 @@ from services.gait.surface.segmentation import I64
 
 PointState = Literal["measured", "predicted", "lost"]
 TAU_DEPTH_M, TAU_FOCAL_PX = 3.0, 615.0  # at which the noise of particles is as configured
-SPEED_MPS = 1.5  # of a new point, standard deviation
+SPEED_MPS = 1.5  # Standard deviation of the speed of a new point [m/s]
+ACCELERATION_MPS2 = 12.0  # Standard deviation of the acceleration of hands and feet [m/s^2]
+NOISE_M = 0.015  # Noise of a measured position at right angles to the ray [m]
+NOISE_PER_M2 = 0.004  # Noise of its depth by the distance squared [m/m^2]
+GATE = 5.0  # Maximum deviation of an accepted position from the prediction [standard deviations]
+TIMEOUT_S = 0.4  # Maximum age of the last measurement of a tracked point [s]
+HIDDEN_S = 1.5  # Maximum age of the last measurement of a point with a visible body [s]
+SPREAD_MAX_M = 0.35  # Maximum standard deviation of a predicted point [m]
+VAGUE_M = 0.17  # Maximum standard deviation of a published predicted hand or foot [m]
+PROPOSAL_RATIO = 0.4  # Share of the particles that are drawn from keypoints and extremities
+ADAPTATION = 0.03  # Adaptation of the reference distance by each measured frame
+ADAPTATION_MAX_M = 0.10  # Maximum adaptation in all [m]
 PROPOSAL_SIGMA_MAX_M = 0.15  # [m] of particles about the prediction
 EXTREMITY_SIGMA_M = 0.03  # [m] of particles about the extremity
 CONTRADICTION2 = 16.0  # squared Mahalanobis distance of a motion from the body's prior
@@ -128,7 +139,7 @@ class PointFilter:
         """Track the point from a vertex on."""
         config = self._config
         position = body.mesh.points_m[vertex]
-        acceleration = config.acceleration_mps2 * (0.3 if self.kind in ("head", "") else 1.0)
+        acceleration = ACCELERATION_MPS2 * (0.3 if self.kind in ("head", "") else 1.0)
         noise = self.noise_m2(position)
         self.motion = PointKalmanFilter(position, noise, SPEED_MPS, acceleration)
         self.position_m = position
@@ -143,9 +154,7 @@ class PointFilter:
 
     def start_beside(self, pixel: F64, position_m: F64, noise_m2: F64) -> None:
         """Track the point from a position (3) and its noise (3x3) off the body on, as predicted."""
-        self.motion = PointKalmanFilter(
-            position_m, noise_m2, SPEED_MPS, self._config.acceleration_mps2
-        )
+        self.motion = PointKalmanFilter(position_m, noise_m2, SPEED_MPS, ACCELERATION_MPS2)
         self.position_m, self.vertices = position_m, np.full(self._config.particles, -1)
         self.particles = np.zeros((self._config.particles, 4))
         self.particles[:, :2] = pixel
@@ -155,12 +164,12 @@ class PointFilter:
     def proposals(self, anchor: Anchor | None, extremity: Extremity | None) -> list[Proposal]:
         """Return proposals at the prediction, the keypoint and the extremity."""
         assert self.motion is not None
-        info, ratio = self._info, self._config.proposal_ratio / 2
+        info, ratio = self._info, PROPOSAL_RATIO / 2
         predicted_m = self.motion.position_m
         sigma = pixels_of(min(self.motion.sigma_m, PROPOSAL_SIGMA_MAX_M), predicted_m[2], info)
         found = [Proposal(project(predicted_m, info)[0], sigma, ratio)]
         if anchor is not None:
-            sigma = sigma_px(anchor, predicted_m[2], info, self._config)
+            sigma = sigma_px(anchor, predicted_m[2], info)
             found.append(Proposal(anchor.pixel, sigma, ratio))
         if extremity is not None:
             sigma = pixels_of(EXTREMITY_SIGMA_M, extremity.position_m[2], info)
@@ -169,8 +178,7 @@ class PointFilter:
 
     def propagate(self, dt_s: float, proposals: Sequence[Proposal]) -> None:
         """Move the particles by their motion, and draw some of them from proposals."""
-        config = self._config
-        tau = np.array(config.tau)
+        tau = np.array(self._config.tau)
         if self.motion is not None:
             self.motion.predict(dt_s)
         if self.motion is not None and self._combined:
@@ -219,25 +227,23 @@ class PointFilter:
 
     def adapt(self, geodesic_m: float) -> None:
         """Adapt the reference distance to a measured one, within bounds: limbs do not grow."""
-        config = self._config
         if np.isfinite(geodesic_m) and np.isnan(self.geodesic_m):
             self.geodesic_m = self.initial_geodesic_m = geodesic_m
         elif np.isfinite(geodesic_m):
-            moved = self.geodesic_m + config.adaptation * (geodesic_m - self.geodesic_m)
-            low = self.initial_geodesic_m - config.adaptation_max_m
-            high = self.initial_geodesic_m + config.adaptation_max_m
+            moved = self.geodesic_m + ADAPTATION * (geodesic_m - self.geodesic_m)
+            low = self.initial_geodesic_m - ADAPTATION_MAX_M
+            high = self.initial_geodesic_m + ADAPTATION_MAX_M
             self.geodesic_m = float(np.clip(moved, low, high))
 
     def mark_missed(self, dt_s: float) -> None:
         """Take the prediction as position; the point is lost after a while."""
-        config = self._config
         self.missed_s += dt_s
         self.likely = False
         if self.motion is None:
             return
-        gone = self.missed_s > config.timeout_s or self.motion.sigma_m > config.spread_max_m
+        gone = self.missed_s > TIMEOUT_S or self.motion.sigma_m > SPREAD_MAX_M
         if self.prior is not None:
-            gone = self.missed_s > config.hidden_s
+            gone = self.missed_s > HIDDEN_S
         if self._combined:
             self.position_m = self.motion.position_m
             self.state = "lost" if gone or self.state == "lost" else "predicted"
@@ -268,7 +274,7 @@ class PointFilter:
         """Check that a predicted hand or foot could be at another limb; it may come back."""
         if self.state != "predicted" or self.kind not in ("hand", "foot"):
             return False
-        return bool(np.linalg.eigvalsh(covariance[:3, :3])[-1] > self._config.vague_m**2)
+        return bool(np.linalg.eigvalsh(covariance[:3, :3])[-1] > VAGUE_M**2)
 
     def hidden_at(self) -> Normal | None:
         """Return the expected position of a hidden point, with its keypoint if it has one."""
@@ -291,10 +297,9 @@ class PointFilter:
 
         `besides_m2` is that besides the noise of depth; by default that of particles.
         """
-        config = self._config
         ray = position_m / np.linalg.norm(position_m)
-        depth_m2 = (config.noise_per_m2 * position_m[2] ** 2) ** 2
-        besides_m2 = config.noise_m**2 * np.eye(3) if besides_m2 is None else besides_m2
+        depth_m2 = (NOISE_PER_M2 * position_m[2] ** 2) ** 2
+        besides_m2 = NOISE_M**2 * np.eye(3) if besides_m2 is None else besides_m2
         return np.asarray(besides_m2 + depth_m2 * np.outer(ray, ray))
 
     def _scale(self, position_m: F64) -> float:

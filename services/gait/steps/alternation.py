@@ -14,12 +14,13 @@ from math import log
 
 import numpy as np
 
-from services.gait.config import StepConfig
+from services.gait.steps.stances import LENGTH_MIN_M
 from services.gait.steps.swings import FEET, Swing
 
 # Costs, as squared deviations: of another foot, of a landing that is none, of a step not seen, and
 # of a pause or part of the walk of which nothing is known.
 FLIP, DROP, MISSED, UNKNOWN = 4.0, 7.0, 3.0, 9.0
+STEP_MIN_S, STEP_MAX_S = 0.25, 1.5  # Range of the time of a step; shorter: noise, longer: pause [s]
 TIME_SIGMA = 0.3  # of the logarithm of a step's time by the median
 BACK = 4  # landings, of which all but the first and the last may be none
 BETWEEN_MIN_S = 0.2  # between landings
@@ -39,10 +40,10 @@ class Landing:
     steps: int  # since the last landing, this one included; 0: not known
 
 
-def alternating(swings: Sequence[Swing], config: StepConfig) -> list[Landing]:
+def alternating(swings: Sequence[Swing]) -> list[Landing]:
     """Return the landings of swings in the order of time, as the best walk of two feet."""
     sides = [FEET.index(one.foot) for one in swings]
-    period_s = _period_s(swings, config)
+    period_s = _period_s(swings)
     if len(swings) < 3 or period_s is None:
         return [Landing(one, side, 0) for one, side in zip(swings, sides, strict=True)]
     dropped = np.cumsum([0.0, *(DROP * (0.4 + 0.6 * one.confidence) for one in swings)])
@@ -60,7 +61,7 @@ def alternating(swings: Sequence[Swing], config: StepConfig) -> list[Landing]:
                     continue
                 for before in (0, 1):
                     same = before == side
-                    stood = _stood(swings[i], swing, same, config)
+                    stood = _stood(swings[i], swing, same)
                     cost, steps = _steps_between(time_s / period_s, same, stood)
                     cost += best[i, before][0] + float(dropped[j] - dropped[i + 1]) + own
                     options.append((cost, (i, before), steps))
@@ -105,7 +106,7 @@ def _steps_between(ratio: float, same: bool, stood: bool) -> tuple[float, int]:
     return (cost, 0) if steps and ratio / steps > SINGLE_MAX else (cost, steps)
 
 
-def _stood(before: Swing, after: Swing, same: bool, config: StepConfig) -> bool:
+def _stood(before: Swing, after: Swing, same: bool) -> bool:
     """Check that a foot that would have taken an unseen step between two landings stood.
 
     Or that the person hardly moved on, as in a stop or a turn on the spot.
@@ -117,14 +118,14 @@ def _stood(before: Swing, after: Swing, same: bool, config: StepConfig) -> bool:
         moved_m = [after.other_m - before.other_m]
     else:
         moved_m = [after.from_m - before.other_m, after.other_m - before.to_m]
-    return any(bool(np.linalg.norm(one) < config.length_min_m) for one in moved_m)
+    return any(bool(np.linalg.norm(one) < LENGTH_MIN_M) for one in moved_m)
 
 
-def _period_s(swings: Sequence[Swing], config: StepConfig) -> float | None:
+def _period_s(swings: Sequence[Swing]) -> float | None:
     """Return the median time of steps, by both feet and by each alone."""
     landed = [(one.foot, one.landed_s) for one in swings]
     times = [b - a for (one, a), (other, b) in pairwise(landed) if one != other]
     for foot in FEET:
         times += (np.diff([time_s for one, time_s in landed if one == foot]) / 2).tolist()
-    known = [time_s for time_s in times if config.step_min_s < time_s < config.step_max_s]
+    known = [time_s for time_s in times if STEP_MIN_S < time_s < STEP_MAX_S]
     return float(np.median(known)) if known else None

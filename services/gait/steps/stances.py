@@ -16,10 +16,13 @@ import numpy as np
 import numpy.typing as npt
 
 from people4d.messages import F64
-from services.gait.config import StepConfig
 
 Indices: TypeAlias = npt.NDArray[np.intp]
 
+LENGTH_MIN_M = 0.2  # Minimum length of a step [m]
+STANCE_MIN_S = 0.15  # Minimum time of a stance [s]
+STANCE_MAX_S = 2.0  # Longest stance of the search; longer ones are joined [s]
+SWING_COST = 3.0  # Squared deviation from standing from which on a foot swings
 OUTLIER_SIGMAS, OUTLIER_NEAR = 4.0, 3  # of a sample from the median of so many on either side
 SAME_S = 0.05  # [s] in which errors are alike
 HIDDEN_COST = 0.1  # of a bin of a swing without a sample
@@ -99,13 +102,13 @@ def inliers(ground_m: F64, covariances_m2: F64) -> npt.NDArray[np.bool_]:
     return np.asarray((off < OUTLIER_SIGMAS).all(axis=1))
 
 
-def find_stances(bins: Bins, config: StepConfig) -> list[Stance]:
+def find_stances(bins: Bins) -> list[Stance]:
     """Return the stances of a foot in the order of time; the rest are swings."""
     count = len(bins.times_s)
     bin_s = float(bins.times_s[1] - bins.times_s[0])
-    least, most = (max(1, round(s / bin_s)) for s in (config.stance_min_s, config.stance_max_s))
+    least, most = (max(1, round(s / bin_s)) for s in (STANCE_MIN_S, STANCE_MAX_S))
     costs = _stance_costs(bins, most)
-    moving = np.where(bins.sampled, config.swing_cost, HIDDEN_COST) * bin_s / SAME_S
+    moving = np.where(bins.sampled, SWING_COST, HIDDEN_COST) * bin_s / SAME_S
     standing, swinging = np.full(count + 1, np.inf), np.full(count + 1, np.inf)
     begins, after_stance = np.zeros(count + 1, int), np.zeros(count + 1, bool)
     swinging[0] = 0.0
@@ -121,7 +124,7 @@ def find_stances(bins: Bins, config: StepConfig) -> list[Stance]:
         lifted = standing[end - 1] + BEGIN_COST
         after_stance[end] = lifted < swinging[end - 1]
         swinging[end] = min(lifted, swinging[end - 1]) + moving[end - 1]
-    return _merged(bins, _traced(standing, swinging, begins, after_stance), config)
+    return _merged(bins, _traced(standing, swinging, begins, after_stance))
 
 
 def _stance_costs(bins: Bins, most: int) -> F64:
@@ -164,7 +167,7 @@ def _traced(
     return found[::-1]
 
 
-def _merged(bins: Bins, spans: Sequence[tuple[int, int]], config: StepConfig) -> list[Stance]:
+def _merged(bins: Bins, spans: Sequence[tuple[int, int]]) -> list[Stance]:
     """Return stances without their hidden ends; those at one position are one."""
     found: list[Stance] = []
     for begin, end in spans:
@@ -175,7 +178,7 @@ def _merged(bins: Bins, spans: Sequence[tuple[int, int]], config: StepConfig) ->
         one = Stance(begin, end, bins.position_m(begin, end))
         if found:
             gone_m = float(np.linalg.norm(one.position_m - found[-1].position_m))
-            if gone_m < config.length_min_m:
+            if gone_m < LENGTH_MIN_M:
                 begin = found.pop().begin
                 one = Stance(begin, end, bins.position_m(begin, end))
         found.append(one)

@@ -55,14 +55,14 @@ class StepMeter:
         if stamp_s >= self._due_s:
             self._due_s = stamp_s + self._config.every_s
             feet = self._trajectories()
-            steps = find_steps(*feet, self._up, self._config)
+            steps = find_steps(*feet, self._up)
             rhythm = [feet_distance(*feet, self._up), self._head_height()]
-            self._measures = gait_measures(steps, self._config, rhythm)
+            self._measures = gait_measures(steps, rhythm)
         return self._measures
 
     def steps(self) -> list[FootStep]:
         """Return the steps of the last seconds."""
-        return find_steps(*self._trajectories(), self._up, self._config)
+        return find_steps(*self._trajectories(), self._up)
 
     def _head_height(self) -> Oscillation:
         times_s = np.array([time_s for time_s, _ in self._head])

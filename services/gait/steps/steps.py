@@ -14,11 +14,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from people4d.messages import F64, GaitMeasures
-from services.gait.config import StepConfig
-from services.gait.steps.alternation import Landing, alternating
+from services.gait.steps.alternation import STEP_MAX_S, STEP_MIN_S, Landing, alternating
 from services.gait.steps.rhythm import WINDOW_S, Oscillation, with_rhythm
+from services.gait.steps.stances import LENGTH_MIN_M
 from services.gait.steps.swings import FEET, FootTrajectory, Side, Swing, find_swings
 
+CONFIDENCE_MIN = 0.3  # Minimum confidence of a reported step
+SPEED_MIN_MPS = 0.2  # Minimum speed of a walking person [m/s]
+TIME_SPREAD = (
+    0.5  # Maximum relative deviation of the time of a stride from the median; else a pause
+)
 JUMP_M, JUMP_S = 0.15, 0.25  # of motions that are no steps, unless the foot is lifted
 LIFT_M, LIFT_SIGMA_M = 0.03, 0.1  # of a foot in a swing; level noise of its points, at most
 LIFT_S = (0.1, 0.6)  # [s] about a swing, in which the foot is lifted, and mostly stands
@@ -60,24 +65,22 @@ class FootStep:
     )
 
 
-def find_steps(
-    left: FootTrajectory, right: FootTrajectory, up: F64, config: StepConfig
-) -> list[FootStep]:
+def find_steps(left: FootTrajectory, right: FootTrajectory, up: F64) -> list[FootStep]:
     """Return the steps of a person in the order of time; none while standing.
 
     Trajectories are of measured and predicted positions; `up` (3, unit) points up.
     """
     swings = [
         one
-        for one in find_swings(left, right, up, config)
-        if one.confidence >= config.step_confidence_min
+        for one in find_swings(left, right, up)
+        if one.confidence >= CONFIDENCE_MIN
         and not (_is_brief(one) and not _is_lifted(one, left if one.foot == "left" else right, up))
     ]
     found: list[FootStep] = []
-    for landing in alternating(swings, config):
+    for landing in alternating(swings):
         if landing.steps > 1:
             found += _unobserved(found[-1], landing)
-        found.append(_step(found, landing, config))
+        found.append(_step(found, landing))
     return found
 
 
@@ -111,16 +114,14 @@ def _from_other_m(swing: Swing) -> tuple[float, float | None]:
     return float(apart @ direction), abs(across)
 
 
-def gait_measures(
-    steps: Sequence[FootStep], config: StepConfig, rhythm: Sequence[Oscillation] = ()
-) -> GaitMeasures:
-    """Return the measures of a walk; the number of steps alone if too few strides are known.
+def gait_measures(steps: Sequence[FootStep], rhythm: Sequence[Oscillation] = ()) -> GaitMeasures:
+    """Return the measures of a walk; the number of steps alone without a known stride.
 
     The rhythm of feet and head, if it is known, improves the cadence.
     """
-    walked = walked_strides(steps, config)
+    walked = walked_strides(steps)
     cadence_per_min = cadence(steps, rhythm)
-    if len(walked) < config.strides_min or cadence_per_min is None:
+    if not walked or cadence_per_min is None:
         return GaitMeasures(steps=len(steps))
     sizes = np.array([(stride.length_m, stride.confidence) for _, stride in walked])
     length_m = float(np.average(sizes[:, 0], weights=sizes[:, 1]))
@@ -199,17 +200,17 @@ def _parts(steps: Sequence[FootStep], confidence_min: float) -> list[list[float]
     return parts
 
 
-def walked_strides(steps: Sequence[FootStep], config: StepConfig) -> list[tuple[FootStep, Stride]]:
+def walked_strides(steps: Sequence[FootStep]) -> list[tuple[FootStep, Stride]]:
     """Return the strides without pauses, by their time; those of turns, which are short, too."""
     known = [(step, step.stride) for step in steps if step.stride]
     if not known:
         return []
     times_s = np.array([stride.time_s for _, stride in known])
     off = np.abs(times_s / np.quantile(times_s, 0.5, method="higher") - 1)
-    return [one for one, spread in zip(known, off, strict=True) if spread <= config.time_spread]
+    return [one for one, spread in zip(known, off, strict=True) if spread <= TIME_SPREAD]
 
 
-def _step(before: Sequence[FootStep], landing: Landing, config: StepConfig) -> FootStep:
+def _step(before: Sequence[FootStep], landing: Landing) -> FootStep:
     swing = landing.swing
     length_m, width_m = _from_other_m(swing)
     step = FootStep(
@@ -223,7 +224,7 @@ def _step(before: Sequence[FootStep], landing: Landing, config: StepConfig) -> F
         confidence=swing.confidence,
         follows=landing.steps > 0,
     )
-    return replace(step, stride=_stride(before, step, config))
+    return replace(step, stride=_stride(before, step))
 
 
 def _unobserved(before: FootStep, landing: Landing) -> list[FootStep]:
@@ -250,15 +251,15 @@ def _unobserved(before: FootStep, landing: Landing) -> list[FootStep]:
     return found
 
 
-def _stride(before: Sequence[FootStep], step: FootStep, config: StepConfig) -> Stride | None:
+def _stride(before: Sequence[FootStep], step: FootStep) -> Stride | None:
     """Return the stride that a step ends; None unless two steps before it was one of this foot."""
     if len(before) < 2 or not (step.follows and before[-1].follows and before[-2].observed):
         return None
     other, own = before[-1], before[-2]
     time_s, length_m = step.landed_s - own.landed_s, math.dist(step.position_m, own.position_m)
-    if not 2 * config.step_min_s <= time_s <= 2 * config.step_max_s:
+    if not 2 * STEP_MIN_S <= time_s <= 2 * STEP_MAX_S:
         return None
-    if length_m < max(config.length_min_m, config.speed_min_mps * time_s):
+    if length_m < max(LENGTH_MIN_M, SPEED_MIN_MPS * time_s):
         return None
     confidence = max(min(step.confidence, own.confidence), CONFIDENCE_LEAST)
     step_time_s = step.landed_s - other.landed_s if other.observed else None

@@ -15,10 +15,18 @@ from typing import Literal
 import numpy as np
 
 from people4d.messages import F64
-from services.gait.config import StepConfig
-from services.gait.steps.stances import Bins, Stance, collect, find_stances, inliers
+from services.gait.steps.stances import (
+    LENGTH_MIN_M,
+    Bins,
+    Stance,
+    collect,
+    find_stances,
+    inliers,
+)
 
 BIN_S = 0.05
+NOISE_M = 0.06  # Noise of a standing foot, in addition to the noise of its point [m]
+GAP_S = 0.5  # Maximum time that a foot is hidden in a swing [s]
 # Of the length of a swing: the foot has left; between the others it approaches its footprint
 LIFTED, APPROACH = 0.1, (0.7, 0.92)
 EXCHANGE_COST_M = 0.08  # displacement that feet must save to be exchanged
@@ -66,21 +74,17 @@ class Swing:
         return float(np.linalg.norm(self.to_m - self.from_m))
 
 
-def find_swings(
-    left: FootTrajectory, right: FootTrajectory, up: F64, config: StepConfig
-) -> list[Swing]:
+def find_swings(left: FootTrajectory, right: FootTrajectory, up: F64) -> list[Swing]:
     """Return the swings of both feet in the order of their landings."""
-    feet = _binned((left, right), up, config)
+    feet = _binned((left, right), up)
     if feet is None:
         return []
-    stances = [find_stances(bins, config) for bins in feet]
-    found = [one for side in range(2) for one in _swings(feet, stances, side, config)]
+    stances = [find_stances(bins) for bins in feet]
+    found = [one for side in range(2) for one in _swings(feet, stances, side)]
     return sorted(found, key=lambda one: one.landed_s)
 
 
-def _binned(
-    feet: tuple[FootTrajectory, FootTrajectory], up: F64, config: StepConfig
-) -> tuple[Bins, Bins] | None:
+def _binned(feet: tuple[FootTrajectory, FootTrajectory], up: F64) -> tuple[Bins, Bins] | None:
     """Return both paths on the ground in the same bins; None with too few samples."""
     if min(len(foot.times_s) for foot in feet) < 2:
         return None
@@ -96,7 +100,7 @@ def _binned(
     both = []
     for foot in _on_own_feet(*feet):
         ground = foot.points_m @ axes.T
-        noise = config.noise_m**2 * np.eye(2) + axes @ foot.covariances_m2 @ axes.T
+        noise = NOISE_M**2 * np.eye(2) + axes @ foot.covariances_m2 @ axes.T
         known = inliers(ground, noise)
         both.append(
             collect(foot.times_s[known], ground[known], noise[known], origin_s, count, bin_s)
@@ -152,9 +156,7 @@ def _on_own_feet(left: FootTrajectory, right: FootTrajectory) -> tuple[FootTraje
     return tuple(found)
 
 
-def _swings(
-    feet: tuple[Bins, Bins], stances: Sequence[Sequence[Stance]], side: int, config: StepConfig
-) -> list[Swing]:
+def _swings(feet: tuple[Bins, Bins], stances: Sequence[Sequence[Stance]], side: int) -> list[Swing]:
     """Return the swings of one foot between its stances."""
     bins, own = feet[side], list(stances[side])
     complete = True
@@ -165,7 +167,7 @@ def _swings(
             complete = False
     found = []
     for before, after in pairwise(own):
-        swing = _swing(feet, stances[1 - side], side, before, after, complete, config)
+        swing = _swing(feet, stances[1 - side], side, before, after, complete)
         complete = True
         if swing is not None:
             found.append(swing)
@@ -179,15 +181,14 @@ def _swing(
     before: Stance,
     after: Stance,
     complete: bool,
-    config: StepConfig,
 ) -> Swing | None:
     """Return the swing between two stances; None if it is no step."""
     bins, from_m, to_m = feet[side], before.position_m, after.position_m
     times_s, length_m = bins.times_s, float(np.linalg.norm(to_m - from_m))
     first, last = before.end - 1, after.begin
     time_s = float(times_s[last] - times_s[first])
-    least_m = config.length_min_m * (1.0 if complete else PARTIAL)
-    if length_m < least_m or time_s > config.gap_s + SWING_MAX_S:
+    least_m = LENGTH_MIN_M * (1.0 if complete else PARTIAL)
+    if length_m < least_m or time_s > GAP_S + SWING_MAX_S:
         return None
     end_s = float(times_s[max(np.flatnonzero(one.sampled)[-1] for one in feet)])
     if end_s - times_s[last] < LANDED_S:  # not known yet if the foot stays there
@@ -207,7 +208,7 @@ def _swing(
         return None
     there = [one for one in others if times_s[one.begin] <= landed_s <= times_s[one.end - 1] + 0.1]
     visible = float(bins.sampled[max(first - 2, 0) : last + 3].mean())
-    clear = min(1.0, length_m / (CLEAR * config.length_min_m))
+    clear = min(1.0, length_m / (CLEAR * LENGTH_MIN_M))
     stood_s = max(float(times_s[one.end - 1] - times_s[one.begin]) for one in (before, after))
     swift = min(1.0, time_s / BRIEF_S) if stood_s > STANDING_S else 1.0
     return Swing(

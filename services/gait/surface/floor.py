@@ -7,7 +7,14 @@ import numpy as np
 from common.compiled import compiled
 from common.geometry.transforms import deproject
 from people4d.messages import F32, F64, U16, CameraInfo
-from services.gait.config import FloorConfig
+
+HEIGHT_M = 0.035  # Height above the floor up to which pixels belong to it [m]
+NOISE_PER_M2 = 0.0025  # Half of the depth noise by the distance squared [m/m^2]
+TILT_MAX_DEG = 40.0  # Maximum tilt of the camera [deg]
+PERIOD = 10  # Number of frames between detections
+STRIDE_PX = 8  # Distance between sampled pixels [px]
+SHARE_MIN = 0.08  # Minimum share of the samples on the floor
+BELOW_MAX = 0.04  # Maximum share of the samples below the floor; a table has more
 
 
 @dataclass(frozen=True)
@@ -28,8 +35,7 @@ class FloorDetector:
     Source: docs/method.md, section 19 [Fischler 1981].
     """
 
-    def __init__(self, config: FloorConfig, info: CameraInfo, seed: int = 0) -> None:
-        self._config = config
+    def __init__(self, info: CameraInfo, seed: int = 0) -> None:
         self._generator = np.random.default_rng(seed)
         v, u = np.mgrid[: info.height, : info.width]
         pixels = np.column_stack([u.ravel(), v.ravel()])
@@ -41,33 +47,32 @@ class FloorDetector:
 
     def update(self, depth_mm: U16) -> FloorPlane | None:
         """Return the floor, detected every few frames in a depth image, HxW, 0 = no reading."""
-        if self._frames % self._config.every == 0 and depth_mm.shape == self._rays.shape[1:]:
+        if self._frames % PERIOD == 0 and depth_mm.shape == self._rays.shape[1:]:
             self.floor = self._detect(depth_mm) or self.floor
         self._frames += 1
         return self.floor
 
     def remove(self, depth_mm: U16, box_xyxy_px: F64) -> U16:
         """Return the depth image without the pixels of a box on the floor or below."""
-        config, floor = self._config, self.floor
-        if floor is None or not config.cut or not np.all(np.isfinite(box_xyxy_px)):
+        floor = self.floor
+        if floor is None or not np.all(np.isfinite(box_xyxy_px)):
             return depth_mm
         height, width = depth_mm.shape
         left, top, right, bottom = np.clip(box_xyxy_px, 0, [width, height] * 2).astype(int)
         rows, columns = slice(top, bottom + 1), slice(left, right + 1)
         cut = depth_mm.copy()
         plane = np.array([*floor.up, floor.camera_m], np.float32)
-        limits = np.array([config.height_m, 2 * config.noise_per_m2], np.float32)
+        limits = np.array([HEIGHT_M, 2 * NOISE_PER_M2], np.float32)
         _cut(cut[rows, columns], self._rays[:, rows, columns], plane, limits)
         return cut
 
     def _detect(self, depth_mm: U16) -> FloorPlane | None:
-        stride = self._config.stride_px
-        z = depth_mm[::stride, ::stride].astype(np.float64).ravel() / 1000
+        z = depth_mm[::STRIDE_PX, ::STRIDE_PX].astype(np.float64).ravel() / 1000
         known = (z > 0) & (z <= self._depth_max_m)
-        points = (self._rays[:, ::stride, ::stride].reshape(3, -1)[:, known] * z[known]).T
+        points = (self._rays[:, ::STRIDE_PX, ::STRIDE_PX].reshape(3, -1)[:, known] * z[known]).T
         if len(points) < 50:
             return None
-        limits = 0.02 + self._config.noise_per_m2 * z[known] ** 2
+        limits = 0.02 + NOISE_PER_M2 * z[known] ** 2
         # The last floor fits nearly always: random planes are tried only where it does not.
         plane = self._previous(points, limits) or self._ransac(points, limits)
         if plane is None:
@@ -83,7 +88,7 @@ class FloorDetector:
             return None
         heights = self.floor.heights_m(points)
         on, below = np.abs(heights) < limits, heights < -2 * limits
-        fits = on.mean() >= self._config.share_min and below.mean() < self._config.below_max
+        fits = on.mean() >= SHARE_MIN and below.mean() < BELOW_MAX
         return self.floor if fits else None
 
     def _ransac(self, points: F64, limits: F64) -> FloorPlane | None:
@@ -100,10 +105,10 @@ class FloorDetector:
         heights = points @ normals.T - np.einsum("ni,ni->n", a, normals)
         on = np.mean(np.abs(heights) < limits[:, None], axis=0)
         below = np.mean(heights < -2 * limits[:, None], axis=0)
-        level = -normals[:, 1] > np.cos(np.radians(self._config.tilt_max_deg))
-        ok = level & (sizes > 1e-6) & (below < self._config.below_max)
+        level = -normals[:, 1] > np.cos(np.radians(TILT_MAX_DEG))
+        ok = level & (sizes > 1e-6) & (below < BELOW_MAX)
         best = int(np.argmax(np.where(ok, on, -1.0)))
-        if not ok[best] or on[best] < self._config.share_min:
+        if not ok[best] or on[best] < SHARE_MIN:
             return None
         return FloorPlane(normals[best], float(-a[best] @ normals[best]))
 
@@ -113,7 +118,7 @@ class FloorDetector:
         middle = points.mean(axis=0)
         up = np.linalg.eigh((points - middle).T @ (points - middle))[1][:, 0]
         up = -up if up[1] > 0 else up
-        if -up[1] < np.cos(np.radians(self._config.tilt_max_deg)):
+        if -up[1] < np.cos(np.radians(TILT_MAX_DEG)):
             return None
         return FloorPlane(up, float(-middle @ up))
 

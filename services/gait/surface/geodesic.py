@@ -15,6 +15,8 @@ from people4d.messages import F64
 from services.gait.surface.mesh import BodyMesh
 from services.gait.surface.segmentation import I32, I64, root_of
 
+PERSISTENCE_M = 0.06  # Minimum persistence of an extremity [m]
+
 
 def geodesic_m(mesh: BodyMesh, source_vertex: npt.ArrayLike) -> F64:
     """Return the lengths (V) of the shortest paths to a source along the mesh [Dijkstra 1959].
@@ -45,7 +47,9 @@ class GeodesicExtrema:
         return np.minimum(self.persistence_m / 0.2, 1.0)
 
 
-def geodesic_extrema(mesh: BodyMesh, distance_m: F64, persistence_m: float) -> GeodesicExtrema:
+def geodesic_extrema(
+    mesh: BodyMesh, distance_m: F64, persistence_m: float = PERSISTENCE_M
+) -> GeodesicExtrema:
     """Find the ends of limbs: local maxima of the geodesic distance (V) of enough persistence.
 
     The surface is flooded from the farthest vertex down. Each local maximum begins an island; where

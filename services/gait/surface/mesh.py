@@ -9,14 +9,29 @@ import numpy.typing as npt
 from common.compiled import compiled
 from common.geometry.transforms import deproject
 from people4d.messages import F32, F64, CameraInfo
-from services.gait.config import BodyConfig
 from services.gait.surface.bridges import bridge_pieces
-from services.gait.surface.segmentation import I32, I64, BodySegment, Mask, slopes
+from services.gait.surface.segmentation import (
+    DEPTH_STEPS,
+    I32,
+    I64,
+    JOIN_M,
+    JOIN_PX,
+    BodySegment,
+    Mask,
+)
 
 # Neighbours in the grid, clockwise from the right: row and column.
 NEIGHBOURS = np.array(
     [(0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)], dtype=np.int32
 )
+VERTICES = 3000  # Approximate maximum number of vertices of a mesh; published: one for each pixel
+# Length of an edge: minimum [m], published; factor of the spacing of a surface at right angles to
+# the ray; noise of vertices by the distance squared [m/m^2]
+EDGE_M, EDGE_STRETCH, EDGE_NOISE_PER_M2 = 0.015, 2.0, 0.003
+# Distance about a vertex within which depth is averaged [px]: the residual noise of a stereo camera
+# is longer than the edges and would lengthen all paths along the surface; published: 0
+SMOOTH_PX = 6
+NORMAL_PASSES = 1  # Passes of averaging normals with their neighbours'; published: 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,35 +76,33 @@ class BodyMesh:
         return int(np.argmin(np.einsum("ij,ij->i", offsets, offsets)))
 
 
-def build_mesh(body: BodySegment, info: CameraInfo, config: BodyConfig) -> BodyMesh:
+def build_mesh(body: BodySegment, info: CameraInfo) -> BodyMesh:
     """Build the mesh of a body.
 
     Source: docs/method.md, section 8.2 (G 4.1.4).
     """
-    step = _step_px(body, config)
+    step = _step_px(body)
     rows, columns = -(-body.mask.shape[0] // step), -(-body.mask.shape[1] // step)
     grid = np.full((rows, columns), -1, np.int32)
     samples = np.empty((rows * columns, 3))
-    count = _sample(body.depth_m, body.mask, step, slopes(config), grid, samples)
+    count = _sample(body.depth_m, body.mask, step, DEPTH_STEPS, grid, samples)
     samples = samples[:count]
-    if config.smooth_px:
-        _smooth_depth(body.depth_m, config.smooth_px, slopes(config), samples)
+    _smooth_depth(body.depth_m, SMOOTH_PX, DEPTH_STEPS, samples)
     pixels = samples[:, :2] + (body.left_px, body.top_px)
     points = deproject(pixels, samples[:, 2], info)
-    limits = _edge_limits_m(samples[:, 2], step, info, config)
+    limits = _edge_limits_m(samples[:, 2], step, info)
     indptr = np.zeros(count + 1, np.int32)
     indices, lengths = np.empty(8 * count, np.int32), np.empty(8 * count)
     normals = np.empty((count, 3))
     edges = _connect_and_orient(grid, points, limits, NEIGHBOURS, indptr, indices, lengths, normals)
     indices, lengths = indices[:edges].copy(), lengths[:edges].copy()
-    for _ in range(config.normal_passes):
+    for _ in range(NORMAL_PASSES):
         normals = _smooth_normals(normals, indptr, indices)
     resolution = float(np.median(lengths)) if edges else 0.0
-    if config.join_m > 0:
-        cells = max(-(-config.join_px // step), 1)
-        indptr, indices, lengths = bridge_pieces(
-            grid, points, (indptr, indices, lengths), cells, config.join_m
-        )
+    cells = max(-(-JOIN_PX // step), 1)
+    indptr, indices, lengths = bridge_pieces(
+        grid, points, (indptr, indices, lengths), cells, JOIN_M
+    )
     return BodyMesh(
         points_m=points,
         normals=normals,
@@ -105,18 +118,16 @@ def build_mesh(body: BodySegment, info: CameraInfo, config: BodyConfig) -> BodyM
     )
 
 
-def _step_px(body: BodySegment, config: BodyConfig) -> int:
+def _step_px(body: BodySegment) -> int:
     """Return the spacing of vertices, with which time does not grow with a person's size."""
-    if config.vertices == 0:
-        return 1
-    return max(1, round((np.count_nonzero(body.mask) / config.vertices) ** 0.5))
+    return max(1, round((np.count_nonzero(body.mask) / VERTICES) ** 0.5))
 
 
-def _edge_limits_m(depth_m: F64, step_px: int, info: CameraInfo, config: BodyConfig) -> F64:
+def _edge_limits_m(depth_m: F64, step_px: int, info: CameraInfo) -> F64:
     """Return the longest edge at vertices, V, by their depth, V."""
     diagonal_m = depth_m * (step_px * 2**0.5 / min(info.fx, info.fy))
-    noise_m = config.edge_noise_per_m2 * depth_m**2
-    return np.maximum(config.edge_m, np.hypot(config.edge_stretch * diagonal_m, noise_m))
+    noise_m = EDGE_NOISE_PER_M2 * depth_m**2
+    return np.maximum(EDGE_M, np.hypot(EDGE_STRETCH * diagonal_m, noise_m))
 
 
 @compiled
@@ -124,7 +135,7 @@ def _sample(
     depth_m: F32,
     mask: Mask,
     step: int,
-    slopes: tuple[float, float, float],
+    depth_steps: tuple[float, float, float],
     grid: I32,
     samples: F64,
 ) -> int:
@@ -140,8 +151,8 @@ def _sample(
                         nearest = depth_m[r, c]
             if nearest == np.inf:
                 continue
-            grown = slopes[1] * nearest + slopes[2] * nearest * nearest
-            farthest = nearest + step * max(slopes[0], grown)
+            grown = depth_steps[1] * nearest + depth_steps[2] * nearest * nearest
+            farthest = nearest + step * max(depth_steps[0], grown)
             u = v = z = 0.0
             number = 0
             for r in range(row * step, min((row + 1) * step, height)):
@@ -160,13 +171,13 @@ def _sample(
 
 @compiled
 def _smooth_depth(
-    depth_m: F32, radius: int, slopes: tuple[float, float, float], samples: F64
+    depth_m: F32, radius: int, depth_steps: tuple[float, float, float], samples: F64
 ) -> None:
     """Set the depth of vertices to the mean of the pixels about them on the same surface."""
     height, width = depth_m.shape
     for k in range(len(samples)):
         column, row, here = int(samples[k, 0] + 0.5), int(samples[k, 1] + 0.5), samples[k, 2]
-        limit = max(slopes[0], slopes[1] * here + slopes[2] * here * here)
+        limit = max(depth_steps[0], depth_steps[1] * here + depth_steps[2] * here * here)
         total, number = 0.0, 0
         # As far to each side as there are pixels: a one-sided mean would bend the rims. Every other
         # pixel is enough, since a stereo camera's noise is alike in neighbouring ones.

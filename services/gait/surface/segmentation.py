@@ -12,13 +12,25 @@ import numpy.typing as npt
 
 from common.compiled import compiled
 from people4d.messages import F32, F64, U16
-from services.gait.config import BodyConfig
 
 Mask: TypeAlias = npt.NDArray[np.bool_]
 I32: TypeAlias = npt.NDArray[np.int32]
 I64: TypeAlias = npt.NDArray[np.int64]
 
-STACKED_M = 0.6  # from the body to a large part of it: what a person carries is nearer than legs
+FILL_PASSES = 2  # Passes of hole filling; published: 1
+FILL_NEIGHBOURS = 3  # Minimum number of the 8 neighbours of a filled hole with depth; published: 1
+# Depth step between neighbouring pixels of one component: constant [m], by the distance [m/m] and
+# by its square [m/m^2]; 3 sigmas of a stereo camera's noise. Published: 10 mm, of a time of flight
+# camera at 2 to 3 m
+DEPTH_STEPS = (0.010, 0.006, 3.0 * 0.0025)
+SEED_WINDOW_M = 0.25  # Distance to the track's depth of the pixels that vote for the component [m]
+REACH_M = 1.0  # Maximum distance of a part of a person from the track's depth [m]
+# Maximum gap in depth to a part that is occluded at its joint, as the far leg by the near one [m];
+# published: 0
+JOIN_M = 0.4
+JOIN_PX = 4  # Maximum distance of such a part beside the body [px]
+PIXELS_MIN = 30  # Minimum number of pixels of a body and of a joined part
+STACKED_M = 0.6  # Maximum difference in depth of a large part: a carried object is nearer [m]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,9 +43,7 @@ class BodySegment:
     mask: Mask  # hxw
 
 
-def segment_body(
-    depth_mm: U16, box_xyxy_px: F64, seed_depth_m: float | None, config: BodyConfig
-) -> BodySegment | None:
+def segment_body(depth_mm: U16, box_xyxy_px: F64, seed_depth_m: float | None) -> BodySegment | None:
     """Segment a person in the depth image (HxW, 0 = no reading).
 
     The box may reach out of the image. Without the depth of the person's track the largest
@@ -44,19 +54,18 @@ def segment_body(
         return None
     left, top, right, bottom = corners
     depth_m = depth_mm[top:bottom, left:right].astype(np.float32) * np.float32(0.001)
-    for _ in range(config.fill_passes):
-        depth_m = fill_holes(depth_m, config.fill_neighbours)
+    for _ in range(FILL_PASSES):
+        depth_m = fill_holes(depth_m, FILL_NEIGHBOURS)
     seed = float("nan") if seed_depth_m is None else float(seed_depth_m)
     if np.isfinite(seed):
-        depth_m[np.abs(depth_m - np.float32(seed)) > config.reach_m] = 0
-    labels, sizes = components(depth_m, config)
-    best = _seeded(depth_m, labels, sizes, seed, config)
+        depth_m[np.abs(depth_m - np.float32(seed)) > REACH_M] = 0
+    labels, sizes = components(depth_m)
+    best = _seeded(depth_m, labels, sizes, seed)
     if best is None:
         return None
     joined = np.zeros(len(sizes), np.bool_)
     joined[best] = True
-    if config.join_m > 0:
-        _join(depth_m, labels, sizes, joined, config)
+    _join(depth_m, labels, sizes, joined)
     mask: Mask = joined[labels]
     depth_m *= mask
     return BodySegment(left_px=left, top_px=top, depth_m=depth_m, mask=mask)
@@ -97,21 +106,15 @@ def _fill(depth_m: F32, holes: I64, filled: F32) -> None:
         filled[row, column] = near[(count - 1) // 2]
 
 
-def components(depth_m: F32, config: BodyConfig) -> tuple[I32, I64]:
+def components(depth_m: F32) -> tuple[I32, I64]:
     """Label connected components of continuous depth (HxW, 0 = no reading).
 
     Returns labels (HxW), 0 for no reading, components from 1 on; and the number of pixels of each.
     """
     labels = np.zeros(depth_m.shape, np.int32)
     sizes = np.zeros(depth_m.size + 1, np.int64)
-    count = _label(depth_m, slopes(config), labels, sizes)
+    count = _label(depth_m, DEPTH_STEPS, labels, sizes)
     return labels, sizes[: count + 1]
-
-
-def slopes(config: BodyConfig) -> tuple[float, float, float]:
-    """Return the depth step of a surface: a constant, by the distance and by its square."""
-    noise = config.noise_sigmas * config.noise_per_m2
-    return config.continuity_m, config.continuity_per_m, noise
 
 
 @compiled
@@ -169,22 +172,22 @@ def root_of(parents: I32 | I64, label: int) -> int:
     return label
 
 
-def _seeded(depth_m: F32, labels: I32, sizes: I64, seed_m: float, config: BodyConfig) -> int | None:
+def _seeded(depth_m: F32, labels: I32, sizes: I64, seed_m: float) -> int | None:
     """Return the label of the person's component; None if it is too small."""
     votes = sizes.copy()
     votes[0] = 0
     if np.isfinite(seed_m):
         height, width = labels.shape
         middle = np.s_[: max(height * 2 // 3, 1), width // 4 : max(width - width // 4, 1)]
-        near = np.abs(depth_m[middle] - np.float32(seed_m)) < config.seed_window_m
+        near = np.abs(depth_m[middle] - np.float32(seed_m)) < SEED_WINDOW_M
         near_seed = np.bincount(labels[middle][near], minlength=len(sizes))
         near_seed[0] = 0
         votes = near_seed if near_seed.any() else votes
     best = int(np.argmax(votes))
-    return best if best and sizes[best] >= max(config.pixels_min, 1) else None
+    return best if best and sizes[best] >= PIXELS_MIN else None
 
 
-def _join(depth_m: F32, labels: I32, sizes: I64, joined: Mask, config: BodyConfig) -> None:
+def _join(depth_m: F32, labels: I32, sizes: I64, joined: Mask) -> None:
     """Add components that are likely a part of the body which is occluded at its joint.
 
     Such a part lies beside the body in the image, little before or behind it, and within the box:
@@ -192,7 +195,7 @@ def _join(depth_m: F32, labels: I32, sizes: I64, joined: Mask, config: BodyConfi
     part of the body above or below something nearer, as the legs below a box that is carried.
     """
     large = sizes > sizes[joined].sum() // 2
-    possible = sizes >= max(config.pixels_min, 1)
+    possible = sizes >= PIXELS_MIN
     possible[0] = False
     possible[labels[:, [0, -1]]] = False
     possible &= ~joined
@@ -203,8 +206,8 @@ def _join(depth_m: F32, labels: I32, sizes: I64, joined: Mask, config: BodyConfi
         if not possible.any():
             return
         touches = np.zeros(len(joined), np.int64)
-        _touch(depth_m, labels, joined, possible, config.join_px, config.join_m, touches)
-        adjacent = touches > config.join_px
+        _touch(depth_m, labels, joined, possible, JOIN_PX, JOIN_M, touches)
+        adjacent = touches > JOIN_PX
         if not adjacent.any():
             return
         joined |= adjacent

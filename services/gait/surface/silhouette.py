@@ -3,14 +3,17 @@
 import numpy as np
 
 from people4d.messages import F64
-from services.gait.config import BodyConfig
 from services.gait.surface.segmentation import BodySegment, Mask
 
 PARTS = ("head", "shoulders", "torso", "legs")
-NECK_RATIO = 0.13  # of the height, where the silhouette shows no neck [Winter 2009]
+NECK_RATIO = 0.13  # Height of the head without a visible neck [heights of the body] [Winter 2009]
+NECK_ROWS = (0.06, 1 / 3)  # Range of the neck [heights of the body from its top]; published: from 0
+# Begin of torso and legs [heads from the top of the head] [Winter 2009]: neck at 0.87, shoulders at
+# 0.82, hips at 0.53 of the stature
+SHOULDERS_HEADS, HIPS_HEADS = 1.5, 3.6
 
 
-def part_rows_px(body: BodySegment | None, config: BodyConfig) -> dict[str, int]:
+def part_rows_px(body: BodySegment | None) -> dict[str, int]:
     """Return the first row of each part in the image; empty without a body.
 
     The narrowest row of the upper third is the neck; torso and legs follow at multiples of the
@@ -22,9 +25,9 @@ def part_rows_px(body: BodySegment | None, config: BodyConfig) -> dict[str, int]
         return {}
     rows = np.flatnonzero(body.mask.any(axis=1))
     top, height = int(rows[0]), int(rows[-1] - rows[0]) + 1
-    neck = neck_row(silhouette_widths(body.mask)[top : top + height], config)
+    neck = neck_row(silhouette_widths(body.mask)[top : top + height])
     head = neck if neck is not None else max(round(NECK_RATIO * height), 1)
-    heads = np.array([0.0, 1.0, config.shoulders_heads, config.hips_heads])
+    heads = np.array([0.0, 1.0, SHOULDERS_HEADS, HIPS_HEADS])
     starts = np.minimum(np.round(top + heads * head), len(body.mask)).astype(int)
     return {name: body.top_px + int(row) for name, row in zip(PARTS, starts, strict=True)}
 
@@ -37,9 +40,9 @@ def silhouette_widths(mask: Mask) -> F64:
     return np.where(mask.any(axis=1), last - first + 1, 0).astype(np.float64)
 
 
-def neck_row(widths: F64, config: BodyConfig) -> int | None:
+def neck_row(widths: F64) -> int | None:
     """Return the row of the neck; None if the silhouette does not narrow above the shoulders."""
-    above, below = (round(ratio * len(widths)) for ratio in config.neck_rows)
+    above, below = (round(ratio * len(widths)) for ratio in NECK_ROWS)
     above = max(above, 1)
     if below - above < 3:
         return None

@@ -11,16 +11,23 @@ import numpy.typing as npt
 
 from common.compiled import compiled
 from people4d.messages import F32, F64
-from services.gait.config import SpinConfig
 from services.gait.surface.mesh import BodyMesh
 from services.gait.surface.segmentation import I64
 
+BINS = 20  # Bins across and down; published
+# Side of a bin [m]. Published: 1 to 2 times the mesh's resolution, which changes with the distance,
+# while images are compared over time
+BIN_M = 0.02
+SUPPORT_ANGLE_DEG = 75.0  # Maximum angle between normals [deg]; published: 60 to 90
+VERTICES_MAX = 1000  # Maximum number of vertices that are counted
+OVERLAP_MIN = 10  # Minimum number of bins filled in both of two images that match
+SIMILARITY_SIGMA = 1.5  # Standard deviation of the similarity
 NO_MATCH = -math.inf
 R_MAX = 1 - 1e-6  # atanh of 1 is infinite
 FILLED = 1e-3  # points in a bin; less is a rounding error of bilinear counting
 
 
-def spin_images(mesh: BodyMesh, vertices: npt.ArrayLike, config: SpinConfig) -> F64:
+def spin_images(mesh: BodyMesh, vertices: npt.ArrayLike) -> F64:
     """Return the spin images (M x bins x bins) of M vertices; all 0 for an index that is no vertex.
 
     Rows are beta, the height above the plane of the vertex, from -bins/2 to bins/2; columns are
@@ -29,30 +36,29 @@ def spin_images(mesh: BodyMesh, vertices: npt.ArrayLike, config: SpinConfig) -> 
     Source: docs/method.md, section 8.3 (G 4.2.1).
     """
     chosen = np.atleast_1d(np.asarray(vertices, np.int64))
-    images = np.zeros((len(chosen), config.bins, config.bins))
+    images = np.zeros((len(chosen), BINS, BINS))
     count = len(mesh.points_m)
-    bin_m = config.bin_m or config.bin_resolutions * mesh.resolution_m
-    if count == 0 or bin_m <= 0:
+    if count == 0:
         return images
-    sample = _sample(count, config.points)
+    sample = _sample(count, VERTICES_MAX)
     # Single precision is twice as fast, and exact enough from the body's middle.
     middle = mesh.points_m.mean(axis=0)
-    points = ((mesh.points_m[sample] - middle) / bin_m).T.astype(np.float32, order="C")
+    points = ((mesh.points_m[sample] - middle) / BIN_M).T.astype(np.float32, order="C")
     normals = mesh.normals[sample].T.astype(np.float32, order="C")
     valid = np.flatnonzero((chosen >= 0) & (chosen < count))
-    at = ((mesh.points_m[chosen[valid]] - middle) / bin_m).astype(np.float32)
+    at = ((mesh.points_m[chosen[valid]] - middle) / BIN_M).astype(np.float32)
     axes = mesh.normals[chosen[valid]].astype(np.float32)
-    cosine = math.cos(math.radians(config.support_angle_deg))
+    cosine = math.cos(math.radians(SUPPORT_ANGLE_DEG))
     _spin(at, axes, valid, points, normals, cosine, images)
     return images
 
 
 @lru_cache(maxsize=16)
 def _sample(count: int, wanted: int) -> I64:
-    """Return a random sample of the vertices; all if `wanted` is 0."""
+    """Return a random sample of the vertices."""
     # A fixed stride through the rows would take entire columns.
     order = np.random.default_rng(0).permutation(count)
-    return np.sort(order[:wanted]) if wanted else np.arange(count)
+    return np.sort(order[:wanted])
 
 
 @compiled
@@ -94,12 +100,12 @@ def _spin(
                     image[i + 1, j + 1] += a * b
 
 
-def similarity(images: F64, reference: F64, overlap_min: int) -> F64:
+def similarity(images: F64, reference: F64) -> F64:
     """Return the similarities (M) of images (MxWxW) to a reference, by the bins filled in both.
 
     C = atanh(R)^2 - lambda / (N - 3): R is the correlation of the N bins, lambda half of the
     median number of bins that the images fill. Negative correlation gives -atanh(R)^2; with fewer
-    than `overlap_min` bins there is no match, -inf.
+    than OVERLAP_MIN bins there is no match, -inf.
 
     Source: docs/method.md, section 8.3 (G 4.2.2).
     """
@@ -108,7 +114,7 @@ def similarity(images: F64, reference: F64, overlap_min: int) -> F64:
     filled = np.zeros(len(flat), np.int64)
     _correlate(flat, other, n, r, filled)
     found = np.full(len(flat), NO_MATCH)
-    enough = n >= max(overlap_min, 4)
+    enough = n >= OVERLAP_MIN
     if enough.any():
         z = np.arctanh(np.clip(r[enough], -R_MAX, R_MAX))
         half_filled = 0.5 * float(np.median(filled))

@@ -6,15 +6,13 @@ import pytest
 from benchmarks.lib.gait.numpy_scores import scores
 from people4d.messages import F64, U8
 from services.gait.colour.colour_ratio import ColourModel, ColourRatio, person_prior
-from services.gait.colour.histogram import HueSaturationHistogram, hsv_patch, sample_grid
-from services.gait.config import ColourLayerConfig
+from services.gait.colour.histogram import SAMPLES, HueSaturationHistogram, hsv_patch, sample_grid
 
 RED, GREEN = 19, 139  # bins of full saturation, hue * 20 + saturation
-CONFIG = ColourLayerConfig(bands=1)
 
 
-def ratio_of(config: ColourLayerConfig = CONFIG) -> ColourRatio:
-    return ColourRatio(config, HueSaturationHistogram(20, 20, config.points))
+def ratio_of(bands: int = 1) -> ColourRatio:
+    return ColourRatio(HueSaturationHistogram(), bands)
 
 
 def scene() -> tuple[U8, F64]:
@@ -70,7 +68,7 @@ def test_bands_distinguish_an_inverted_person() -> None:
     turned = rgb.copy()
     turned[50:150] = rgb[149:49:-1]
     for bands, similar in ((1, True), (4, False)):
-        ratios = ratio_of(ColourLayerConfig(bands=bands))
+        ratios = ratio_of(bands)
         model = ratios.learn(hsv_patch(rgb, (box * ratios.reach)[None]), box)
         (upright,) = ratios.scores(hsv_patch(rgb, box[None]), box[None], model)
         (other,) = ratios.scores(hsv_patch(turned, box[None]), box[None], model)
@@ -94,10 +92,9 @@ def test_compiled_scores_equal_numpy() -> None:
     boxes = np.concatenate(
         [generator.uniform(-40, 200, (60, 2)), generator.uniform(4, 150, (60, 2))], 1
     )
-    config = ColourLayerConfig()
-    histogram = HueSaturationHistogram(20, 20, config.points)
-    ratios = ColourRatio(config, histogram)
+    histogram = HueSaturationHistogram()
+    ratios = ColourRatio(histogram)
     box = np.array([55.0, 65.0, 70.0, 90.0])
     model = ratios.learn(hsv_patch(rgb, (box * ratios.reach)[None]), box)
-    plain = scores(rgb, boxes, model, sample_grid(config.points), histogram)
+    plain = scores(rgb, boxes, model, sample_grid(SAMPLES), histogram)
     np.testing.assert_allclose(ratios.scores(hsv_patch(rgb, boxes), boxes, model), plain, atol=1e-6)

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from services.gait.config import DepthLayerConfig
 from services.gait.points.body import (
     MeasuredBody,
     extremity_kinds,
@@ -16,7 +15,6 @@ from services.gait.surface.floor import FloorPlane
 from services.gait.surface.geodesic import geodesic_extrema, geodesic_m
 from tests.gait.builders import mesh_of
 
-CONFIG = DepthLayerConfig(hand_m=0.09, window_m=0.06, persistence_m=0.06)
 STATURE_M = 1.8
 
 
@@ -27,7 +25,7 @@ def arm() -> MeasuredBody:
     mesh = mesh_of([*torso, *hand], [(0, 1), (1, 2), (1, 3), *((k, k + 1) for k in range(3, 22))])
     heights_m = np.full(23, 1.2)
     distance_m = geodesic_m(mesh, 1)
-    extrema = geodesic_extrema(mesh, distance_m, CONFIG.persistence_m)
+    extrema = geodesic_extrema(mesh, distance_m)
     return measure_body(mesh, heights_m, STATURE_M, distance_m, extrema)
 
 
@@ -63,7 +61,7 @@ def test_extrema_are_classified_by_height() -> None:
 def test_hand_position_is_one_hand_length_before_the_fingertips() -> None:
     # The fingertips are 60 cm along; 9 cm before them is the middle of the last 18.
     body = arm()
-    (one,) = [one for one in find_extremities(body, CONFIG) if one.kind == "hand"]
+    (one,) = [one for one in find_extremities(body) if one.kind == "hand"]
     assert one.geodesic_m == pytest.approx(0.6)
     assert one.position_m == pytest.approx([0.51, 0.0, 2.0])
     assert one.strength == 1.0  # of a persistence above 20 cm
@@ -80,7 +78,7 @@ def test_extremum_near_the_torso_is_no_hand() -> None:
     mesh = mesh_of([(0.03 * k, 0.0, 2.0) for k in range(9)], [(k, k + 1) for k in range(8)])
     distance_m = geodesic_m(mesh, 0)
     body = measure_body(
-        mesh, np.full(9, 1.2), STATURE_M, distance_m, geodesic_extrema(mesh, distance_m, 0.06)
+        mesh, np.full(9, 1.2), STATURE_M, distance_m, geodesic_extrema(mesh, distance_m)
     )
     assert body.kinds == ("hand",)
-    assert find_extremities(body, CONFIG) == []
+    assert find_extremities(body) == []

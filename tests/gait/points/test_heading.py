@@ -136,27 +136,27 @@ def feet(left_x_m: float, right_x_m: float) -> dict[str, PointFilter]:
 
 def test_swapped_feet_are_detected_after_swap_s() -> None:
     # The left foot of a person facing the camera is at the right of the image. 20 cm count in full.
-    check = LeftRightCheck(swap_s=0.15)
+    check = LeftRightCheck()
     crossed = feet(left_x_m=-0.1, right_x_m=0.1)
-    found = [check.swapped(crossed, TO_CAMERA, 0.04) for _ in range(4)]
+    found = [check.find_swapped(crossed, TO_CAMERA, 0.04) for _ in range(4)]
     assert found == [[], [], [], [FEET]]  # 4 x 0.04 s > 0.15 s
 
 
 def test_swapped_feet_close_together_take_longer() -> None:
     # 3 cm of 12: a quarter of each frame counts.
-    check = LeftRightCheck(swap_s=0.15)
-    found = [check.swapped(feet(-0.015, 0.015), TO_CAMERA, 0.04) for _ in range(16)]
+    check = LeftRightCheck()
+    found = [check.find_swapped(feet(-0.015, 0.015), TO_CAMERA, 0.04) for _ in range(16)]
     assert found.index([FEET]) == 15  # 16 x 0.01 s > 0.15 s
 
 
 def test_feet_on_the_right_sides_are_not_swapped() -> None:
-    check = LeftRightCheck(swap_s=0.15)
-    assert all(not check.swapped(feet(0.1, -0.1), TO_CAMERA, 0.04) for _ in range(20))
+    check = LeftRightCheck()
+    assert all(not check.find_swapped(feet(0.1, -0.1), TO_CAMERA, 0.04) for _ in range(20))
 
 
 def test_swap_is_not_detected_without_heading_or_measured_foot() -> None:
-    check = LeftRightCheck(swap_s=0.15)
+    check = LeftRightCheck()
     crossed = feet(-0.1, 0.1)
-    assert all(not check.swapped(crossed, None, 0.04) for _ in range(20))
+    assert all(not check.find_swapped(crossed, None, 0.04) for _ in range(20))
     crossed["left_foot"].state = "predicted"
-    assert all(not check.swapped(crossed, TO_CAMERA, 0.04) for _ in range(20))
+    assert all(not check.find_swapped(crossed, TO_CAMERA, 0.04) for _ in range(20))

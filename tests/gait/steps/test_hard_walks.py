@@ -15,7 +15,7 @@ NOISE_M = 0.03
 
 def measured(times_s: F64, left: F64, right: F64) -> GaitMeasures:
     both = trajectory(times_s, left), trajectory(times_s, right)
-    return gait_measures(find_steps(*both, UP, CONFIG), CONFIG)
+    return gait_measures(find_steps(*both, UP))
 
 
 @pytest.mark.parametrize("begin_s", [0.1, 0.25, 0.4, 0.6, 0.85])

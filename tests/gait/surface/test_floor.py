@@ -1,11 +1,10 @@
 """Detection of floors, and their removal from bodies."""
 
-import msgspec
 import numpy as np
 import pytest
 
 from people4d.messages import F64, U16
-from services.gait.config import FloorConfig
+from services.gait.surface import floor as floor_module
 from services.gait.surface.floor import FloorDetector, FloorPlane
 from tests.gait.builders import INFO
 
@@ -36,8 +35,8 @@ def assert_is(floor: FloorPlane | None, camera_m: float, tilt_deg: float) -> Non
     assert floor.camera_m == pytest.approx(camera_m, abs=0.03)
 
 
-def found(depth_mm: U16, config: FloorConfig | None = None) -> FloorPlane | None:
-    return FloorDetector(config or FloorConfig(), INFO).update(depth_mm)
+def found(depth_mm: U16) -> FloorPlane | None:
+    return FloorDetector(INFO).update(depth_mm)
 
 
 @pytest.mark.parametrize(("camera_m", "tilt_deg"), [(1.0, 0.0), (0.4, -10.0), (1.6, 25.0)])
@@ -83,8 +82,11 @@ def test_a_table_is_no_floor() -> None:
     assert_is(found(depth), 1.0, 0.0)
 
 
-def test_floor_persists_while_occluded_and_follows_the_camera() -> None:
-    detector = FloorDetector(FloorConfig(every=1), INFO)
+def test_floor_persists_while_occluded_and_follows_the_camera(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(floor_module, "PERIOD", 1)
+    detector = FloorDetector(INFO)
     first = detector.update(room(1.0, 10.0))
     assert detector.update(np.zeros((480, 640), np.uint16)) is first
     assert first is not None
@@ -92,11 +94,11 @@ def test_floor_persists_while_occluded_and_follows_the_camera() -> None:
         assert_is(detector.update(room(1.2, tilt_deg)), 1.2, tilt_deg)
 
 
-def test_floor_is_detected_every_few_frames() -> None:
-    detector = FloorDetector(FloorConfig(every=3), INFO)
+def test_floor_is_detected_every_tenth_frame() -> None:
+    detector = FloorDetector(INFO)
     detector.update(room(1.0))
-    estimate = [detector.update(room(1.3)) for _ in range(3)]
-    assert [round(floor.camera_m, 1) for floor in estimate if floor] == [1.0, 1.0, 1.3]
+    estimate = [detector.update(room(1.3)) for _ in range(10)]
+    assert [round(floor.camera_m, 1) for floor in estimate if floor] == [*[1.0] * 9, 1.3]
 
 
 def test_removal_leaves_legs_above_the_floor() -> None:
@@ -105,7 +107,7 @@ def test_removal_leaves_legs_above_the_floor() -> None:
     # falls by 0.4: 41 mm, which is 8 rows.
     depth = room()
     depth[340:440, 300:340] = 2500
-    detector = FloorDetector(FloorConfig(), INFO)
+    detector = FloorDetector(INFO)
     detector.update(depth)
     cut = detector.remove(depth, BOX)
     legs = cut[340:440, 300:340]
@@ -122,7 +124,7 @@ def test_removal_does_not_change_the_input() -> None:
     depth = room()
     before = depth.copy()
     depth.flags.writeable = False
-    detector = FloorDetector(FloorConfig(), INFO)
+    detector = FloorDetector(INFO)
     detector.update(depth)
     detector.remove(depth, ALL)
     assert np.array_equal(depth, before)
@@ -132,24 +134,8 @@ def test_removal_does_not_change_the_input() -> None:
     "box", [[np.nan, 0, 10, 10], [-50, -50, -10, -10], [900, 900, 990, 990], [10, 10, 10, 10]]
 )
 def test_invalid_boxes_remove_nothing(box: list[float]) -> None:
-    detector = FloorDetector(FloorConfig(), INFO)
+    detector = FloorDetector(INFO)
     depth = room()
     detector.update(depth)
     cut = detector.remove(depth, np.array(box, float))
     assert np.count_nonzero(cut != depth) <= 2
-
-
-def test_removal_can_be_disabled() -> None:
-    detector = FloorDetector(FloorConfig(cut=False), INFO)
-    depth = room()
-    assert detector.update(depth) is not None
-    assert detector.remove(depth, ALL) is depth
-
-
-@pytest.mark.parametrize(
-    ("field", "value"),
-    [("every", 0), ("stride_px", 0), ("height_m", -1.0), ("tilt_max_deg", 90.0)],
-)
-def test_invalid_configuration_is_refused(field: str, value: object) -> None:
-    with pytest.raises(ValueError, match=field):
-        msgspec.convert({**msgspec.to_builtins(FloorConfig()), field: value}, FloorConfig)

@@ -1,15 +1,20 @@
 """Geodesic distances of known length, and their extrema."""
 
-import msgspec
 import numpy as np
 import pytest
 
-from services.gait.config import BodyConfig
+from services.gait.surface import mesh as mesh_module
 from services.gait.surface.geodesic import geodesic_extrema, geodesic_m
 from services.gait.surface.mesh import BodyMesh, build_mesh
-from tests.gait.builders import INFO, PUBLISHED, body_of, mesh_of
+from tests.gait.builders import INFO, body_of, mesh_of
 
-LOOSE = msgspec.structs.replace(PUBLISHED, edge_m=0.05)
+pytestmark = pytest.mark.usefixtures("long_edges")
+
+
+@pytest.fixture
+def long_edges(published: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Edges of up to 5 cm."""
+    monkeypatch.setattr(mesh_module, "EDGE_M", 0.05)
 
 
 def band() -> BodyMesh:
@@ -18,7 +23,7 @@ def band() -> BodyMesh:
     With x = z k and k = (u - cx) / fx: z = 2 / (1 - |k|).
     """
     k = np.abs(np.arange(270, 371) - INFO.cx) / INFO.fx
-    return build_mesh(body_of(np.tile(2 / (1 - k), (5, 1)), 270, 238), INFO, LOOSE)
+    return build_mesh(body_of(np.tile(2 / (1 - k), (5, 1)), 270, 238), INFO)
 
 
 def flat(holes: tuple[slice, slice] | None = None) -> BodyMesh:
@@ -26,7 +31,7 @@ def flat(holes: tuple[slice, slice] | None = None) -> BodyMesh:
     depth = np.full((41, 41), 2.0)
     if holes is not None:
         depth[holes] = 0
-    return build_mesh(body_of(depth, 300, 220), INFO, LOOSE)
+    return build_mesh(body_of(depth, 300, 220), INFO)
 
 
 def test_geodesic_distance_of_a_folded_band_is_its_length() -> None:
@@ -69,16 +74,16 @@ def test_unconnected_piece_is_infinitely_far() -> None:
     assert np.isfinite(found).sum() == 41 * 20
 
 
-def test_occluded_part_is_reached_over_a_bridge() -> None:
+def test_occluded_part_is_reached_over_a_bridge(monkeypatch: pytest.MonkeyPatch) -> None:
     # A leg 0.25 m behind: one link joins it.
     depth = np.full((41, 41), 2.0)
     depth[:, 21:] = 2.25
-    config = BodyConfig(vertices=0, smooth_px=0, continuity_m=0.1)
-    mesh = build_mesh(body_of(depth, 300, 220), INFO, config)
+    published = build_mesh(body_of(depth, 300, 220), INFO)
+    monkeypatch.setattr(mesh_module, "JOIN_M", 0.4)
+    mesh = build_mesh(body_of(depth, 300, 220), INFO)
     a, b = mesh.vertices_at([(320, 240), (321, 240)])
     link = np.linalg.norm(mesh.points_m[a] - mesh.points_m[b])
     assert link <= geodesic_m(mesh, a)[b] < link + 0.25
-    published = build_mesh(body_of(depth, 300, 220), INFO, PUBLISHED)
     assert geodesic_m(published, a)[b] == np.inf
 
 
@@ -95,7 +100,7 @@ def test_invalid_source_reaches_nothing(source: object) -> None:
 
 
 def test_empty_mesh_has_no_distances() -> None:
-    assert geodesic_m(build_mesh(body_of(np.zeros((3, 3))), INFO, PUBLISHED), 0).shape == (0,)
+    assert geodesic_m(build_mesh(body_of(np.zeros((3, 3))), INFO), 0).shape == (0,)
 
 
 # A stem 0-1-2 of 0.2 m that forks into 3-4-5, 0.3 m long, and into 6-7, 0.16 m long.

@@ -1,13 +1,11 @@
 """Holes and components by hand, and boxes without a person."""
 
-import msgspec
 import numpy as np
 import pytest
 
 from people4d.messages import U16
-from services.gait.config import BodyConfig
+from services.gait.surface import segmentation
 from services.gait.surface.segmentation import components, fill_holes, segment_body
-from tests.gait.builders import PUBLISHED
 
 BOX = np.array([0.0, 0.0, 40.0, 60.0])
 
@@ -50,44 +48,46 @@ def test_wide_hole_is_filled_from_its_rim() -> None:
     assert (fill_holes(once) == 2).all()
 
 
+@pytest.mark.usefixtures("published")
 def test_components_by_hand() -> None:
     # Neighbours differ by 5 mm (one part), 25 mm (two parts) or lie at a corner (two parts).
     depth = np.array([[2.000, 2.005, 2.030], [0.0, 0.0, 2.035], [2.030, 0.0, 0.0]], np.float32)
-    labels, sizes = components(depth, PUBLISHED)
+    labels, sizes = components(depth)
     assert labels.tolist() == [[1, 1, 2], [0, 0, 2], [3, 0, 0]]
     assert sizes.tolist() == [4, 2, 2, 1]
 
 
+@pytest.mark.usefixtures("published")
 def test_u_shape_is_one_component() -> None:
     # The arms of a U are labelled apart until the row in which they meet.
     depth = np.array([[2, 0, 2, 0, 0, 2], [2, 0, 2, 0, 0, 0], [2, 2, 2, 0, 2, 2]], np.float32)
-    labels, sizes = components(depth, PUBLISHED)
+    labels, sizes = components(depth)
     assert labels.tolist() == [[1, 0, 1, 0, 0, 2], [1, 0, 1, 0, 0, 0], [1, 1, 1, 0, 3, 3]]
     assert sizes.tolist() == [8, 7, 1, 2]
 
 
+@pytest.mark.usefixtures("published")
 def test_a_slope_is_one_component() -> None:
     # 9 mm from pixel to pixel, 0.9 m in all.
     depth = (2 + 0.009 * np.arange(101, dtype=np.float32))[None]
-    assert components(depth, PUBLISHED)[0].max() == 1
+    assert components(depth)[0].max() == 1
 
 
 def test_continuity_grows_with_the_distance() -> None:
     # 6 mm by metre and three times 2.5 mm by square metre: 13.5 mm at 1 m, 144 mm at 4 m.
-    config = BodyConfig()
     for near, far, parts in [(1.0, 1.012, 1), (1.0, 1.015, 2), (4.0, 4.12, 1), (4.0, 4.16, 2)]:
-        assert components(np.array([[near, far]], np.float32), config)[0].max() == parts
+        assert components(np.array([[near, far]], np.float32))[0].max() == parts
 
 
 def test_largest_component_is_the_body_without_seed() -> None:
-    body = segment_body(room(), BOX, None, BodyConfig())
+    body = segment_body(room(), BOX, None)
     assert body is not None
     assert body.mask.sum() == 60 * 40 - 40 * 10
     assert body.depth_m[30, 20] == 0
 
 
 def test_seed_depth_selects_the_component() -> None:
-    body = segment_body(room(), BOX, 2.1, BodyConfig())
+    body = segment_body(room(), BOX, 2.1)
     assert body is not None
     assert body.mask.sum() == 40 * 10
     assert body.mask[10:50, 15:25].all()
@@ -95,14 +95,14 @@ def test_seed_depth_selects_the_component() -> None:
 
 
 def test_seed_without_component_leaves_the_largest_within_reach() -> None:
-    body = segment_body(room(), BOX, 2.8, BodyConfig())
+    body = segment_body(room(), BOX, 2.8)
     assert body is not None
     assert body.mask.sum() == 40 * 10  # the wall is 1.2 m behind, no arm is as long
-    assert segment_body(room(), BOX, 9.0, BodyConfig()) is None
+    assert segment_body(room(), BOX, 9.0) is None
 
 
 def test_a_box_may_reach_out_of_the_image() -> None:
-    body = segment_body(room(), np.array([-20.0, 5.0, 22.5, 900.0]), 2.0, BodyConfig())
+    body = segment_body(room(), np.array([-20.0, 5.0, 22.5, 900.0]), 2.0)
     assert body is not None
     assert (body.left_px, body.top_px, body.mask.shape) == (0, 5, (55, 23))
     assert body.mask.sum() == 40 * 8
@@ -111,7 +111,7 @@ def test_a_box_may_reach_out_of_the_image() -> None:
 def test_a_hole_in_the_body_is_filled() -> None:
     depth = room()
     depth[20:22, 18:20] = 0
-    body = segment_body(depth, BOX, 2.0, BodyConfig())
+    body = segment_body(depth, BOX, 2.0)
     assert body is not None
     assert body.mask[20:22, 18:20].all()
 
@@ -124,14 +124,9 @@ def legs(beside: int = 25) -> U16:
 
 
 def test_part_occluded_at_its_joint_is_joined() -> None:
-    body = segment_body(legs(), BOX, 2.0, BodyConfig())
+    body = segment_body(legs(), BOX, 2.0)
     assert body is not None
     assert body.mask.sum() == 40 * 10 + 15 * 4
-    single_feature_weights = segment_body(
-        legs(), BOX, 2.0, msgspec.structs.replace(BodyConfig(), join_m=0.0)
-    )
-    assert single_feature_weights is not None
-    assert single_feature_weights.mask.sum() == 40 * 10
 
 
 def carrier() -> U16:
@@ -145,7 +140,7 @@ def carrier() -> U16:
 
 @pytest.mark.parametrize("seed_m", [1.7, 2.0])
 def test_legs_below_a_carried_box_are_joined(seed_m: float) -> None:
-    body = segment_body(carrier(), BOX, seed_m, BodyConfig())
+    body = segment_body(carrier(), BOX, seed_m)
     assert body is not None
     assert body.mask.sum() == 10 * 10 + 8 * 14 + 27 * 10
 
@@ -153,7 +148,7 @@ def test_legs_below_a_carried_box_are_joined(seed_m: float) -> None:
 def test_large_part_over_the_same_rows_is_another_person() -> None:
     depth = room()
     depth[12:48, 25:33] = 2250
-    body = segment_body(depth, BOX, 2.0, BodyConfig())
+    body = segment_body(depth, BOX, 2.0)
     assert body is not None
     assert body.mask.sum() == 40 * 10
 
@@ -164,7 +159,7 @@ def test_large_part_far_behind_is_another_person() -> None:
     depth[10:30, 15:25] = 2000
     depth[30:34, 15:25] = 2350
     depth[34:55, 15:25] = 2700
-    body = segment_body(depth, BOX, 2.0, BodyConfig())
+    body = segment_body(depth, BOX, 2.0)
     assert body is not None
     assert body.mask.sum() == 20 * 10 + 4 * 10
 
@@ -178,7 +173,7 @@ def test_large_part_far_behind_is_another_person() -> None:
     ],
 )
 def test_other_nearby_component_is_not_joined(depth: U16) -> None:
-    body = segment_body(depth, BOX, 2.0, BodyConfig())
+    body = segment_body(depth, BOX, 2.0)
     assert body is not None
     assert body.mask.sum() == 40 * 10
 
@@ -197,30 +192,33 @@ def test_other_nearby_component_is_not_joined(depth: U16) -> None:
     ],
 )
 def test_invalid_or_empty_box_has_no_body(box: tuple[float, ...]) -> None:
-    assert segment_body(room(), np.array(box), 2.0, BodyConfig()) is None
+    assert segment_body(room(), np.array(box), 2.0) is None
 
 
 @pytest.mark.parametrize("seed", [None, 2.0, np.nan, -1.0, np.inf])
 def test_no_depth_gives_no_body(seed: float | None) -> None:
-    assert segment_body(wall(0), BOX, seed, BodyConfig()) is None
+    assert segment_body(wall(0), BOX, seed) is None
 
 
-def test_person_of_one_pixel_needs_pixels_min_of_one() -> None:
+def test_body_has_30_pixels_or_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(segmentation, "FILL_PASSES", 0)
     depth = wall(0)
-    depth[30, 20] = 2000
-    assert segment_body(depth, BOX, 2.0, BodyConfig()) is None
-    body = segment_body(depth, BOX, 2.0, msgspec.structs.replace(PUBLISHED, fill_passes=0))
+    depth[10:39, 20] = 2000
+    assert segment_body(depth, BOX, 2.0) is None
+    depth[39, 20] = 2000
+    body = segment_body(depth, BOX, 2.0)
     assert body is not None
-    assert body.mask.sum() == 1
+    assert body.mask.sum() == 30
 
 
+@pytest.mark.usefixtures("published")
 def test_mask_equals_depth_and_lies_in_the_image() -> None:
     random = np.random.default_rng(0)
     for seed in [None, 1.0, 3.0] * 10:
         depth = (random.random((60, 40)) * 4000).astype(np.uint16)
         depth[random.random(depth.shape) < 0.3] = 0
         box = random.uniform(-20, 80, 4)
-        body = segment_body(depth, box, seed, PUBLISHED)
+        body = segment_body(depth, box, seed)
         if body is not None:
             assert np.array_equal(body.depth_m > 0, body.mask)
             height, width = body.mask.shape
@@ -228,20 +226,3 @@ def test_mask_equals_depth_and_lies_in_the_image() -> None:
             assert body.top_px >= 0
             assert body.left_px + width <= 40
             assert body.top_px + height <= 60
-
-
-@pytest.mark.parametrize(
-    ("field", "value"),
-    [
-        ("fill_neighbours", 0),
-        ("fill_passes", -1),
-        ("vertices", -1),
-        ("edge_m", float("nan")),
-        ("reach_m", -1.0),
-        ("neck_rows", (0.5, 0.2)),
-        ("hips_heads", 0.5),
-    ],
-)
-def test_invalid_configuration_is_refused(field: str, value: object) -> None:
-    with pytest.raises(ValueError, match=field):
-        msgspec.convert({**msgspec.to_builtins(BodyConfig()), field: value}, BodyConfig)

@@ -4,7 +4,6 @@ import dataclasses
 
 import numpy as np
 
-from services.gait.config import BodyConfig
 from services.gait.surface.segmentation import Mask
 from services.gait.surface.silhouette import neck_row, part_rows_px, silhouette_widths
 from tests.gait.builders import body_of
@@ -32,37 +31,37 @@ def test_parts_by_hand() -> None:
     # The head begins in row 2. Its neck is 6 wide in the rows 14 to 19; the mean of three rows is
     # least in 15, the first with 6 above and below: the head is 13 rows. The torso begins 1.5 of
     # these below the top, 2 + 19.5 (rounded to the even 22), the legs 3.6, at 2 + 46.8 = 49.
-    rows = part_rows_px(body_of(silhouette() * 2.0), BodyConfig())
+    rows = part_rows_px(body_of(silhouette() * 2.0))
     assert rows == {"head": 2, "shoulders": 15, "torso": 22, "legs": 49}
 
 
 def test_narrow_top_of_the_head_is_no_neck() -> None:
     # The first row is 4 wide, the neck 6.
-    row = neck_row(silhouette_widths(silhouette()[2:]), BodyConfig())
+    row = neck_row(silhouette_widths(silhouette()[2:]))
     assert row is not None
     assert row > 8
 
 
 def test_body_without_neck_is_divided_by_mean_proportions() -> None:
     # 0.13 of 100 rows.
-    rows = part_rows_px(body_of(np.full((100, 20), 2.0)), BodyConfig())
-    assert neck_row(np.full(100, 20.0), BodyConfig()) is None
+    rows = part_rows_px(body_of(np.full((100, 20), 2.0)))
+    assert neck_row(np.full(100, 20.0)) is None
     assert rows["shoulders"] == 13
 
 
 def test_rows_of_parts_are_in_the_image() -> None:
     body = dataclasses.replace(body_of(silhouette() * 2.0), top_px=100)
-    rows = part_rows_px(body, BodyConfig())
+    rows = part_rows_px(body)
     assert rows == {"head": 102, "shoulders": 115, "torso": 122, "legs": 149}
 
 
 def test_no_body_gives_no_parts() -> None:
-    assert part_rows_px(None, BodyConfig()) == {}
-    assert part_rows_px(body_of(np.zeros((5, 5))), BodyConfig()) == {}
+    assert part_rows_px(None) == {}
+    assert part_rows_px(body_of(np.zeros((5, 5)))) == {}
 
 
 def test_bodies_of_few_rows_have_parts() -> None:
     for height in range(1, 12):
-        rows = list(part_rows_px(body_of(np.full((height, 3), 2.0)), BodyConfig()).values())
+        rows = list(part_rows_px(body_of(np.full((height, 3), 2.0))).values())
         assert rows == sorted(rows)
         assert rows[-1] <= height

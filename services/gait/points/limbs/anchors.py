@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from people4d.messages import CameraInfo
-from services.gait.config import DepthLayerConfig
 from services.gait.points.keypoints import (
     COUNTERPARTS,
+    KEYPOINT_CONFIDENCE_MIN,
     LEFT_FOOT,
     PAIRS,
     RIGHT_FOOT,
@@ -35,7 +35,6 @@ def on_own_limbs(
     points: Mapping[str, PointFilter],
     dt_s: float,
     info: CameraInfo,
-    config: DepthLayerConfig,
 ) -> dict[str, Anchor]:
     """Return anchors without those on the other limb; both exchanged are given back.
 
@@ -44,8 +43,7 @@ def on_own_limbs(
     own = {
         name: anchor
         for name, anchor in found.items()
-        if anchor.confidence > config.keypoint_confidence_min
-        or _fits(name, anchor, points, dt_s, info, config)
+        if anchor.confidence > KEYPOINT_CONFIDENCE_MIN or _fits(name, anchor, points, dt_s, info)
     }
     for left, right in PAIRS:
         names = (left, right)
@@ -55,7 +53,7 @@ def on_own_limbs(
         if expected[0] is None or expected[1] is None:
             continue
         costs = np.array(
-            [[_cost(one, own[name], info, config) for name in names] for one in expected if one]
+            [[_cost(one, own[name], info) for name in names] for one in expected if one]
         )
         if kind_of(left) == "hand" and (
             costs[0, 1] + costs[1, 0] + EXCHANGE_MIN < costs[0, 0] + costs[1, 1]
@@ -65,7 +63,7 @@ def on_own_limbs(
         depth_m = float(expected[0].mean_m[2])
         apart_px = float(np.linalg.norm(own[left].pixel - own[right].pixel))
         if apart_px < pixels_of(SAME_M, depth_m, info):
-            confident = [own[name].confidence > config.keypoint_confidence_min for name in names]
+            confident = [own[name].confidence > KEYPOINT_CONFIDENCE_MIN for name in names]
             fits = costs[0, 0] <= costs[1, 1] if confident[0] == confident[1] else confident[0]
             own.pop(right if fits else left)
     return own
@@ -90,17 +88,16 @@ def _fits(
     points: Mapping[str, PointFilter],
     dt_s: float,
     info: CameraInfo,
-    config: DepthLayerConfig,
 ) -> bool:
     """Check that an anchor is where its point is expected, and not rather the other limb's."""
     expected, other = (points[one].expected(dt_s) for one in (name, COUNTERPARTS[name]))
     if expected is None:
         return False
-    cost = _cost(expected, anchor, info, config)
-    at_other = other is not None and _cost(other, anchor, info, config) < cost
+    cost = _cost(expected, anchor, info)
+    at_other = other is not None and _cost(other, anchor, info) < cost
     return cost <= DOUBTFUL_COST_MAX and not at_other
 
 
-def _cost(expected: Normal, anchor: Anchor, info: CameraInfo, config: DepthLayerConfig) -> float:
-    noise_px = sigma_px(anchor, float(expected.mean_m[2]), info, config)
+def _cost(expected: Normal, anchor: Anchor, info: CameraInfo) -> float:
+    noise_px = sigma_px(anchor, float(expected.mean_m[2]), info)
     return min(expected.pixel_distance2(anchor.pixel, noise_px, info), COST_MAX)

@@ -18,7 +18,7 @@ from people4d.messages import F64, U16, CameraInfo
 from services.gait.points.body import MeshObservation
 from services.gait.points.keypoints import Anchor, kind_of
 from services.gait.points.limbs.surface import FOOT_AHEAD_M, FOOT_BELOW_M
-from services.gait.points.point_filter import PointFilter
+from services.gait.points.point_filter import GATE, PointFilter
 
 ANKLE_M = 0.12  # [m] height of the keypoint of a standing ankle
 EMPTY_PX, EMPTY_MAX = 7, 0.2  # [px] about an ankle, and share of readings there at most
@@ -69,10 +69,10 @@ def floor_positions(
     return positions
 
 
-def correct_by_floor(point: PointFilter, floor: FloorPosition, gate: float, dt_s: float) -> None:
-    """Update a foot by the floor, within a gate in standard deviations; it is predicted so."""
+def correct_by_floor(point: PointFilter, floor: FloorPosition, dt_s: float) -> None:
+    """Update a foot by the floor, within GATE; the foot stays predicted."""
     assert point.motion is not None
-    if point.motion.distances2(floor.position_m[None], floor.noise_m2)[0] > gate**2:
+    if point.motion.distances2(floor.position_m[None], floor.noise_m2)[0] > GATE**2:
         point.mark_missed(dt_s)
         return
     point.unsupported_s = 0.0

@@ -14,7 +14,6 @@ from services.gait.points.normal import Normal
 from services.gait.points.point_filter import PointEstimate, PointFilter
 from tests.gait.builders import INFO
 
-CONFIG = DepthLayerConfig(keypoint_confidence_min=0.4)
 FEET_M = {LEFT_FOOT: np.array([0.2, 0.9, 3.0]), RIGHT_FOOT: np.array([-0.2, 0.9, 3.0])}
 SIGMA_M = 0.1
 
@@ -23,7 +22,7 @@ def feet() -> Mapping[str, PointFilter]:
     """Two feet 40 cm apart, expected by the body to 10 cm."""
     found = {}
     for name, position_m in FEET_M.items():
-        found[name] = PointFilter(name, CONFIG, INFO, np.random.default_rng(0))
+        found[name] = PointFilter(name, DepthLayerConfig(), INFO, np.random.default_rng(0))
         found[name].prior = Normal(position_m, SIGMA_M**2 * np.eye(3))
     return found
 
@@ -47,7 +46,7 @@ def test_doubtful_ankle_counts_near_its_own_foot_only(
     aside_m: float, confidence: float, counts: bool
 ) -> None:
     found = left_anchor(FEET_M[LEFT_FOOT] + (aside_m, 0.0, 0.0), confidence)
-    assert (LEFT_FOOT in on_own_limbs(found, feet(), 0.0, INFO, CONFIG)) == counts
+    assert (LEFT_FOOT in on_own_limbs(found, feet(), 0.0, INFO)) == counts
 
 
 def test_of_two_ankles_on_one_foot_the_confident_one_counts() -> None:
@@ -58,7 +57,7 @@ def test_of_two_ankles_on_one_foot_the_confident_one_counts() -> None:
         LEFT_FOOT: Anchor(pixel, 1.0, 0.2, pixel),
         RIGHT_FOOT: Anchor(pixel, 1.0, 0.7, pixel),
     }
-    assert set(on_own_limbs(found, feet(), 0.0, INFO, CONFIG)) == {RIGHT_FOOT}
+    assert set(on_own_limbs(found, feet(), 0.0, INFO)) == {RIGHT_FOOT}
 
 
 def test_doubtful_ankle_of_a_person_who_is_not_known_does_not_count() -> None:
@@ -66,7 +65,7 @@ def test_doubtful_ankle_of_a_person_who_is_not_known_does_not_count() -> None:
     for point in points.values():
         point.prior = None
     found = left_anchor(FEET_M[LEFT_FOOT], 0.2)
-    assert not on_own_limbs(found, points, 0.0, INFO, CONFIG)
+    assert not on_own_limbs(found, points, 0.0, INFO)
 
 
 @pytest.mark.parametrize(("apart_m", "lost"), [(0.05, True), (0.2, False)])

@@ -3,7 +3,6 @@
 import numpy as np
 
 from people4d.messages import F64
-from services.gait.config import DepthLayerConfig
 from services.gait.points.body import Extremity, MeasuredBody, find_extremities, measure_body
 from services.gait.points.limbs.ends import end_position
 from services.gait.surface.geodesic import geodesic_extrema, geodesic_m
@@ -27,7 +26,7 @@ def leg(foot: F64) -> tuple[MeasuredBody, Extremity]:
     distances_m = geodesic_m(mesh, 0)
     extrema = geodesic_extrema(mesh, distances_m, 0.06)
     body = measure_body(mesh, heights_m, 1.7, distances_m, extrema)
-    (end,) = (one for one in find_extremities(body, DepthLayerConfig()) if one.kind == "foot")
+    (end,) = (one for one in find_extremities(body) if one.kind == "foot")
     return body, end
 
 

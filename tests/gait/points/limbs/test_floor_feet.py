@@ -21,7 +21,6 @@ UP = np.array([0.0, -1.0, 0.0])
 AHEAD = np.array([1.0, 0.0, 0.0])
 FLOOR = FloorPlane(UP, 1.2)
 STANDING = np.array([0.3, 1.08, 5.2])  # an ankle 0.12 m above the floor
-GATE = DepthLayerConfig().gate
 
 
 def foot() -> PointFilter:
@@ -95,7 +94,7 @@ def test_foot_on_the_floor_is_predicted_and_not_lost() -> None:
     for _ in range(100):
         assert point.motion is not None
         point.motion.predict(0.05)
-        correct_by_floor(point, one, GATE, 0.05)
+        correct_by_floor(point, one, 0.05)
     estimate = point.estimate()
     assert estimate.state == "predicted"
     assert estimate.position_m == pytest.approx(one.position_m, abs=0.01)
@@ -106,6 +105,6 @@ def test_floor_far_from_the_prediction_does_not_count() -> None:
     one = found(ankle_at(STANDING), depth())["left_foot"]
     point.start_beside(project(STANDING, INFO)[0], one.position_m, one.noise_m2)
     far = replace(one, position_m=one.position_m + 2.0 * AHEAD)
-    correct_by_floor(point, far, GATE, 0.05)
+    correct_by_floor(point, far, 0.05)
     assert point.estimate().position_m == pytest.approx(one.position_m, abs=1e-6)
     assert point.missed_s == pytest.approx(0.05)

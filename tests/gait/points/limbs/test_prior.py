@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from people4d.messages import CameraInfo
-from services.gait.config import DepthLayerConfig
 from services.gait.points.keypoints import joint_pixels
 from services.gait.points.normal import Normal
 
@@ -55,5 +54,5 @@ def test_joints_of_low_confidence_are_left_out() -> None:
     keypoints = np.zeros((17, 3), np.float32)
     keypoints[7] = (100.0, 200.0, 0.9)  # left elbow
     keypoints[8] = (np.nan, 200.0, 0.9)
-    assert list(joint_pixels(keypoints, DepthLayerConfig())) == ["left_hand"]
-    assert joint_pixels(None, DepthLayerConfig()) == {}
+    assert list(joint_pixels(keypoints)) == ["left_hand"]
+    assert joint_pixels(None) == {}
