@@ -1,5 +1,6 @@
 """Report of the gait in a recording: tables, plots and images."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import astuple, fields, replace
 from pathlib import Path
@@ -95,7 +96,7 @@ class GaitReport:
             SourceError: A file cannot be written.
         """
         if self._video:
-            self._video.close()
+            self._video.encode(math.inf)
         self.tables.write(self._folder)
         if not self.tables.people:
             return
@@ -153,7 +154,7 @@ class GaitReport:
     def _record(self, camera: str, stamp_ns: int, image: U8) -> None:
         if self._draws_all:
             self._video = self._video or VideoFile(self._folder / "gait.webm")
-            self._video.write(AnnotatedFrame(camera, stamp_ns, image))
+            self._video.add(AnnotatedFrame(camera, stamp_ns, image), has_room=True)
 
 
 def frame_count(run: GaitRun) -> int:
