@@ -8,9 +8,9 @@ from common.diagnosis.evidence import Diagnostic, Evidence, problem, warning
 from people4d.messages import CameraInfo, Detection, Detections
 
 REJECTED = {  # counter of rejected frames: what to do
-    "wrong_type": "Convert it in the source: metres by (1000 * depth_m).astype(numpy.uint16).",
+    "wrong_type": "Convert it in the source; for float metres set depth_in_metres = True there.",
     "wrong_size": "Calibrate at the size that is streamed, or stream at the size calibrated.",
-    "wrong_unit": "Multiply by 1000 before the conversion to 16 bits.",
+    "wrong_unit": "Depth is uint16 millimetres, or float metres with depth_in_metres = True.",
     "wrong_stamp": "Give the acquisition time as an int: round(seconds * 1e9).",
 }
 STAMPS_MAX_S = 60.0  # by which stamps of a live camera may differ from its host's clock

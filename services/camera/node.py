@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 import msgspec
 
 from common.calibration.transforms_file import MAP, read_pose
+from common.diagnosis.camera_checks import REJECTED
 from common.io.images import compress
 from common.ros2.frame_names import OPTICAL_FRAME
 from common.runtime.node import LoopCallbacks, Node, Status
 from common.transport.trace import record, span
+from people4d.errors import SourceError
 from people4d.messages import (
     CameraInfo,
     Detections,
@@ -70,7 +72,8 @@ class CameraNode(Node):
         selection = Selection(
             config.start_s, config.duration_s, config.max_frames, config.stride, config.loop
         )
-        self._check = FrameCheck(None if source.calibrates_late else source.info)
+        info = None if source.calibrates_late else source.info
+        self._check = FrameCheck(info, source.depth_in_metres)
         self._prefetch = Prefetch(
             lambda: play(source, selection, self._accept), FRAMES_AHEAD, source.live
         )
@@ -146,7 +149,9 @@ class CameraNode(Node):
         return min((time_ns for time_ns in times if time_ns is not None), default=None)
 
     def is_finished(self) -> bool:
-        """Check that the source has ended and all its frames are sent."""
+        """Check that the source has ended and all its frames are sent, or that none of it fits."""
+        if self._check.hopeless:
+            return True
         # In this order, so that an item put before the end is still found.
         ended = self._prefetch.ended
         return ended and self._prefetch.peek() is None and self._pacing.wake_ns() is None
@@ -180,14 +185,22 @@ class CameraNode(Node):
         return Status(state=state, reason=reason, counters=counters, gauges=gauges)
 
     def close(self) -> None:
-        """Stop reading and close the source."""
+        """Stop reading and close the source.
+
+        Raises:
+            SourceError: No frame of the source is as declared.
+        """
+        check = self._check
+        cause, fault = (check.cause, check.fault) if check.hopeless else ("", "")
         self._source.interrupt()
         self._prefetch.stop(STOP_S)
         self._source.close()
+        if fault:
+            raise SourceError(f"no frame of the source can be used: {fault}", REJECTED[cause])
 
-    def _accept(self, item: SourceItem) -> bool:
+    def _accept(self, item: SourceItem) -> SourceItem | None:
         """Check an item in the reading thread, which must not go on for ever after its stop."""
-        return self._prefetch.stopped or self._check.accept(item)
+        return item if self._prefetch.stopped else self._check.accept(item)
 
     def _is_due(self, now_ns: int) -> bool:
         item = self._prefetch.peek()

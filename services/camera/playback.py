@@ -58,11 +58,13 @@ class RoundLength:
 
 
 def play(
-    source: Source, selection: Selection, accept: Callable[[SourceItem], bool] = lambda _: True
+    source: Source,
+    selection: Selection,
+    accept: Callable[[SourceItem], SourceItem | None] = lambda item: item,
 ) -> Iterator[SourceItem]:
     """Yield the selected part of a source; each repetition shifts the stamps, so that they rise.
 
-    Items that are not accepted are left out.
+    `accept` returns an item as it is used, or None to leave it out.
     """
     sent, shift_ns = 0, 0
     while True:
@@ -99,12 +101,12 @@ def loop_period_s(source: str) -> float:
 
 
 def _one_round(
-    source: Source, selection: Selection, accept: Callable[[SourceItem], bool]
+    source: Source, selection: Selection, accept: Callable[[SourceItem], SourceItem | None]
 ) -> Iterator[SourceItem]:
     index = 0
     is_part = selection.start_s or selection.duration_s
     items = source.part(selection.start_s, selection.duration_s) if is_part else iter(source)
-    items = filter(accept, items)
+    items = (used for item in items if (used := accept(item)) is not None)
     for item in items if source.live else odometry_first(items):
         if isinstance(item, Odometry | MovingTransform | SourceSetup):
             yield item

@@ -50,6 +50,7 @@ class Source(ABC):
     registration: Registration | None = None  # moves depth into the view of colour
     moves: bool = False  # True: it yields transforms of the camera, so no mount is needed
     counters: Mapping[str, int] = MappingProxyType({})  # events since opening, drops by cause
+    depth_in_metres: bool = False  # True: depth_mm of its frames is float metres, to be converted
     live: bool = False  # True: a device, whose newest frame matters; False: a recording
     # True: `info` is not set; a SourceSetup comes before the first frame
     calibrates_late: ClassVar[bool] = False

@@ -432,6 +432,37 @@ def test_frames_of_wrong_size_are_reported_at_the_end() -> None:
     assert reason == "rgb is uint8 (6, 8, 3), expected uint8 (6, 9, 3) red first (wrong_size 1)"
 
 
+def test_hopeless_camera_ends_with_the_reason_and_its_remedy(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # `up` waited for it until its timeout.
+    monkeypatch.setattr("services.camera.frame_check.HOPELESS_S", 0.0)
+    node = CameraNode(START, Wrong([], live=True))
+    node.tick(0)
+    while not node.is_finished():
+        time.sleep(0)
+    assert node.status().state == "finished"
+    expected = "depth_mm is float32 .*, expected uint16 .* millimetres. .*depth_in_metres = True"
+    with pytest.raises(SourceError, match=expected):
+        node.close()
+
+
+class Metres(MemorySource):
+    """A camera that declares depth in metres."""
+
+    depth_in_metres = True
+
+    def __iter__(self) -> Iterator[SourceFrame | Odometry]:
+        yield replace(capture(0), depth_mm=np.full(SIZE, 1.5, np.float32))
+
+
+def test_declared_metres_are_published_as_millimetres() -> None:
+    with player(START, Metres([])) as p:
+        p.play()
+    (frame,) = p.frames()
+    assert (frame.depth_mm == 1500).all()
+
+
 class Wrong(MemorySource):
     """A live camera whose frames never fit."""
 
