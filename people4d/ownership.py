@@ -13,7 +13,7 @@ from people4d.topics import Topic
 
 FOREIGN = "foreign"  # counter of refused messages, before the name of their topic
 SESSIONS_MAX = 4096  # announced sessions that are known, a bound against invented ones
-STRANGERS_MAX = 256  # sessions whose token is waited for, likewise
+OTHERS_MAX = 256  # sessions whose token is waited for, likewise
 TOKEN_S = 0.5  # longest wait for the token of a session
 
 
@@ -28,7 +28,7 @@ class Announcements:
         self.own: dict[str, tuple[str, bytes]] = {}  # session and last payload, by key
         self._services: dict[str, set[str]] = {}  # by session
         self._running: Counter[str] = Counter()  # sessions by service
-        self._strangers: set[str] = set()  # sessions whose token was waited for
+        self._others: set[str] = set()  # sessions whose token was waited for
         self._changed = threading.Condition()
 
     def note(self, token: str, is_present: bool) -> None:
@@ -54,9 +54,9 @@ class Announcements:
     def admits(self, session: str, topic: Topic) -> bool:
         """Check that a session may publish a topic: any may while no producer is announced."""
         with self._changed:
-            if session and session not in self._services and len(self._strangers) < STRANGERS_MAX:
-                is_new = session not in self._strangers
-                self._strangers.add(session)
+            if session and session not in self._services and len(self._others) < OTHERS_MAX:
+                is_new = session not in self._others
+                self._others.add(session)
                 if is_new and self._has_producer(topic):
                     # Its token comes by another thread than its first message.
                     self._changed.wait_for(lambda: session in self._services, TOKEN_S)

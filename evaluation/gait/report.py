@@ -154,7 +154,7 @@ class GaitReport:
     def _record(self, camera: str, stamp_ns: int, image: U8) -> None:
         if self._draws_all:
             self._video = self._video or VideoFile(self._folder / "gait.webm")
-            self._video.add(AnnotatedFrame(camera, stamp_ns, image), has_room=True)
+            self._video.add_frame(AnnotatedFrame(camera, stamp_ns, image), has_room=True)
 
 
 def frame_count(run: GaitRun) -> int:

@@ -69,7 +69,7 @@ class ReportFolder:
         if frame.camera not in self._videos:
             self._videos[frame.camera] = VideoFile(self._path / f"people_{frame.camera}.webm")
         waiting_bytes = sum(video.waiting_bytes for video in self._videos.values())
-        self._videos[frame.camera].add(frame, waiting_bytes < WAITING_MAX)
+        self._videos[frame.camera].add_frame(frame, waiting_bytes < WAITING_MAX)
 
     def finish(self, sheet: U8, page: RunPage) -> None:
         """Write everything else.
@@ -135,7 +135,7 @@ class VideoFile:
         self._frames: list[tuple[int, int]] = []  # stamp, and number of bytes
         self._count = self._written = 0
 
-    def add(self, frame: AnnotatedFrame, has_room: bool) -> None:
+    def add_frame(self, frame: AnnotatedFrame, has_room: bool) -> None:
         """Append a frame; without room it is left out, and counted."""
         self._count += 1
         jpeg = encode_jpeg(frame.image) if has_room else b""

@@ -22,8 +22,8 @@ def verdict(part: Part, *rights: float) -> list[str]:
 
 
 def test_part_without_which_every_event_is_worse_stays() -> None:
-    kept = "kept, because without it worse: identity % (real)"
-    assert verdict(PART, 5, 6, 5) == ["rule", kept, "-"]
+    stays = "kept, because without it worse: identity % (real)"
+    assert verdict(PART, 5, 6, 5) == ["rule", stays, "-"]
 
 
 def test_part_without_which_every_event_is_better_does_not_stay() -> None:

@@ -278,7 +278,7 @@ def test_confidence_of_keypoints_suits_the_model_unless_set() -> None:
         ("keypoint_confidence_min=2", "keypoint_confidence_min: expected .* < 1"),
         ("input_height=100", "input_height: expected a multiple of 32"),
         ("depth_error_per_m=0", "depth_error_per_m: expected .* > 0"),
-        ("orientation.nework=x", "Did you mean network"),
+        ("orientation.methods=x", "Did you mean method"),
         ("position=guess", "position"),
         ("crop_height_max_px=3", "crop_height_max_px: expected .* >= 16"),
         ("threads=0", "threads: expected .*>= 1"),

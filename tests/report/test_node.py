@@ -178,7 +178,7 @@ def count_frames(video: Path) -> int:
 def test_video_is_encoded_after_the_run_from_a_file_without_a_name(tmp_path: Path) -> None:
     video = VideoFile(tmp_path / "people_front.webm")
     for k in range(20):
-        video.add(annotated(k * STEP), has_room=True)
+        video.add_frame(annotated(k * STEP), has_room=True)
     assert video.waiting_bytes > 0
     assert list(tmp_path.iterdir()) == []
     video.encode(time.monotonic() + 60)
@@ -190,13 +190,13 @@ def test_video_is_encoded_after_the_run_from_a_file_without_a_name(tmp_path: Pat
 def test_frames_without_room_or_time_are_left_out_of_the_video_and_reported(tmp_path: Path) -> None:
     video = VideoFile(tmp_path / "people_front.webm")
     for k in range(8):
-        video.add(annotated(k * STEP), has_room=k < 5)
+        video.add_frame(annotated(k * STEP), has_room=k < 5)
     video.encode(time.monotonic() + 60)
     assert count_frames(video.path) == 5
     assert video.limit == "report: people_front.webm lacks 3 of 8 frames"
     late = VideoFile(tmp_path / "people_rear.webm")
     for k in range(8):
-        late.add(annotated(k * STEP), has_room=True)
+        late.add_frame(annotated(k * STEP), has_room=True)
     late.encode(time.monotonic() - 1)
     assert count_frames(late.path) == 1
     assert late.limit == "report: people_rear.webm lacks 7 of 8 frames"

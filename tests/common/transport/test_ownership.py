@@ -82,7 +82,7 @@ def test_key_belongs_to_the_next_session_once_the_owner_is_gone() -> None:
     assert read(owners, "c2", camera_info(fx=600.0)) == "read"
 
 
-def test_owner_takes_its_key_back_from_a_session_that_is_not_announced() -> None:
+def test_owner_regains_its_key_from_an_unannounced_session() -> None:
     owners = owners_of()
     assert read(owners, "x", camera_info(fx=400.0)) == "read"
     owners._announcements.note(f"{TOKEN}/c1", True)
