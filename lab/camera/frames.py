@@ -1,13 +1,12 @@
-"""Frames of the lab's camera: any frame, in any order, always the same."""
+"""Frames of a simulated camera, deterministic and in any order."""
 
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
-from msgspec import Meta
 from msgspec.structs import replace
 
-from common.config import Config
 from common.drawing.strokes import PEOPLE, Colour
 from lab.camera.image_drift import ImageDrift
 from lab.camera.wheels import wheel_odometry
@@ -16,25 +15,24 @@ from lab.depth.sensor import DepthSensor
 from lab.drawing.renderer import DepthView, Instant, Renderer, draw_depth, draw_surfaces
 from lab.world import EPOCH_NS, World
 from people4d.messages import F64, U8, U16, Odometry, StaticTransform
-from people4d.messages.base import PositiveInt
 from services.camera.ros.images import millimetres
 from services.camera.source import SourceFrame
 
-BLUR_SAMPLES = 5  # instants that an image with blurred motion is the mean of
-FAR_M = 8.0  # from which on the flat image is darkest
-DARK = 0.4  # of its brightness there
+BLUR_SAMPLES = 5  # number of instants in an image with motion blur
+FAR_M = 8.0  # depth at which the flat image is darkest [m]
+DARK = 0.4  # relative brightness at that depth
 ROOM: Colour = (120, 124, 130)
 
 
-class RenderSettings(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Settings of rendered frames."""
+@dataclass(frozen=True, kw_only=True)
+class RenderSettings:
+    """Fidelity of rendered frames."""
 
-    colour: Literal["drawn", "flat"] = "drawn"  # flat: people in one colour each, quick
-    sensor: DepthSensorConfig | None = None  # of depth; None: that of the scenario
+    colour: Literal["drawn", "flat"] = "drawn"  # flat: each person in one colour, fast
+    sensor: DepthSensorConfig | None = None  # depth sensor; None: as in the scenario
     errors: bool = True  # False: depth without any error of the sensor
-    # along each side of a pixel; 1 is quicker, with ragged edges
-    samples: Annotated[int, Meta(ge=1, le=2)] = 2
-    threads: PositiveInt = 1
+    samples: int = 2  # samples along each side of a pixel: 1 (fast, aliased) or 2
+    threads: int = 1
 
 
 class FrameRenderer:
@@ -142,7 +140,7 @@ def odometry(world: World) -> list[Odometry]:
     scenario = world.scenario
     if not scenario.camera.drive:
         return []
-    messages = wheel_odometry(scenario.camera, world.path, scenario.duration_s, world.noise_seed)
+    messages = wheel_odometry(world.path, scenario.duration_s, world.noise_seed)
     clock_s = scenario.camera.clock_s
     late_ns = [round((clock_s(m.stamp_ns / 1e9) - m.stamp_ns / 1e9) * 1e9) for m in messages]
     return [

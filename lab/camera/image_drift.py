@@ -1,4 +1,4 @@
-"""Exposure and white balance of a plain camera, which drift as automatic ones do."""
+"""Drift of automatic exposure and white balance of a low-cost camera."""
 
 import math
 
@@ -6,20 +6,21 @@ from lab.camera.plan import ImagePlan
 from lab.depth.noise import NoiseProcess, Persistence
 from lab.drawing.renderer import Development
 
-KEY = 0xE4  # sets these random numbers apart from others of the same seed
-HALF = 0.5  # of the variance of each that does not change over the recording
+KEY = 0xE4  # key of these random numbers
+FROZEN_SHARE = 0.5  # share of the variance that is constant in a recording
+DRIFT_S = 3.0  # correlation time of exposure and white balance [s]
 
 
 class ImageDrift:
-    """Settings of the image at any time: a function of plan, seed and time only."""
+    """Development of the image, a function of plan, seed and time only."""
 
     def __init__(self, plan: ImagePlan, seed: int) -> None:
-        persistence = Persistence(frozen_share=HALF, correlation_s=plan.drift_s)
+        persistence = Persistence(frozen_share=FROZEN_SHARE, correlation_s=DRIFT_S)
         self._plan = plan
         self._noise = NoiseProcess((3,), (seed, KEY), persistence)
 
     def at(self, t_s: float) -> Development:
-        """Return the settings at a time."""
+        """Return the development at a time."""
         plan = self._plan
         stops, red, blue = map(float, self._noise.at(t_s))
         gain = plan.brightness * 2.0 ** (plan.exposure_stops * stops)

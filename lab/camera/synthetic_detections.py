@@ -1,9 +1,12 @@
 """Detections without images: true keypoints with the errors of a detector, in a millisecond.
 
-The fastest fidelity of the lab, for trackers and all that follows. People hide one another and are
-missed, and there are false alarms. Positions are those of the torso's axis, as the default
-estimator gives them, or of the surface that faces the camera. A detection depends on the people,
-the seed and the stamp only.
+The fastest fidelity of the lab, for trackers and later stages. There are occlusions, misses and
+false alarms. Positions are on the torso's axis, like the default estimator, or on the surface.
+A detection depends on the people, the seed and the stamp only.
+
+"Measured" constants are errors of YOLO11n-pose on drawn people of about 300 px, 3 to 5 m away: 380
+of 381 visible people detected, median keypoint error 3.3 px (1.18 standard deviations), twice that
+for ankles. Other values are by eye.
 """
 
 import math
@@ -20,61 +23,48 @@ from lab.depth.config import DepthSensorConfig
 from lab.depth.noise import NoiseProcess, Persistence
 from lab.truth.silhouette import TORSO, Silhouette, facing, sideways, silhouettes
 from people4d.messages import F32, F64, CameraInfo, Detection, Detections
-from people4d.messages.base import NonNegative, Positive, PositiveInt, Probability, Ratio
+from people4d.messages.base import NonNegative, Positive, Probability
 
-KEY = 0x5169  # sets these random numbers apart from others of the same seed
+KEY = 0x5169  # key of these random numbers
+ANKLE_FACTOR = 1.8  # factor of the noise of ankles; measured
+HIDDEN_FACTOR = 3.0  # factor of the noise of hidden keypoints
+CONFIDENCE_VISIBLE, CONFIDENCE_HIDDEN = 0.92, 0.35  # mean confidence of keypoints
+CONFIDENCE_SIGMA = 0.05  # standard deviation of the confidence
+NOISE_S = 0.15  # correlation time of errors [s], see `noise.Persistence`
+# Visible shares of the body: full recall above the second, no detection below the first
+SHARE_NONE, SHARE_FULL = 0.08, 0.35
+HEIGHT_LEAST_PX = 25.0  # minimum height of a detected person [px]
+SCORE_NONE, SCORE_FULL = 0.35, 0.9  # mean scores at these shares; the second is measured
+SCORE_SIGMA = 0.04  # standard deviation of the score
+FALSE_ALARM_S = 0.1  # duration of a false alarm [s]
+READINGS = 4  # number of independent depth readings in a position: shoulders and hips
 ERRORS, MISSES, FALSE_ALARMS = range(3)
 SHOULDERS, HIPS, ANKLES = [5, 6], [11, 12], [15, 16]
-MIN_SIGMA_RAD = 0.01  # smallest standard deviation that is published
+MIN_SIGMA_RAD = 0.01  # minimum published standard deviation [rad]
 MODEL = "geometry"
 
 
 class SyntheticDetectionsConfig(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Errors of a pose network and of the depth it is read with.
+    """Errors of a pose network and of its depth readings."""
 
-    "Measured" is what YOLO11n-pose did on drawn people of about 300 px, 3 to 5 m away: 380 of 381
-    who were not hidden found, median keypoint error 3.3 px (1.18 standard deviations), ankles twice
-    that. Other values are by eye.
-    """
-
-    keypoint_share: NonNegative = 0.009  # sigma in x and in y, of the box's height; measured
-    keypoint_least_px: NonNegative = 0.5  # [px] standard deviation that is always there
-    ankle_factor: NonNegative = 1.8  # ankles are worse by this; measured
-    hidden_factor: NonNegative = 3.0  # keypoints that are hidden, and guessed, are worse by this
-    confidence_visible: Ratio = 0.92  # mean confidence of visible keypoints
-    confidence_hidden: Ratio = 0.35  # and of those that are hidden or outside of the image
-    confidence_sigma: NonNegative = 0.05  # standard deviation of both
+    keypoint_share: NonNegative = 0.009  # sigma in x and in y, relative to the height of the box
+    keypoint_least_px: NonNegative = 0.5  # [px] minimum standard deviation
     box_share: NonNegative = 0.01  # standard deviation of each side of the box, of its height
-    noise_s: Positive = 0.15  # [s] how long errors last, see `noise.Persistence.correlation_s`
-    recall: Probability = 0.99  # share of people found who are not hidden; measured: 0.99 to 1
-    share_full: Ratio = 0.35  # visible share of the body from which they are found so often
-    share_none: Ratio = 0.08  # visible share up to which a person is missed; linear between
-    height_least_px: NonNegative = 25.0  # [px] smaller people are not found
-    miss_s: Positive = 0.1  # [s] how long a miss lasts
-    score_full: Ratio = 0.9  # mean score of people from `share_full` on; measured
-    score_none: Ratio = 0.35  # mean score at `share_none`; linear between
-    score_sigma: NonNegative = 0.04  # standard deviation of both
-    false_alarms: Annotated[float, Meta(ge=0, le=100)] = 0.01  # mean a frame; measured: 0 to 0.01
-    false_alarm_s: Positive = 0.1  # [s] that a false alarm stays
+    recall: Probability = 0.99  # share of visible people that are detected
+    miss_s: Positive = 0.1  # [s] correlation time of misses
+    false_alarms: Annotated[float, Meta(ge=0, le=100)] = 0.01  # mean number in a frame
     # [m] from the torso's axis towards the camera, seen from the front or the back, and from the
-    # side; 0.12 and 0.17 for estimators that stay on the surface
+    # side; 0.12 and 0.17 for estimators of the surface
     front_m: NonNegative = 0.0
     side_m: NonNegative = 0.0
-    readings: PositiveInt = 4  # independent readings of depth in a position: shoulders and hips
-    no_position: Probability = 0.01  # share of people found whose depth cannot be read
-    heading_rad: NonNegative = 0.3  # [rad] sigma; measured: half of all within 11 to 14 deg
-    reversals: Probability = 0.03  # share of headings that are turned round; measured: 0.03
-    sensor: DepthSensorConfig = DepthSensorConfig()  # whose noise and range positions have
-
-    def __post_init__(self) -> None:
-        """Check the visible shares against each other."""
-        super().__post_init__()
-        if not self.share_none < self.share_full:
-            raise ValueError("share_none, share_full: expected none < full")
+    no_position: Probability = 0.01  # share of detections without depth
+    heading_rad: NonNegative = 0.3  # [rad] standard deviation; measured: median of 11 to 14 deg
+    reversals: Probability = 0.03  # share of reversed headings; measured: 0.03
+    sensor: DepthSensorConfig = DepthSensorConfig()  # noise and range of positions
 
 
 class SyntheticDetections:
-    """Detections that a detector would have made of known people."""
+    """Simulated detections of known people."""
 
     def __init__(self, config: SyntheticDetectionsConfig, info: CameraInfo, seed: int) -> None:
         self._config = config
@@ -88,10 +78,10 @@ class SyntheticDetections:
         """Return the detections of one frame, best score first.
 
         Args:
-            people: 17x3 keypoints of each, COCO order, frame: map; always in the same order.
+            people: 17x3 keypoints of each, COCO order, frame: map; in constant order.
             optical_from_map: 4x4.
-            stamp_ns: Of the frame.
-            sequence: Of the frame.
+            stamp_ns: Stamp of the frame.
+            sequence: Sequence number of the frame.
         """
         stamp_s = stamp_ns / 1e9
         up = optical_from_map[:3, 2]
@@ -117,9 +107,9 @@ class SyntheticDetections:
     def _is_found(self, person: int, silhouette: Silhouette, stamp_s: float) -> bool:
         config = self._config
         _, top, _, bottom = silhouette.box_xyxy_px.clip(0, self._edges())
-        if bottom - top < config.height_least_px:
+        if bottom - top < HEIGHT_LEAST_PX:
             return False
-        probability = config.recall * self._visibility(silhouette)
+        probability = config.recall * _visibility(silhouette)
         return NormalDist().cdf(float(self._noise(MISSES, person).at(stamp_s)[0])) < probability
 
     def _detection(self, silhouette: Silhouette, up: F64, errors: "_Errors") -> Detection:
@@ -127,18 +117,17 @@ class SyntheticDetections:
         height_px = silhouette.box_xyxy_px[3] - silhouette.box_xyxy_px[1]
         box = silhouette.box_xyxy_px + errors.box * config.box_share * height_px
         sigma_px = np.full(17, max(config.keypoint_share * height_px, config.keypoint_least_px))
-        sigma_px[ANKLES] *= config.ankle_factor
-        sigma_px[~silhouette.visible] *= config.hidden_factor
+        sigma_px[ANKLES] *= ANKLE_FACTOR
+        sigma_px[~silhouette.visible] *= HIDDEN_FACTOR
         moved_px = errors.keypoints * sigma_px[:, None]
-        mean = np.where(silhouette.visible, config.confidence_visible, config.confidence_hidden)
-        confidence = np.clip(mean + errors.confidences * config.confidence_sigma, 0.01, 0.99)
+        mean = np.where(silhouette.visible, CONFIDENCE_VISIBLE, CONFIDENCE_HIDDEN)
+        confidence = np.clip(mean + errors.confidences * CONFIDENCE_SIGMA, 0.01, 0.99)
         keypoints = np.column_stack([silhouette.keypoints_px + moved_px, confidence])
-        worst, best = config.score_none, config.score_full
-        score = worst + (best - worst) * self._visibility(silhouette)
+        score = SCORE_NONE + (SCORE_FULL - SCORE_NONE) * _visibility(silhouette)
         heading = self._heading(silhouette, up, errors)
         return Detection(
             box_xyxy_px=box.clip(0, self._edges()).astype(np.float32),
-            score=float(np.clip(score + errors.score * config.score_sigma, 0.01, 0.99)),
+            score=float(np.clip(score + errors.score * SCORE_SIGMA, 0.01, 0.99)),
             keypoints=keypoints.astype(np.float32),
             position_m=self._position_m(silhouette, moved_px[TORSO].mean(axis=0), errors),
             heading=heading,
@@ -146,7 +135,7 @@ class SyntheticDetections:
         )
 
     def _position_m(self, silhouette: Silhouette, moved_px: F64, errors: "_Errors") -> F64 | None:
-        """Return the position of the torso as depth has it, None where it has none."""
+        """Return the measured position of the torso; None without depth."""
         config = self._config
         torso_m: F64 = silhouette.keypoints_m[TORSO].mean(axis=0)
         lost = NormalDist().cdf(errors.no_position) < config.no_position
@@ -160,8 +149,8 @@ class SyntheticDetections:
         sensor, z_m = config.sensor, float(torso_m[2])
         if not sensor.min_depth_m <= z_m <= min(sensor.max_depth_m, self._info.max_depth_m):
             return None
-        # A wrong reading lies on the ray of its pixel, and a wrong pixel on another ray.
-        z_read_m = z_m + errors.depth * sensor.noise_m(z_m) / math.sqrt(config.readings)
+        # Errors of depth are along the ray, errors of pixels across it.
+        z_read_m = z_m + errors.depth * sensor.noise_m(z_m) / math.sqrt(READINGS)
         z_read_m *= 1 + sensor.scale_bias
         across_m = moved_px / (self._info.fx, self._info.fy) * z_read_m
         return np.asarray(torso_m * (z_read_m / z_m) + (*across_m, 0.0))
@@ -176,14 +165,9 @@ class SyntheticDetections:
         heading: F64 = forward * math.cos(error_rad) + np.cross(up, forward) * math.sin(error_rad)
         return heading
 
-    def _visibility(self, silhouette: Silhouette) -> float:
-        """Return the visibility of a person: 0 hidden, 1 from `share_full` on."""
-        none, full = self._config.share_none, self._config.share_full
-        return min(max((silhouette.visible_share - none) / (full - none), 0.0), 1.0)
-
     def _false_alarms(self, stamp_s: float) -> list[Detection]:
         config, info = self._config, self._info
-        slot = math.floor(stamp_s / config.false_alarm_s) % 2**64
+        slot = math.floor(stamp_s / FALSE_ALARM_S) % 2**64
         generator = np.random.default_rng([self._seed, KEY, FALSE_ALARMS, slot])
         alarms = []
         for _ in range(generator.poisson(config.false_alarms)):
@@ -208,12 +192,18 @@ class SyntheticDetections:
 
     def _noise(self, kind: int, person: int) -> NoiseProcess:
         if (kind, person) not in self._noises:
-            lasts_s = self._config.noise_s if kind == ERRORS else self._config.miss_s
+            lasts_s = NOISE_S if kind == ERRORS else self._config.miss_s
             persistence = Persistence(frozen_share=0.0, correlation_s=lasts_s)
             count = _Errors.COUNT if kind == ERRORS else 1
             seed = (self._seed, KEY, kind, person)
             self._noises[kind, person] = NoiseProcess((count,), seed, persistence)
         return self._noises[kind, person]
+
+
+def _visibility(silhouette: Silhouette) -> float:
+    """Return the visibility of a person: 0 hidden, 1 above `SHARE_FULL`."""
+    share = (silhouette.visible_share - SHARE_NONE) / (SHARE_FULL - SHARE_NONE)
+    return min(max(share, 0.0), 1.0)
 
 
 class _Errors:

@@ -1,16 +1,16 @@
-"""Wheel odometry: the path of a robot with two driven wheels, from their encoders.
+"""Wheel odometry of a robot with two driven wheels and encoders.
 
-The wheels count ticks. From the ticks, the nominal radius and the nominal track the robot works out
-its pose (docs/method.md section 7: dtheta = (right - left) / track). Nominal and true differ:
+The pose follows from the ticks, the nominal radius and the nominal track (docs/method.md section 7:
+dtheta = (right - left) / track). Nominal and true values differ:
 
-- true radius = nominal radius / (1 + scale_error): distances come out larger by scale_error;
-- true track = nominal track * (1 + track_error): turns come out larger by track_error, too;
-- a wheel that slips by s turns 1 + s times as far as it rolls; s is drawn for each wheel anew
-  every second, so that errors add up like a random walk;
-- a tick is the smallest step that is measured.
+- true radius = nominal radius / (1 + scale_error): distances are too large by scale_error;
+- true track = nominal track * (1 + track_error): turns are too large by track_error;
+- a wheel with slip s turns 1 + s times as far as it rolls; s is drawn for each wheel and second,
+  so that errors are a random walk;
+- a tick is the smallest measured step.
 
-The covariance of a pose says what these errors do to it, to first order: the slips as independent
-from second to second, the two constant errors as unknown with their own size as standard deviation.
+The covariance of a pose is the first-order effect of these errors: independent slip in each second,
+and constant errors with their size as standard deviation.
 """
 
 import math
@@ -21,25 +21,41 @@ import numpy.typing as npt
 
 from common.geometry.transforms import wrap
 from lab.camera.base_path import BasePath
-from lab.camera.plan import CameraPlan, WheelPlan
 from people4d.messages import F64, Odometry
 
 I64 = npt.NDArray[np.int64]
-KEY = 0x0D0  # sets these random numbers apart from others of the same seed
-SLIP_S = 1.0  # that a slip lasts
+KEY = 0x0D0  # key of these random numbers
+SLIP_S = 1.0  # duration of constant slip [s]
+
+
+@dataclass(frozen=True, kw_only=True)
+class WheelModel:
+    """Encoders, size and errors of the wheels of the simulated robot."""
+
+    rate_hz: float = 50.0  # rate of readings [Hz]
+    radius_m: float = 0.0325  # nominal radius of a wheel [m]
+    track_m: float = 0.30  # nominal distance of the wheels [m]
+    ticks_per_turn: int = 4096  # ticks per turn of a wheel
+    scale_error: float = 0.01  # relative error of the radius of both wheels
+    track_error: float = 0.01  # relative error of the track
+    slip: float = 0.02  # standard deviation of the relative slip of a wheel
+
+
+WHEELS = WheelModel()
 
 
 @dataclass(frozen=True)
 class WheelTicks:
     """Readings of the wheel encoders."""
 
-    time_s: F64  # N, when each was read
-    ticks: I64  # Nx2, left and right, counted from the first reading
+    time_s: F64  # N, times of the readings
+    ticks: I64  # Nx2, left and right, from the first reading
 
 
-def wheel_ticks(plan: CameraPlan, path: BasePath, duration_s: float, seed: int) -> WheelTicks:
-    """Return the counts of the wheel encoders on a path; the seed is that of the slip."""
-    wheels = plan.wheels
+def wheel_ticks(
+    path: BasePath, duration_s: float, seed: int, wheels: WheelModel = WHEELS
+) -> WheelTicks:
+    """Return the counts of the wheel encoders on a path; the seed determines the slip."""
     time_s: F64 = np.arange(math.floor(duration_s * wheels.rate_hz + 1e-9) + 1) / wheels.rate_hz
     forward_m, turned_rad = np.diff(path.travel(time_s), axis=0).T
     half_track_m = wheels.track_m * (1 + wheels.track_error) / 2
@@ -54,63 +70,63 @@ def wheel_ticks(plan: CameraPlan, path: BasePath, duration_s: float, seed: int) 
     return WheelTicks(time_s, np.floor(distance_m / true_tick_m + 0.5).astype(np.int64))
 
 
-def tick_m(wheels: WheelPlan) -> float:
-    """Return the nominal distance a wheel rolls in one tick."""
+def tick_m(wheels: WheelModel) -> float:
+    """Return the nominal distance of one tick."""
     return 2 * math.pi * wheels.radius_m / wheels.ticks_per_turn
 
 
 def wheel_odometry(
-    plan: CameraPlan, path: BasePath, duration_s: float, seed: int
+    path: BasePath, duration_s: float, seed: int, wheels: WheelModel = WHEELS
 ) -> list[Odometry]:
-    """Return the odometry of a robot from its wheels, a message a reading; it begins at (0, 0, 0).
+    """Return the wheel odometry of a robot, one message per reading, from (0, 0, 0).
 
     Args:
-        plan: The wheels and their errors.
-        path: The true path.
-        duration_s: Length of the scenario.
-        seed: Of the slip.
+        path: True path.
+        duration_s: Duration of the scenario.
+        seed: Seed of the slip.
+        wheels: Wheels and their errors.
     """
-    readings = wheel_ticks(plan, path, duration_s, seed)
-    steps_m = np.diff(readings.ticks, axis=0) * tick_m(plan.wheels)
-    reckoning = DeadReckoning(plan.wheels)
+    readings = wheel_ticks(path, duration_s, seed, wheels)
+    steps_m = np.diff(readings.ticks, axis=0) * tick_m(wheels)
+    reckoning = DeadReckoning(wheels)
     odometry = [_message(reckoning, 0.0, 0)]
     for sequence, (left_m, right_m) in enumerate(steps_m.tolist(), 1):
-        reckoning.step(left_m, right_m)
+        reckoning.add_step(left_m, right_m)
         odometry.append(_message(reckoning, float(readings.time_s[sequence]), sequence))
     return odometry
 
 
 class DeadReckoning:
-    """A pose from the steps of two wheels, and its covariance.
+    """Pose and covariance from the steps of two wheels.
 
     Source:
         docs/method.md section 7 [Park 2021].
     """
 
-    def __init__(self, wheels: WheelPlan) -> None:
+    def __init__(self, wheels: WheelModel = WHEELS) -> None:
         self._wheels = wheels
         self.pose = np.zeros(3)  # x, y in metres, heading in radians
         self.twist = np.zeros(3)  # [m/s, rad/s] vx, vy, omega
-        self._slip = np.zeros((3, 3))  # covariance that slip has caused
-        self._bias = np.zeros((3, 2))  # how the pose changes with the scale and with the track
+        self._slip = np.zeros((3, 3))  # covariance from slip
+        self._bias = np.zeros((3, 2))  # derivative of the pose by scale and track
 
     @property
     def covariance(self) -> F64:
-        """Of the pose, 3x3."""
+        """Covariance of the pose, 3x3."""
         wheels = self._wheels
         bias = self._bias * (wheels.scale_error, wheels.track_error)
         tick_variance = tick_m(wheels) ** 2 / 12
         tick = np.diag([tick_variance, tick_variance, 2 * tick_variance / wheels.track_m**2])
         return np.asarray(self._slip + bias @ bias.T + tick)
 
-    def step(self, left_m: float, right_m: float) -> None:
-        """Take in how far the wheels turned since the last reading."""
+    def add_step(self, left_m: float, right_m: float) -> None:
+        """Add the distances of both wheels since the last reading."""
         wheels = self._wheels
         forward_m, turn_rad = (left_m + right_m) / 2, (right_m - left_m) / wheels.track_m
         middle_rad = self.pose[2] + turn_rad / 2
         cos, sin = math.cos(middle_rad), math.sin(middle_rad)
         moved = np.array([forward_m * cos, forward_m * sin, turn_rad])
-        # By the pose before, and by the steps of the left and of the right wheel.
+        # Derivatives by the last pose, and by the steps of the left and right wheel
         before = np.array([[1, 0, -moved[1]], [0, 1, moved[0]], [0, 0, 1]])
         side = forward_m / (2 * wheels.track_m)
         by_wheel = np.array(
@@ -120,7 +136,7 @@ class DeadReckoning:
                 [-1 / wheels.track_m, 1 / wheels.track_m],
             ]
         )
-        # n steps of one second share their slip, and (n step)^2 = n (n step^2): so much a step.
+        # n steps in a second share one slip: (n step)^2 = n (n step^2), n step^2 for each.
         variance = wheels.slip**2 * np.array([left_m**2, right_m**2]) * wheels.rate_hz * SLIP_S
         self._slip = before @ self._slip @ before.T + by_wheel * variance @ by_wheel.T
         by_scale = by_wheel @ (left_m, right_m)

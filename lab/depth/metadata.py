@@ -11,7 +11,6 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 
-from common.config import Config
 from common.io.recording import Recording
 from lab.depth.config import DepthSensorConfig
 from people4d.errors import ConfigError, DecodeError, SourceError
@@ -21,7 +20,7 @@ from people4d.messages.base import Count
 NAME = "lab"  # of the metadata in the recording
 
 
-class SimulationMetadata(Config, frozen=True, kw_only=True):
+class SimulationMetadata(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Origin of a simulated recording."""
 
     scenario: str  # name of the scenario

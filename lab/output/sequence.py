@@ -2,11 +2,10 @@
 
 import heapq
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import chain
-from typing import Annotated, Literal, TypeAlias
-
-from msgspec import Meta
+from typing import Literal, TypeAlias
 
 from common.config import Config
 from common.io.images import encode_jpeg, encode_png16
@@ -25,30 +24,34 @@ from people4d.messages import CompressedRgbdFrame, Detections, Message
 Fidelity = Literal["geometry", "depth", "colour"]
 TimedMessage: TypeAlias = tuple[int, Message]  # time in the recording [ns], and message
 
-PNG_LEVEL = 6  # a seventh smaller than 3; 9 gains a tenth more and takes eight times as long
+PNG_LEVEL = 6  # 1/7 smaller than level 3; level 9 is 1/10 smaller and eight times slower
 
 
 class ErrorModels(Config, frozen=True, kw_only=True):
-    """Errors of what is simulated."""
+    """Errors of simulated sensors and detectors."""
 
-    # of depth, applied now or on playing; None: that of the scenario
+    # errors of depth, applied now or during playback; None: as in the scenario
     sensor: DepthSensorConfig | None = None
-    # of the fidelity geometry
+    # errors of detections with fidelity geometry
     detector: SyntheticDetectionsConfig = SyntheticDetectionsConfig()
 
 
-class RenderJob(Config, frozen=True, kw_only=True):
-    """A scenario to render; the result depends on nothing else."""
+USUAL_ERRORS = ErrorModels()
+
+
+@dataclass(frozen=True, kw_only=True)
+class RenderJob:
+    """Scenario to render; the result depends on this job only."""
 
     scenario: Scenario
     seed: int
     # geometry: detections in place of frames; depth: flat colours
     fidelity: Fidelity = "colour"
-    # clean: the sensor is applied on playing, if it needs nothing but depth
+    # clean: the sensor is applied during playback, if it needs only depth
     depth: Literal["clean", "measured"] = "clean"
-    errors: ErrorModels = ErrorModels()
-    quality: Annotated[int, Meta(ge=1, le=100)] = 90  # of JPEG
-    samples: Annotated[int, Meta(ge=1, le=2)] = 2  # see RenderSettings
+    errors: ErrorModels = USUAL_ERRORS
+    quality: int = 90  # JPEG quality, 1 to 100
+    samples: int = 2  # see RenderSettings
     truth_per_frame: bool = False
 
     @property
@@ -63,9 +66,9 @@ class RenderJob(Config, frozen=True, kw_only=True):
 
     @property
     def is_measured(self) -> bool:
-        """True: the sensor is applied now; one that sees surfaces cannot be applied on playing.
+        """Whether the sensor is applied now.
 
-        Nor can the sensors of several cameras, of which a recording names one.
+        A sensor that depends on surfaces, or several sensors, cannot be applied during playback.
         """
         several = bool(self.scenario.cameras)
         return self.depth == "measured" or self.sensor_of(self.scenario).sees_surfaces or several
@@ -75,8 +78,7 @@ class RenderJob(Config, frozen=True, kw_only=True):
         return self.errors.sensor or SENSORS[view.camera.depth_sensor]
 
     def __post_init__(self) -> None:
-        """Check that truth for each frame is of one camera."""
-        super().__post_init__()
+        """Check that truth for each frame has one camera."""
         if self.truth_per_frame and self.scenario.cameras:
             raise ValueError("truth_per_frame: expected one camera, got several")
 
@@ -118,7 +120,7 @@ class SequenceRenderer:
             for message in odometry(view)
         ]
         truth = ((message.stamp_ns, message) for message in capture_truth(world))
-        # Of equal times what the frame may need comes first.
+        # At equal times, messages that a frame may need are first.
         timed = heapq.merge(motion, truth, frames, key=lambda item: item[0])
         fixed = [m for view in world.views for m in (view.info, *transforms(view))]
         return chain(((message.stamp_ns, message) for message in fixed), timed)
@@ -176,5 +178,5 @@ class CameraRenderer:
 
 @lru_cache(maxsize=1)
 def sequence_renderer(job: RenderJob) -> SequenceRenderer:
-    """Return the renderer of a job; a process makes it once for all chunks it works on."""
+    """Return the renderer of a job, one for all chunks of a process."""
     return SequenceRenderer(job)

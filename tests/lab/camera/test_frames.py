@@ -39,7 +39,7 @@ def test_plain_image_is_the_default(walk: Scenario) -> None:
 
 
 def test_exposure_and_white_balance_drift_with_the_given_spread() -> None:
-    plan = ImagePlan(exposure_stops=0.4, white_balance=0.1, drift_s=2.0)
+    plan = ImagePlan(exposure_stops=0.4, white_balance=0.1)
     gains = np.array([ImageDrift(plan, seed).at(1.0).gains for seed in range(400)])
     stops = np.log2(gains[:, 1])
     assert stops.std() == pytest.approx(0.4, rel=0.12)
@@ -50,7 +50,7 @@ def test_exposure_and_white_balance_drift_with_the_given_spread() -> None:
 
 
 def test_drift_is_slow_and_depends_on_seed_and_time_only() -> None:
-    plan = ImagePlan(exposure_stops=0.4, drift_s=3.0)
+    plan = ImagePlan(exposure_stops=0.4)
     one = ImageDrift(plan, 5)
     gains = [one.at(t_s).gains[1] for t_s in np.arange(0, 20, 0.1)]
     assert np.abs(np.diff(np.log2(gains))).max() < 0.08

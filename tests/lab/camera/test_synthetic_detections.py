@@ -1,4 +1,4 @@
-"""Synthetic detections: visibility by geometry, and errors at the configured rates."""
+"""Synthetic detections: visibility by geometry, and errors at given rates."""
 
 import math
 
@@ -13,7 +13,10 @@ from common.geometry.transforms import (
     rotation_from_rpy,
     transform_from,
 )
+from lab.camera import synthetic_detections
 from lab.camera.synthetic_detections import (
+    CONFIDENCE_SIGMA,
+    SCORE_SIGMA,
     SyntheticDetections,
     SyntheticDetectionsConfig,
 )
@@ -22,14 +25,12 @@ from lab.truth.silhouette import silhouettes
 from people4d.messages import F64, Detection
 from tests import builders
 
-# Finds all who are visible, at their true positions.
+# Detects all visible people at their true positions.
 FAULTLESS = SyntheticDetectionsConfig(
     keypoint_share=0,
     keypoint_least_px=0,
-    confidence_sigma=0,
     box_share=0,
     recall=1,
-    score_sigma=0,
     false_alarms=0,
     front_m=0,
     side_m=0,
@@ -89,11 +90,12 @@ def test_faultless_detection_of_one_person() -> None:
     assert found.keypoints is not None
     # Left shoulder: the person faces the camera, so their left (0.18 m) is on the image's right:
     # u = 319.5 + 615 * 0.18 / 4 = 347.2, v = 239.5 - 615 * (1.40 - 1.15) / 4 = 201.1.
-    assert found.keypoints[5] == pytest.approx([347.175, 201.0625, 0.92], abs=1e-3)
+    assert found.keypoints[5, :2] == pytest.approx([347.175, 201.0625], abs=1e-3)
+    assert found.keypoints[5, 2] == pytest.approx(0.92, abs=4 * CONFIDENCE_SIGMA)
     # Crown 0.14 m above the ears: v = 239.5 - 615 * 0.59 / 4 = 148.8.
     # Soles 0.13 m below the ankles: v = 239.5 + 615 * 1.19 / 4 = 422.5.
     assert found.box_xyxy_px[[1, 3]] == pytest.approx([148.8, 422.5], abs=0.1)
-    assert found.score == pytest.approx(0.9)
+    assert found.score == pytest.approx(0.9, abs=4 * SCORE_SIGMA)
 
 
 def test_position_lies_on_the_surface_that_faces_the_camera() -> None:
@@ -123,7 +125,7 @@ def test_heading_of_the_chest() -> None:
     assert np.array(errors)[~turned].std() == pytest.approx(0.2, abs=0.016)
 
 
-def test_faces_hide_themselves() -> None:
+def test_far_ear_is_hidden_by_the_head() -> None:
     ahead = silhouettes(
         [person(4, 0, 180), person(4, 1, 0), person(4, -1, 90)], OPTICAL_FROM_MAP, INFO
     )
@@ -134,7 +136,7 @@ def test_faces_hide_themselves() -> None:
     assert ahead[2].visible[[LEFT_EAR, RIGHT_EAR]].tolist() == [True, False]
 
 
-def test_people_hide_people_behind_them() -> None:
+def test_person_behind_another_is_occluded() -> None:
     front, behind = person(2.5, 0.0), person(4.0, 0.0)
     ahead = silhouettes([behind, front], OPTICAL_FROM_MAP, INFO)
     assert ahead[1].visible_share > 0.7  # its feet are below the image
@@ -145,12 +147,13 @@ def test_people_hide_people_behind_them() -> None:
     assert beside[0].visible_share == 1
 
 
-def test_hidden_people_are_not_found_and_come_back() -> None:
-    config = msgspec.structs.replace(FAULTLESS, share_none=0.4, share_full=0.6)
+def test_hidden_people_are_not_detected(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(synthetic_detections, "SHARE_NONE", 0.4)
+    monkeypatch.setattr(synthetic_detections, "SHARE_FULL", 0.6)
     front = person(2.5, 0.0)
-    assert len(in_view([person(4.0, 0.0), front], config)) == 1
-    assert len(in_view([person(4.0, 1.0), front], config)) == 2
-    assert len(in_view([person(4.0, 0.0)], config)) == 1
+    assert len(in_view([person(4.0, 0.0), front])) == 1
+    assert len(in_view([person(4.0, 1.0), front])) == 2
+    assert len(in_view([person(4.0, 0.0)])) == 1
 
 
 def test_people_outside_of_the_image_are_not_detected() -> None:
@@ -189,7 +192,7 @@ def box(keypoints_m: F64) -> F64:
 
 @pytest.mark.slow
 def test_keypoint_noise_grows_with_the_person_and_lasts() -> None:
-    config = SyntheticDetectionsConfig(recall=1, false_alarms=0, noise_s=0.2)
+    config = SyntheticDetectionsConfig(recall=1, false_alarms=0)
     detections = SyntheticDetections(config, INFO, 5)
     errors = []
     there = person(3.0, 0.0)
@@ -204,8 +207,8 @@ def test_keypoint_noise_grows_with_the_person_and_lasts() -> None:
     height_px = outline.box_xyxy_px[3] - outline.box_xyxy_px[1]
     assert height_px == pytest.approx(364.9)
     assert track.std() == pytest.approx(0.009 * height_px, rel=0.1)
-    # One knot of 0.2 s apart: 1 / pi, see noise.Persistence.
-    assert np.mean(track[4:] * track[:-4]) / np.mean(track**2) == pytest.approx(
+    # One knot of 0.15 s apart: 1 / pi, see noise.Persistence.
+    assert np.mean(track[3:] * track[:-3]) / np.mean(track**2) == pytest.approx(
         1 / math.pi, abs=0.06
     )
 
@@ -213,7 +216,7 @@ def test_keypoint_noise_grows_with_the_person_and_lasts() -> None:
 @pytest.mark.slow
 def test_depth_noise_follows_the_sensor() -> None:
     sensor = DepthSensorConfig(noise_px=0.07)
-    config = msgspec.structs.replace(FAULTLESS, sensor=sensor, readings=4)
+    config = msgspec.structs.replace(FAULTLESS, sensor=sensor)
     detections = SyntheticDetections(config, INFO, 5)
     depths = []
     for k in range(1000):
@@ -243,8 +246,6 @@ def test_same_stamp_same_detections_in_any_order() -> None:
     ("change", "message"),
     [
         ({"recall": 1.5}, "recall: "),
-        ({"noise_s": 0}, "noise_s: "),
-        ({"share_none": 0.5}, "none < full"),
         ({"false_alarms": -1}, "false_alarms: "),
         ({"front_m": -1}, "front_m: "),
     ],

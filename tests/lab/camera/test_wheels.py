@@ -1,4 +1,4 @@
-"""Wheel odometry: exact without errors, wrong by what its errors say, honest about it."""
+"""Wheel odometry: exact without errors, and consistent with its covariance."""
 
 import math
 
@@ -7,11 +7,18 @@ import pytest
 
 from common.geometry.transforms import wrap
 from lab.camera.base_path import BasePath
-from lab.camera.plan import CameraPlan, Drive, WheelPlan
-from lab.camera.wheels import DeadReckoning, tick_m, wheel_odometry, wheel_ticks
+from lab.camera.plan import CameraPlan, Drive
+from lab.camera.wheels import (
+    WHEELS,
+    DeadReckoning,
+    WheelModel,
+    tick_m,
+    wheel_odometry,
+    wheel_ticks,
+)
 from people4d.messages import F64, Odometry
 
-PERFECT = WheelPlan(scale_error=0, track_error=0, slip=0, ticks_per_turn=10**6)
+PERFECT = WheelModel(scale_error=0, track_error=0, slip=0, ticks_per_turn=10**6)
 DRIVES = (
     Drive(for_s=5, speed_mps=0.4),
     Drive(for_s=6, speed_mps=0.3, turn_dps=25),
@@ -20,9 +27,10 @@ DRIVES = (
 )
 
 
-def odometry(wheels: WheelPlan, drive: tuple[Drive, ...] = DRIVES, seed: int = 1) -> list[Odometry]:
-    plan = CameraPlan(drive=drive, wheels=wheels)
-    return wheel_odometry(plan, BasePath(plan, 20), 20, seed)
+def odometry(
+    wheels: WheelModel, drive: tuple[Drive, ...] = DRIVES, seed: int = 1
+) -> list[Odometry]:
+    return wheel_odometry(BasePath(CameraPlan(drive=drive), 20), 20, seed, wheels)
 
 
 def pose(message: Odometry) -> F64:
@@ -33,13 +41,13 @@ def test_half_a_turn_by_hand() -> None:
     # Track 0.3 m: left -0.1 m, right +0.1 m turn by 0.2 / 0.3 = 2/3 rad on the spot. Then both
     # 0.5 m: half a metre along 2/3 rad. Then an arc: left 0.2, right 0.5 m: 0.35 m, 1 rad,
     # along the middle heading 2/3 + 1/2.
-    reckoning = DeadReckoning(WheelPlan())
-    reckoning.step(-0.1, 0.1)
+    reckoning = DeadReckoning()
+    reckoning.add_step(-0.1, 0.1)
     assert reckoning.pose == pytest.approx([0, 0, 2 / 3])
-    reckoning.step(0.5, 0.5)
+    reckoning.add_step(0.5, 0.5)
     assert reckoning.pose == pytest.approx([0.5 * math.cos(2 / 3), 0.5 * math.sin(2 / 3), 2 / 3])
     before = reckoning.pose
-    reckoning.step(0.2, 0.5)
+    reckoning.add_step(0.2, 0.5)
     middle = 2 / 3 + 1 / 2
     moved = [0.35 * math.cos(middle), 0.35 * math.sin(middle), 1.0]
     assert reckoning.pose - before == pytest.approx(moved)
@@ -47,9 +55,8 @@ def test_half_a_turn_by_hand() -> None:
 
 
 def test_perfect_wheels_give_the_pose() -> None:
-    plan = CameraPlan(drive=DRIVES, wheels=PERFECT)
-    path = BasePath(plan, 20)
-    messages = wheel_odometry(plan, path, 20, 1)
+    path = BasePath(CameraPlan(drive=DRIVES), 20)
+    messages = wheel_odometry(path, 20, 1, PERFECT)
     assert len(messages) == 20 * 50 + 1
     assert (messages[0].frame_id, messages[0].child_frame_id) == ("odom", "base_link")
     for message in messages[::100]:
@@ -62,10 +69,10 @@ def test_perfect_wheels_give_the_pose() -> None:
     assert twist == pytest.approx([0.4, 0, 0], abs=1e-3)
 
 
-def test_odometry_begins_at_zero_wherever_the_camera_is() -> None:
-    plan = CameraPlan(at=(3.0, 1.0, 1.15), yaw_deg=120, drive=DRIVES, wheels=PERFECT)
+def test_odometry_begins_at_zero_for_any_pose_of_the_camera() -> None:
+    plan = CameraPlan(at=(3.0, 1.0, 1.15), yaw_deg=120, drive=DRIVES)
     path = BasePath(plan, 20)
-    messages = wheel_odometry(plan, path, 20, 1)
+    messages = wheel_odometry(path, 20, 1, PERFECT)
     assert pose(messages[0]).tolist() == [0, 0, 0]
     map_from_odom = path.map_from_base(0.0)
     last = messages[-1]
@@ -76,10 +83,10 @@ def test_odometry_begins_at_zero_wherever_the_camera_is() -> None:
 
 def test_ticks_of_a_straight_drive() -> None:
     # 0.5 m/s * 4 s = 2 m; a tick is 2 pi 0.0325 / 4096 = 49.8544 um: 40116.8 ticks, both wheels.
-    wheels = WheelPlan(scale_error=0, track_error=0, slip=0)
-    plan = CameraPlan(drive=(Drive(for_s=4, speed_mps=0.5),), wheels=wheels)
+    wheels = WheelModel(scale_error=0, track_error=0, slip=0)
+    plan = CameraPlan(drive=(Drive(for_s=4, speed_mps=0.5),))
     assert tick_m(wheels) == pytest.approx(49.8544e-6, rel=1e-5)
-    readings = wheel_ticks(plan, BasePath(plan, 4), 4, 0)
+    readings = wheel_ticks(BasePath(plan, 4), 4, 0, wheels)
     assert readings.ticks[-1].tolist() == [40117, 40117]
     assert readings.ticks[0].tolist() == [0, 0]
     assert readings.time_s[-1] == 4.0
@@ -87,7 +94,7 @@ def test_ticks_of_a_straight_drive() -> None:
 
 def test_constant_errors_scale_distances_and_turns() -> None:
     straight = (Drive(for_s=20, speed_mps=0.5),)
-    scaled = WheelPlan(scale_error=0.01, track_error=0.02, slip=0)
+    scaled = WheelModel(scale_error=0.01, track_error=0.02, slip=0)
     # 10 m true, 1 % too much: 10.1 m.
     assert pose(odometry(scaled, straight)[-1]) == pytest.approx([10.1, 0, 0], abs=1e-3)
     # 20 s * 8 deg/s = 160 deg true; 1 % of scale and 2 % of track too much: 164.8 deg.
@@ -98,19 +105,17 @@ def test_constant_errors_scale_distances_and_turns() -> None:
 @pytest.mark.slow
 def test_errors_stay_within_the_covariance() -> None:
     # The mean of e^T P^-1 e over many runs is 3 if the covariance is right. The constant errors
-    # are drawn here as a robot's maker would: normal, with the size that is told.
+    # are drawn from a normal distribution with their nominal size.
     generator = np.random.default_rng(4)
-    error_text = WheelPlan(rate_hz=10)
+    usual = WheelModel(rate_hz=10)
     path = BasePath(CameraPlan(drive=DRIVES), 20)
-    covariance = wheel_odometry(CameraPlan(drive=DRIVES, wheels=error_text), path, 20, 0)[
-        -1
-    ].covariance
+    covariance = wheel_odometry(path, 20, 0, usual)[-1].covariance
     assert covariance is not None
     distances = []
     for seed in range(100):
         scale, track = generator.normal(0, 0.01, 2)
-        wheels = WheelPlan(rate_hz=10, scale_error=scale, track_error=track)
-        last = wheel_odometry(CameraPlan(drive=DRIVES, wheels=wheels), path, 20, seed)[-1]
+        wheels = WheelModel(rate_hz=10, scale_error=scale, track_error=track)
+        last = wheel_odometry(path, 20, seed, wheels)[-1]
         error = pose(last) - path.pose(20.0)
         error[2] = wrap(error[2])
         distances.append(error @ np.linalg.solve(covariance, error))
@@ -119,7 +124,7 @@ def test_errors_stay_within_the_covariance() -> None:
 
 
 def test_covariance_grows_only_while_driving() -> None:
-    messages = odometry(WheelPlan(), (Drive(for_s=5, speed_mps=0.4), Drive(for_s=15)))
+    messages = odometry(WHEELS, (Drive(for_s=5, speed_mps=0.4), Drive(for_s=15)))
     spread = [float(np.trace(m.covariance)) for m in messages if m.covariance is not None]
     assert len(spread) == len(messages)
     assert spread[0] > 0
@@ -130,6 +135,6 @@ def test_covariance_grows_only_while_driving() -> None:
 
 
 def test_slip_depends_on_the_seed_alone() -> None:
-    first, again, other = (odometry(WheelPlan(), seed=s)[-1] for s in (1, 1, 2))
+    first, again, other = (odometry(WHEELS, seed=s)[-1] for s in (1, 1, 2))
     assert pose(first).tolist() == pose(again).tolist()
     assert pose(first).tolist() != pose(other).tolist()

@@ -137,8 +137,7 @@ def test_odometry_is_the_pose_within_its_error_model() -> None:
     for name in ("short_robot", "pmrr", "psrm"):
         of = world(name)
         start = np.linalg.inv(of.path.map_from_base(0.0))
-        plan, duration_s = of.scenario.camera, of.scenario.duration_s
-        for message in wheel_odometry(plan, of.path, duration_s, of.seed)[::50]:
+        for message in wheel_odometry(of.path, of.scenario.duration_s, of.seed)[::50]:
             truth = start @ of.path.map_from_base(message.stamp_ns / 1e9)
             yaw = math.atan2(truth[1, 0], truth[0, 0])
             error = np.array(
