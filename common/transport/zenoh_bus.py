@@ -17,7 +17,7 @@ import zenoh.ext
 
 from common.transport.access import LOCAL_INTERFACES, access_control, downsampling, privacy_control
 from common.transport.exchange import Exchange
-from common.transport.publisher import Publisher
+from common.transport.zenoh_publisher import Publisher
 from people4d import session
 from people4d.codec import encode
 from people4d.credentials import uses_certificates

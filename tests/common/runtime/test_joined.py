@@ -117,7 +117,7 @@ def test_a_message_is_heard_inside_and_outside_with_its_trace(pair: Pair) -> Non
 def test_a_message_is_encoded_only_for_subscribers_outside(
     pair: Pair, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("common.transport.publisher.UNSURE_S", 0.0)
+    monkeypatch.setattr("common.transport.zenoh_publisher.UNSURE_S", 0.0)
     encoded: list[str] = []
 
     def count(message: Message, *rest: Any) -> bytes:
