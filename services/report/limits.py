@@ -25,9 +25,14 @@ WAITS = re.compile(r"no [\w ,]+ for \d+ s")  # for another service, whose reason
 
 
 class RunLimits:
-    """Collects reasons of degraded services while frames come, in bounded memory."""
+    """Collects reasons of degraded services while frames come, in bounded memory.
 
-    def __init__(self) -> None:
+    Args:
+        truth: Ground truth that was asked for; empty: none.
+    """
+
+    def __init__(self, truth: str = "") -> None:
+        self._truth = truth
         self._frame_ns: int | None = None  # arrival of the last frame
         self._beats: Counter[tuple[str, str]] = Counter()  # by instance, and reason sans numbers
         self._reasons: dict[tuple[str, str], str] = {}  # the last one, with its numbers
@@ -65,6 +70,8 @@ class RunLimits:
     def degraded(self, is_scored: bool) -> tuple[str, ...]:
         """Return what limited the run, one sentence each; `is_scored`: tracks met truth."""
         found = [f"{k[0]}: {self._reasons[k]}" for k, n in self._beats.items() if n >= MIN_BEATS]
+        if self._truth and Truth not in self._ends_ns:
+            found.append(f"truth: none came from {self._truth}")
         if Truth in self._ends_ns and RgbdFrame in self._ends_ns:
             early_ns = self._ends_ns[RgbdFrame] - self._ends_ns[Truth]
             if not is_scored:

@@ -50,7 +50,7 @@ class ReportNode(Node):
         self._config = config
         self._output = output
         self._join = Synchroniser()
-        self._statistics = RunStatistics()
+        self._statistics = RunStatistics(config.truth)
         self._trajectories = TrajectoryStore()
         self._infos: dict[str, CameraInfo] = {}
         self._tiles: EvenSample[Tile] = EvenSample(2 * config.sheet_frames)

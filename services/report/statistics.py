@@ -123,9 +123,13 @@ class _Events:
 
 
 class RunStatistics:
-    """Adds up messages in bounded memory."""
+    """Adds up messages in bounded memory.
 
-    def __init__(self) -> None:
+    Args:
+        truth: Ground truth that was asked for; empty: none.
+    """
+
+    def __init__(self, truth: str = "") -> None:
         self._now_ns = 0
         self._frames: dict[str, _Events] = {}
         self._processed = _Events()
@@ -140,7 +144,7 @@ class RunStatistics:
         self._score: Tally | None = None
         self._errors_m: EvenSample[float] = EvenSample(MAX_ERRORS)
         self._health: dict[str, Health] = {}
-        self._limits = RunLimits()
+        self._limits = RunLimits(truth)
         self._lockstep = False
         self.series = RunSeries()
 

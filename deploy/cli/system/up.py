@@ -189,6 +189,7 @@ def up(
         "detector.model": model,
         "tracker.tracker": tracker,
         "reid.embedder": embedder,
+        f"{REPORT}.truth": truth if report else "",
         f"{CAMERA}.playback": playback or "",
         f"{CAMERA}.transforms": str(transforms.absolute()) if transforms else "",
         "ros2_bridge.ros2.transport": ros2 or "",

@@ -31,6 +31,16 @@ def test_demo_is_the_shipped_recording_with_its_truth(requested: list[LaunchRequ
     assert any(text.startswith("gt_bridge.truth=") and str(DEMO) in text for text in found)
 
 
+def test_report_knows_the_truth_that_is_asked_for(
+    requested: list[LaunchRequest], tmp_path: Path
+) -> None:
+    truth = f"report.truth='{DEMO}'"
+    asked = settings(requested, str(DEMO), "--truth", str(DEMO), "--report", str(tmp_path))
+    assert truth in {text.replace('"', "'") for text in asked}
+    without = settings(requested, str(DEMO), "--report", str(tmp_path))
+    assert not any(text.startswith("report.truth") for text in without)
+
+
 @pytest.mark.parametrize("playback", ["recorded", "lockstep"])
 def test_demo_plays_at_the_recorded_rate_unless_lockstep_is_asked_for(
     playback: str, monkeypatch: pytest.MonkeyPatch
