@@ -1,17 +1,16 @@
-"""The virtual lab as a camera and as a source of ground truth, which services load by name."""
+"""Virtual lab as a camera and as a source of ground truth, loaded by name."""
 
 import heapq
 import os
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal, Protocol
+from typing import Annotated, Literal, Protocol
 
-from msgspec import Meta, field
+from msgspec import Meta
 
 from common.config import Config
 from lab.camera.frames import FrameRenderer, RenderSettings, odometry, transforms
 from lab.catalogue import load_scenario, split_seed
-from lab.depth.config import SENSORS
-from lab.depth.metadata import change_sensor
+from lab.depth.config import SENSORS, SensorChanges
 from lab.truth.motion_capture import capture_truth
 from lab.world import World
 from people4d.messages import Truth
@@ -22,20 +21,20 @@ MAX_NS = 2**63 - 1  # later than any stamp
 
 
 class LabOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Options of a scenario that is played as a camera."""
+    """Options of a scenario as a camera."""
 
-    # depth: people in one colour each, ten times as fast
+    # depth: each person in one colour, ten times as fast
     mode: Literal["colour", "depth"] = "colour"
-    threads: Count = 0  # that draw; 0: one for each core
-    # along each side of a pixel; 1 is quicker, with ragged edges
+    threads: Count = 0  # number of drawing threads; 0: one per core
+    # samples along each side of a pixel; 1: fast, aliased
     samples: Annotated[int, Meta(ge=1, le=2)] = 2
     depth_sensor: Literal["auto", "off"] = "auto"  # off: depth without the errors of a sensor
-    sensor: dict[str, Any] = field(default_factory=dict)  # changes of DepthSensorConfig
-    camera: NameOrEmpty = ""  # of several; empty: the first
+    sensor: SensorChanges = SensorChanges()  # changes of the errors of the depth sensor
+    camera: NameOrEmpty = ""  # name of the camera; empty: the first
 
 
 class LabSource(Source):
-    """A scenario as a camera: like a recording, it gives the same frames every time.
+    """A scenario as a camera, deterministic like a recording.
 
     Args:
         name: Scenario that ships or path of a scenario's file, with @SEED for another seed.
@@ -76,7 +75,7 @@ class LabSource(Source):
 def _settings(options: LabOptions, world: World) -> RenderSettings:
     return RenderSettings(
         colour="drawn" if options.mode == "colour" else "flat",
-        sensor=change_sensor(SENSORS[world.scenario.camera.depth_sensor], options.sensor),
+        sensor=options.sensor.change_model(SENSORS[world.scenario.camera.depth_sensor]),
         errors=options.depth_sensor == "auto",
         samples=options.samples,
         threads=options.threads or len(os.sched_getaffinity(0)),

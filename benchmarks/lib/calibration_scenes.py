@@ -18,7 +18,7 @@ from common.io.recording import open_recording
 from evaluation.cache import default_folder, key_of
 from lab.camera.frames import FrameRenderer, RenderSettings
 from lab.camera.synthetic_detections import SyntheticDetectionsConfig
-from lab.depth.config import DepthSensorConfig
+from lab.depth.config import DepthSensorModel
 from lab.output.render import Outputs, render
 from lab.output.sequence import ErrorModels, RenderJob
 from lab.random_scenario import random_scenario
@@ -43,7 +43,7 @@ ROUGH = SyntheticDetectionsConfig(
     false_alarms=0.1,
     front_m=0.05,
     side_m=0.08,
-    sensor=DepthSensorConfig(noise_px=0.14),
+    sensor=DepthSensorModel(noise_px=0.14),
 )
 CLUTTERED = SyntheticDetectionsConfig(false_alarms=0.5)
 

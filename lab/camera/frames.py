@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from common.drawing.strokes import PEOPLE, Colour
 from lab.camera.image_drift import ImageDrift
 from lab.camera.wheels import wheel_odometry
-from lab.depth.config import SENSORS, DepthSensorConfig
+from lab.depth.config import SENSORS, DepthSensorModel
 from lab.depth.sensor import DepthSensor
 from lab.drawing.renderer import DepthView, Instant, Renderer, draw_depth, draw_surfaces
 from lab.world import EPOCH_NS, World
@@ -29,7 +29,7 @@ class RenderSettings:
     """Fidelity of rendered frames."""
 
     colour: Literal["drawn", "flat"] = "drawn"  # flat: each person in one colour, fast
-    sensor: DepthSensorConfig | None = None  # depth sensor; None: as in the scenario
+    sensor: DepthSensorModel | None = None  # depth sensor; None: as in the scenario
     errors: bool = True  # False: depth without any error of the sensor
     samples: int = 2  # samples along each side of a pixel: 1 (fast, aliased) or 2
     threads: int = 1
@@ -97,7 +97,7 @@ class FrameRenderer:
         return draw_depth(meshes, pose, world.info, self._config.baseline_m, threads)
 
     @property
-    def _config(self) -> DepthSensorConfig:
+    def _config(self) -> DepthSensorModel:
         return self._settings.sensor or SENSORS[self.world.scenario.camera.depth_sensor]
 
     @cached_property

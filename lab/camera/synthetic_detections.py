@@ -19,7 +19,7 @@ from msgspec import Meta
 
 from common.config import Config
 from common.geometry.transforms import deproject
-from lab.depth.config import DepthSensorConfig
+from lab.depth.config import DepthSensorModel
 from lab.depth.noise import NoiseProcess, Persistence
 from lab.truth.silhouette import TORSO, Silhouette, facing, sideways, silhouettes
 from people4d.messages import F32, F64, CameraInfo, Detection, Detections
@@ -60,7 +60,7 @@ class SyntheticDetectionsConfig(Config, frozen=True, kw_only=True, forbid_unknow
     no_position: Probability = 0.01  # share of detections without depth
     heading_rad: NonNegative = 0.3  # [rad] standard deviation; measured: median of 11 to 14 deg
     reversals: Probability = 0.03  # share of reversed headings; measured: 0.03
-    sensor: DepthSensorConfig = DepthSensorConfig()  # noise and range of positions
+    sensor: DepthSensorModel = DepthSensorModel()  # noise and range of positions
 
 
 class SyntheticDetections:

@@ -15,58 +15,59 @@ as a shirt), sunlight, glass and mirrors, rolling temperature drift.
 
 from typing import Annotated, Literal
 
+import msgspec
 from msgspec import Meta
 
 from common.config import Config
+from people4d.errors import ConfigError
 from people4d.messages.base import NonNegative, Positive, Ratio
 
 CellPx = Annotated[int, Meta(ge=1, le=256)]  # [px]
 DepthLimit = Annotated[float, Meta(ge=0, le=65.5)]  # [m]
 ShiftPx = Annotated[float, Meta(ge=-64, le=64)]  # [px]
+ScaleBias = Annotated[float, Meta(gt=-0.5, lt=0.5)]
 
 
-class DepthSensorConfig(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The errors of a depth camera; the defaults resemble a D435i in a room."""
+class DepthSensorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Errors of a depth camera, as stored in recordings; the defaults are a D435i in a room."""
 
-    baseline_m: Positive = (
-        0.050  # [m] between the imagers, the right one to the right; D435i: 50 mm
-    )
-    focal_px: Positive = 385.0  # [px] of the imagers, whose disparity is measured; D435i at 640x480
+    baseline_m: Positive = 0.050  # [m] baseline of the imagers; D435i: 50 mm
+    focal_px: Positive = 385.0  # [px] focal length of the imagers; D435i at 640x480
     noise_px: NonNegative = 0.07  # [px] RMS error of disparity; measured 0.06 to 0.07 (see above)
-    grain_share: Ratio = 0.45  # of its variance that is smooth over `grain_px` (default by eye)
-    patch_share: Ratio = 0.25  # of its variance that is smooth over `patch_px`; the rest is white
-    grain_px: CellPx = 6  # [px] about the window in which imagers are matched
+    grain_share: Ratio = 0.45  # share of its variance smooth over `grain_px` (by eye)
+    patch_share: Ratio = 0.25  # share of its variance smooth over `patch_px`; the rest is white
+    grain_px: CellPx = 6  # [px] about the matching window
     patch_px: CellPx = 18  # [px]
-    step_px: NonNegative = (
-        1 / 32
-    )  # [px] disparity is a multiple of this; D400: 1/32; 0: not rounded
-    frozen_share: Ratio = 0.35  # of the variance of all noise that never changes (by eye)
-    correlation_s: Positive = 0.1  # [s] how long the other noise lasts, see `noise.Persistence`
+    step_px: NonNegative = 1 / 32  # [px] step of disparity; D400: 1/32; 0: continuous
+    frozen_share: Ratio = 0.35  # share of the variance of noise that is constant (by eye)
+    correlation_s: Positive = 0.1  # [s] correlation time of the other noise
     ragged_px: NonNegative = 1.2  # [px] RMS sideways error of silhouettes (by eye)
     ragged_cell_px: CellPx = 4  # [px] size of the teeth of silhouettes
-    shadow: bool = True  # no reading where the right imager's view is blocked
-    shadow_gap_px: NonNegative = 1.0  # [px] of disparity that the blocking surface is nearer
-    left_band: bool = True  # no reading left of the right imager's view, if as wide as colour's
-    edge_gap: NonNegative = 0.04  # a step in depth of this share of the depth is an edge
-    edge_holes: Ratio = 0.4  # share of pixels at edges and beside shadows without reading (by eye)
-    holes: Ratio = 0.006  # share of other pixels without reading, in blobs: dark, shiny (by eye)
+    shadow: bool = True  # True: no reading where the right imager is occluded
+    shadow_gap_px: NonNegative = 1.0  # [px] minimum disparity of the occluding surface
+    left_band: bool = True  # True: no reading left of the right imager's view
+    edge_gap: NonNegative = 0.04  # minimum step of depth at an edge, relative to depth
+    edge_holes: Ratio = 0.4  # share of pixels at edges without reading (by eye)
+    holes: Ratio = 0.006  # share of other pixels without reading, in blobs (by eye)
     hole_px: CellPx = 9  # [px] size of the blobs
-    grazing_tan: Positive = 8.0  # tangent of the angle of view at which half the readings fail
-    min_depth_m: DepthLimit = 0.28  # [m] nearer gives no reading; D435i
-    max_depth_m: DepthLimit = 5.0  # [m] farther gives no reading; as in [PIC4SeR]
-    # readings are larger by this share, as after a bad calibration
-    scale_bias: Annotated[float, Meta(gt=-0.5, lt=0.5)] = 0.0
-    shift_px: tuple[ShiftPx, ShiftPx] = (0.0, 0.0)  # [px] of depth against colour: right, down
-    # [m] of the depth imager to the right of the colour camera, in whose view readings are brought
-    # by their depth; 0: depth is measured in the view of the colour camera
+    grazing_tan: Positive = 8.0  # tangent of the angle of view at which half of the readings fail
+    min_depth_m: DepthLimit = 0.28  # [m] minimum depth; D435i
+    max_depth_m: DepthLimit = 5.0  # [m] maximum depth; as in [PIC4SeR]
+    # relative error of all readings, as after a bad calibration
+    scale_bias: ScaleBias = 0.0
+    shift_px: tuple[ShiftPx, ShiftPx] = (
+        0.0,
+        0.0,
+    )  # [px] shift of depth against colour: right, down
+    # [m] position of the depth imager right of the colour camera, to which readings are registered;
+    # 0: depth is measured in the view of the colour camera
     colour_offset_m: Annotated[float, Meta(ge=-0.2, le=0.2)] = 0.0
-    # [1/m2] infrared light that a reading needs: reflectance times the cosine of the angle of view
-    # over the squared distance; 0: all surfaces are read
+    # [1/m2] minimum infrared light of a reading: reflectance times the cosine of the angle of view
+    # over the squared distance; 0: all surfaces are measured
     signal_least: NonNegative = 0.0
 
     def __post_init__(self) -> None:
         """Check shares and limits against each other."""
-        super().__post_init__()
         if self.grain_share + self.patch_share > 1:
             raise ValueError("grain_share + patch_share: expected at most 1")
         if not self.min_depth_m < self.max_depth_m:
@@ -78,8 +79,31 @@ class DepthSensorConfig(Config, frozen=True, kw_only=True, forbid_unknown_fields
 
     @property
     def sees_surfaces(self) -> bool:
-        """True: readings depend on more than the depth in the view of the colour camera."""
+        """Whether readings depend on more than depth in the view of the colour camera."""
         return self.colour_offset_m != 0.0 or self.signal_least > 0.0
+
+
+class SensorChanges(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Changes of the errors of a depth camera; None: no change."""
+
+    noise_px: NonNegative | None = None  # [px] RMS error of disparity
+    holes: Ratio | None = None  # share of pixels without reading
+    min_depth_m: DepthLimit | None = None  # [m] minimum depth
+    max_depth_m: DepthLimit | None = None  # [m] maximum depth
+    scale_bias: ScaleBias | None = None  # relative error of all readings
+    shift_px: tuple[ShiftPx, ShiftPx] | None = None  # [px] shift of depth: right, down
+
+    def change_model(self, model: DepthSensorModel) -> DepthSensorModel:
+        """Return a model with the changes.
+
+        Raises:
+            ConfigError: The limits of depth contradict each other.
+        """
+        changes = {k: v for k, v in msgspec.structs.asdict(self).items() if v is not None}
+        try:
+            return msgspec.structs.replace(model, **changes)
+        except ValueError as error:
+            raise ConfigError(f"the depth sensor cannot be changed: {error}") from error
 
 
 SensorName = Literal["d435i", "xtion"]
@@ -90,9 +114,9 @@ SensorName = Literal["d435i", "xtion"]
 # the step in disparity exceeds 7 px and are filled below (a reading is missing in 0.24 of edges
 # below, 0.90 above 9 px), and edges to the right lack one in 0.07 to 0.28; registration to colour
 # opens 2 px there, as of an imager 25 mm to the left. Limits of infrared light: by eye.
-SENSORS: dict[SensorName, DepthSensorConfig] = {
-    "d435i": DepthSensorConfig(),
-    "xtion": DepthSensorConfig(
+SENSORS: dict[SensorName, DepthSensorModel] = {
+    "d435i": DepthSensorModel(),
+    "xtion": DepthSensorModel(
         baseline_m=0.075,
         focal_px=575.0,
         noise_px=0.06,

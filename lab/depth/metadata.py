@@ -1,8 +1,7 @@
-"""Metadata of simulated recordings, and clean depth read as a camera would.
+"""Metadata of simulated recordings, and the errors of a camera added to clean depth.
 
-Noise is most of what depth takes on disk. So a recording may hold the true depth of each pixel and
-name the sensor whose errors are to be added: every player gets what the camera would have read, the
-same bytes every time.
+Noise takes most of the size of stored depth. A recording may therefore hold the true depth and a
+model of the sensor, whose errors are added during playback, always with the same bytes.
 """
 
 from collections.abc import Mapping
@@ -12,21 +11,21 @@ import msgspec
 import numpy as np
 
 from common.io.recording import Recording
-from lab.depth.config import DepthSensorConfig
+from lab.depth.config import DepthSensorModel, SensorChanges
 from people4d.errors import ConfigError, DecodeError, SourceError
 from people4d.messages import F32, U16, CameraInfo
 from people4d.messages.base import Count
 
-NAME = "lab"  # of the metadata in the recording
+NAME = "lab"  # name of the metadata in the recording
 
 
 class SimulationMetadata(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Origin of a simulated recording."""
 
     scenario: str  # name of the scenario
-    seed: Count  # of the scenario, and of the sensor's noise
-    depth: Literal["clean", "measured"]  # clean: the sensor is applied on playing
-    sensor: DepthSensorConfig = DepthSensorConfig()  # that is, or was, applied
+    seed: Count  # seed of the scenario and of the sensor's noise
+    depth: Literal["clean", "measured"]  # clean: the sensor is applied during playback
+    sensor: DepthSensorModel = DepthSensorModel()  # applied sensor
 
     def texts(self) -> dict[str, str]:
         """Return the texts for `RecordingWriter.write_metadata`."""
@@ -39,7 +38,7 @@ class SimulationMetadata(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
 
 
 def read_metadata(recording: Recording) -> SimulationMetadata | None:
-    """Return the origin of a recording; None if it is not of the virtual lab.
+    """Return the origin of a recording; None for a recording of a real camera.
 
     Raises:
         SourceError: The metadata are damaged, or of a later version.
@@ -58,23 +57,23 @@ def read_metadata(recording: Recording) -> SimulationMetadata | None:
         ) from error
 
 
-def change_sensor(config: DepthSensorConfig, changes: Mapping[str, Any]) -> DepthSensorConfig:
-    """Return the errors of a sensor with some of them changed.
+def change_sensor(model: DepthSensorModel, changes: Mapping[str, Any]) -> DepthSensorModel:
+    """Return a model of a sensor with changes of `SensorChanges`.
 
     Raises:
         ConfigError: A change is unknown or out of range.
     """
     try:
-        values = {**msgspec.to_builtins(config), **changes}
-        return msgspec.convert(values, DepthSensorConfig, strict=False)
+        wanted = msgspec.convert(dict(changes), SensorChanges, strict=False)
     except msgspec.ValidationError as error:
-        raise ConfigError(f"the depth sensor cannot be changed so: {error}") from error
+        raise ConfigError(f"the depth sensor cannot be changed: {error}") from error
+    return wanted.change_model(model)
 
 
 def depth_sensor_of(
     recording: Recording, info: CameraInfo, changes: Mapping[str, Any]
 ) -> "CleanDepthSensor | None":
-    """Return the sensor to apply to a camera of a recording; None if its depth has the errors.
+    """Return the sensor to apply to a camera of a recording; None for measured depth.
 
     Raises:
         SourceError: The metadata are damaged, or of a later version.
@@ -87,7 +86,7 @@ def depth_sensor_of(
 
 
 class CleanDepthSensor:
-    """A depth sensor that reads the clean depth of one camera.
+    """Depth sensor for the clean depth of one camera.
 
     Raises:
         ConfigError: A change of its errors is unknown or out of range.
@@ -99,15 +98,15 @@ class CleanDepthSensor:
         # Compiled code is loaded only for recordings that need it.
         from lab.depth.sensor import DepthSensor  # noqa: PLC0415
 
-        config = change_sensor(metadata.sensor, changes)
+        model = change_sensor(metadata.sensor, changes)
         self._shape = (info.height, info.width)
-        self._sensor = DepthSensor(config, info, metadata.seed)
+        self._sensor = DepthSensor(model, info, metadata.seed)
 
     def measure(self, depth_mm: U16, stamp_ns: int) -> U16:
-        """Return the readings for HxW true depth in millimetres, 0 where nothing is.
+        """Return the readings of true depth (HxW, in millimetres, 0: nothing).
 
         Raises:
-            DecodeError: The image is not as large as the calibration says.
+            DecodeError: The size of the image differs from the calibration.
         """
         if depth_mm.shape != self._shape:
             raise DecodeError(

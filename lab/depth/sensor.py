@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from common.compiled import compiled
-from lab.depth.config import DepthSensorConfig
+from lab.depth.config import DepthSensorModel
 from lab.depth.noise import NoiseField, Persistence, threshold
 from lab.depth.registration import register
 from people4d.messages import F32, U16, CameraInfo
@@ -21,7 +21,7 @@ class DepthSensor:
     A reading depends on the depth, the seed and the stamp only, never on earlier ones.
     """
 
-    def __init__(self, config: DepthSensorConfig, info: CameraInfo, seed: int) -> None:
+    def __init__(self, config: DepthSensorModel, info: CameraInfo, seed: int) -> None:
         self._config = config
         self._info = info
         self._numbers = _numbers(config, info)
@@ -114,7 +114,7 @@ class ReadingParameters(NamedTuple):
     scale: float
 
 
-def _numbers(config: DepthSensorConfig, info: CameraInfo) -> ReadingParameters:
+def _numbers(config: DepthSensorModel, info: CameraInfo) -> ReadingParameters:
     white_share = max(1 - config.grain_share - config.patch_share, 0)
     return ReadingParameters(
         focal_baseline=config.focal_px * config.baseline_m,

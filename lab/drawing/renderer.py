@@ -9,7 +9,7 @@ import numpy.typing as npt
 from scipy.ndimage import gaussian_filter
 
 from common.geometry.transforms import camera_matrix, invert
-from lab.depth.config import DepthSensorConfig
+from lab.depth.config import DepthSensorModel
 from lab.depth.infrared import returned
 from lab.drawing.ambient import COARSE, bounce_light, corner_light, direct_light
 from lab.drawing.colour import develop, grain
@@ -80,7 +80,7 @@ def draw_surfaces(
     meshes: Sequence[Mesh],
     optical_from_map: F64,
     info: CameraInfo,
-    config: DepthSensorConfig,
+    config: DepthSensorModel,
     threads: int = 1,
 ) -> SurfaceView:
     """Draw meshes, at least one, as a depth imager beside the colour camera sees them.

@@ -11,7 +11,7 @@ from common.config import Config
 from common.io.images import encode_jpeg, encode_png16
 from lab.camera.frames import FrameRenderer, RenderSettings, odometry, transforms
 from lab.camera.synthetic_detections import SyntheticDetections, SyntheticDetectionsConfig
-from lab.depth.config import SENSORS, DepthSensorConfig
+from lab.depth.config import SENSORS, DepthSensorModel, SensorChanges
 from lab.depth.metadata import SimulationMetadata
 from lab.drawing.renderer import DepthView
 from lab.scenario import Scenario
@@ -30,8 +30,8 @@ PNG_LEVEL = 6  # 1/7 smaller than level 3; level 9 is 1/10 smaller and eight tim
 class ErrorModels(Config, frozen=True, kw_only=True):
     """Errors of simulated sensors and detectors."""
 
-    # errors of depth, applied now or during playback; None: as in the scenario
-    sensor: DepthSensorConfig | None = None
+    # changes of the errors of depth, applied now or during playback
+    sensor: SensorChanges = SensorChanges()
     # errors of detections with fidelity geometry
     detector: SyntheticDetectionsConfig = SyntheticDetectionsConfig()
 
@@ -73,9 +73,9 @@ class RenderJob:
         several = bool(self.scenario.cameras)
         return self.depth == "measured" or self.sensor_of(self.scenario).sees_surfaces or several
 
-    def sensor_of(self, view: Scenario) -> DepthSensorConfig:
+    def sensor_of(self, view: Scenario) -> DepthSensorModel:
         """Return the errors of the depth sensor of the camera of a scenario."""
-        return self.errors.sensor or SENSORS[view.camera.depth_sensor]
+        return self.errors.sensor.change_model(SENSORS[view.camera.depth_sensor])
 
     def __post_init__(self) -> None:
         """Check that truth for each frame has one camera."""

@@ -47,7 +47,7 @@ class RecordingOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=
     # Simulated recordings hold depth without errors. auto: the errors of the depth sensor that the
     # recording names are added; off: depth comes as stored.
     depth_sensor: Literal["auto", "off"] = "auto"
-    sensor: dict[str, Any] = field(default_factory=dict)  # errors to change, see DepthSensorConfig
+    sensor: dict[str, Any] = field(default_factory=dict)  # changes, see lab.depth.config
 
 
 class RecordingSource(Source):

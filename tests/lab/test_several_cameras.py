@@ -11,7 +11,7 @@ from common.io.recording import open_recording
 from lab.camera.plan import CameraPlan
 from lab.camera.synthetic_detections import SyntheticDetections, SyntheticDetectionsConfig
 from lab.catalogue import load_scenario
-from lab.depth.config import DepthSensorConfig
+from lab.depth.config import DepthSensorModel
 from lab.output.render import Outputs, render
 from lab.output.sequence import RenderJob, SequenceRenderer
 from lab.scenario import Scenario
@@ -24,7 +24,7 @@ from people4d.messages import CameraInfo, Detections, Odometry
 EXACT = SyntheticDetectionsConfig(
     keypoint_share=0, keypoint_least_px=0, false_alarms=0, no_position=0, recall=1
 )
-SENSORLESS = msgspec.structs.replace(EXACT, sensor=DepthSensorConfig(noise_px=0))
+SENSORLESS = msgspec.structs.replace(EXACT, sensor=DepthSensorModel(noise_px=0))
 
 
 def scene(options: str = "", cameras: int = 3) -> Scenario:

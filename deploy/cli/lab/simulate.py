@@ -1,11 +1,9 @@
 """people4d lab."""
 
-import json
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
-import msgspec
 import typer
 
 from common.config import load
@@ -21,7 +19,6 @@ from deploy.cli.terminal import (
     shown,
 )
 from lab.catalogue import load_scenario, scenario_names
-from lab.depth.config import SENSORS
 from lab.scenario import Scenario
 from people4d.errors import ConfigError
 
@@ -107,8 +104,6 @@ def render(
     plan = load_scenario(scenario, seed)
     if truth_per_frame and plan.cameras:
         raise ConfigError("--truth-per-frame: the scenario has several cameras", "Leave it out.")
-    own = msgspec.to_builtins(SENSORS[plan.camera.depth_sensor])
-    sensor = [f"sensor.{field}={json.dumps(value)}" for field, value in own.items()]
     job = RenderJob(
         scenario=plan,
         seed=plan.seed if seed is None else seed,
@@ -117,7 +112,7 @@ def render(
         quality=quality,
         samples=samples,
         truth_per_frame=truth_per_frame,
-        errors=load(ErrorModels, "lab", overrides=[*sensor, *set_], environment={}),
+        errors=load(ErrorModels, "lab", overrides=set_, environment={}),
     )
     stem = _stem(plan, seed)
     file = out if out and out.suffix == ".mcap" else (out or Path()) / f"{stem}.mcap"

@@ -20,7 +20,7 @@ from lab.camera.synthetic_detections import (
     SyntheticDetections,
     SyntheticDetectionsConfig,
 )
-from lab.depth.config import DepthSensorConfig
+from lab.depth.config import DepthSensorModel
 from lab.truth.silhouette import silhouettes
 from people4d.messages import F64, Detection
 from tests import builders
@@ -37,7 +37,7 @@ FAULTLESS = SyntheticDetectionsConfig(
     no_position=0,
     heading_rad=0,
     reversals=0,
-    sensor=DepthSensorConfig(noise_px=0),
+    sensor=DepthSensorModel(noise_px=0),
 )
 
 INFO = builders.camera_info(fx=615.0, cx=319.5, cy=239.5)
@@ -215,7 +215,7 @@ def test_keypoint_noise_grows_with_the_person_and_lasts() -> None:
 
 @pytest.mark.slow
 def test_depth_noise_follows_the_sensor() -> None:
-    sensor = DepthSensorConfig(noise_px=0.07)
+    sensor = DepthSensorModel(noise_px=0.07)
     config = msgspec.structs.replace(FAULTLESS, sensor=sensor)
     detections = SyntheticDetections(config, INFO, 5)
     depths = []

@@ -2,11 +2,11 @@
 
 import math
 
-from lab.depth.config import DepthSensorConfig
+from lab.depth.config import DepthSensorModel
 from lab.depth.noise import Persistence
 
 # Reads whole millimetres and makes no other error.
-EXACT = DepthSensorConfig(
+EXACT = DepthSensorModel(
     noise_px=0,
     step_px=0,
     ragged_px=0,

@@ -15,7 +15,7 @@ from common.io.recording import RecordingWriter, open_recording
 from deploy.cli import app
 from deploy.cli.data.info import read_info
 from deploy.cli.data.replay import clean_cameras, frame_of
-from lab.depth.config import DepthSensorConfig
+from lab.depth.config import DepthSensorModel
 from lab.depth.metadata import SimulationMetadata, read_metadata
 from lab.depth.sensor import DepthSensor
 from people4d.errors import ConfigError, SourceError
@@ -26,7 +26,7 @@ from services.camera.sources import open_source
 from tests import builders
 from tests.camera.test_node import player, with_
 
-SENSOR = DepthSensorConfig(noise_px=0.1, holes=0.02)
+SENSOR = DepthSensorModel(noise_px=0.1, holes=0.02)
 METADATA = SimulationMetadata(scenario="crossing", seed=4, depth="clean", sensor=SENSOR)
 INFO = builders.camera_info(width=80, height=60, fx=77.0, cx=39.5, cy=29.5)
 
@@ -60,7 +60,7 @@ def depths(path: Path, **options: Any) -> list[U16]:
     return [item.depth_mm for item in source if isinstance(item, SourceFrame)]
 
 
-def expected(frame: int, config: DepthSensorConfig = SENSOR) -> U16:
+def expected(frame: int, config: DepthSensorModel = SENSOR) -> U16:
     stamp_s = (10**9 + frame * 33_333_333) / 1e9
     depth_m = clean(frame).astype(np.float32) / np.float32(1000)
     return DepthSensor(config, INFO, 4).measure(depth_m, None, stamp_s)

@@ -4,9 +4,10 @@ import msgspec
 import numpy as np
 import pytest
 
-from lab.depth.config import DepthSensorConfig
+from lab.depth.config import DepthSensorModel, SensorChanges
 from lab.depth.noise import Persistence
 from lab.depth.sensor import DepthSensor
+from people4d.errors import ConfigError
 from people4d.messages import F32, U16, CameraInfo
 from tests import builders
 from tests.lab.depth.sensors import EXACT, correlation
@@ -23,7 +24,7 @@ def wall(depth_m: float, calibration: CameraInfo | None = None) -> F32:
     return np.full((calibration.height, calibration.width), depth_m, np.float32)
 
 
-def sensor(config: DepthSensorConfig, seed: int = 5) -> DepthSensor:
+def sensor(config: DepthSensorModel, seed: int = 5) -> DepthSensor:
     return DepthSensor(config, info(), seed)
 
 
@@ -45,13 +46,13 @@ def test_exact_sensor_rounds_to_millimetres() -> None:
 def test_nothing_is_read_where_nothing_is() -> None:
     depth_m = wall(2.0)
     depth_m[:40], depth_m[40:60], depth_m[60:70], depth_m[70:80] = np.inf, 0, np.nan, -1
-    reading = sensor(msgspec.structs.replace(DepthSensorConfig(), ragged_px=0)).measure(
+    reading = sensor(msgspec.structs.replace(DepthSensorModel(), ragged_px=0)).measure(
         depth_m, depth_m, 0.5
     )
     assert not reading[:80].any()
     assert reading[80:].any()
     for nothing in (0.0, np.inf):
-        assert not sensor(DepthSensorConfig()).measure(wall(nothing), None, 1.0).any()
+        assert not sensor(DepthSensorModel()).measure(wall(nothing), None, 1.0).any()
 
 
 @pytest.mark.slow
@@ -187,25 +188,40 @@ def test_scale_and_shift() -> None:
 
 def test_same_stamp_same_bytes_in_any_order() -> None:
     stamps = [0.0, 0.4, 1 / 30, 12.0, 1.7e9]
-    fresh = [sensor(DepthSensorConfig()).measure(box(), None, t).tobytes() for t in stamps]
-    one = sensor(DepthSensorConfig())
+    fresh = [sensor(DepthSensorModel()).measure(box(), None, t).tobytes() for t in stamps]
+    one = sensor(DepthSensorModel())
     assert [one.measure(box(), None, t).tobytes() for t in reversed(stamps)] == fresh[::-1]
     assert len(set(fresh)) == len(stamps)
-    assert sensor(DepthSensorConfig(), seed=6).measure(box(), None, 0.0).tobytes() != fresh[0]
+    assert sensor(DepthSensorModel(), seed=6).measure(box(), None, 0.0).tobytes() != fresh[0]
 
 
 @pytest.mark.parametrize(
     ("change", "error_text"),
     [
-        ({"baseline_m": 0.0}, "baseline_m: expected"),
         ({"noise_px": -1.0}, "noise_px: expected"),
         ({"holes": 2.0}, "holes: expected"),
-        ({"grain_px": 0}, "grain_px: expected"),
-        ({"grain_share": 0.9}, "at most 1"),
-        ({"min_depth_m": 6.0}, "min < max"),
+        ({"scale_bias": 0.5}, "scale_bias: expected"),
         ({"noise_px": float("nan")}, "noise_px: expected"),
     ],
 )
-def test_configuration_is_checked(change: dict[str, float], error_text: str) -> None:
+def test_changes_are_checked(change: dict[str, float], error_text: str) -> None:
     with pytest.raises(ValueError, match=error_text):
-        DepthSensorConfig(**change)  # type: ignore[arg-type]
+        SensorChanges(**change)  # type: ignore[arg-type]
+
+
+def test_contradicting_limits_of_depth_are_refused() -> None:
+    with pytest.raises(ConfigError, match="min < max"):
+        SensorChanges(min_depth_m=6.0).change_model(DepthSensorModel())
+
+
+@pytest.mark.parametrize(
+    ("stored", "error_text"),
+    [
+        ({"baseline_m": 0.0}, "baseline_m"),
+        ({"grain_px": 0}, "grain_px"),
+        ({"grain_share": 0.9}, "at most 1"),
+    ],
+)
+def test_stored_model_is_checked(stored: dict[str, float], error_text: str) -> None:
+    with pytest.raises(msgspec.ValidationError, match=error_text):
+        msgspec.convert(stored, DepthSensorModel)
