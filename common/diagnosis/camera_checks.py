@@ -45,8 +45,8 @@ def source_rate(evidence: Evidence) -> Iterator[Diagnostic]:
         busy = ", ".join(f"{name} {load:.0f} %" for load, name in sorted(loads)[:-4:-1])
         what = f"{vitals.last.instance}: {vitals.fault}; processor: {busy} of a core"
         hint = (
-            "Render the scenario first (people4d lab render) and play the recording, send fewer "
-            "frames (--set camera.stride=2), or use a machine with more cores."
+            "Does another program use the processor? Send fewer frames (--set camera.stride=2), "
+            "use more cores, or render a scenario of the lab first (people4d lab render)."
         )
         yield warning("rate", what, hint, vitals.last.instance)
 
