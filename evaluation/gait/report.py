@@ -17,7 +17,7 @@ from evaluation.gait.parameters import GaitParameter, gait_parameters
 from evaluation.gait.person_page import person_page
 from evaluation.gait.run import BoxCorners, GaitRun, estimate_gait
 from evaluation.gait.tables import GaitTables
-from evaluation.gait.trc import trc
+from evaluation.gait.trc import trc_text
 from evaluation.gait.viewer import GaitViewer
 from evaluation.methods import read_method
 from evaluation.pool import OnProgress
@@ -124,7 +124,7 @@ class GaitReport:
             write_bytes(self._folder / f"person_{person}.html", page.encode())
             name = f"points_{person}.trc"
             if trajectories:
-                write_bytes(self._folder / name, trc(trajectories, name).encode())
+                write_bytes(self._folder / name, trc_text(trajectories, name).encode())
         header = ("person", *(one.name for one in fields(GaitParameter)), "literature")
         write_csv(self._folder / "parameters.csv", header, rows)
 

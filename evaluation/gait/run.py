@@ -89,7 +89,7 @@ def _estimate_box(camera: CameraConfig, run: GaitRun, on_frame: OnFrame) -> Iter
                     continue
                 image = message.rgb, message.depth_mm
                 frame = GaitFrame(message.stamp_ns, *image, (observation,), pose)
-                results = estimator.update(frame)
+                results = estimator.update_people(frame)
                 _check_results(results, observation)
                 on_frame(info, frame, results or ())
                 observation = PersonObservation(id=1)

@@ -62,8 +62,8 @@ def compare_steps(
             FootSample(foot, noise) if np.isfinite(foot).all() else None
             for foot, noise in zip(feet, noises, strict=True)
         ]
-        measures = meter.update(time_s, *both)
-        entire.update(time_s, *both)
+        measures = meter.add_frame(time_s, *both)
+        entire.add_frame(time_s, *both)
         if time_s < (compared + 1) * EVERY_S:
             continue
         compared += 1

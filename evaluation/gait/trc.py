@@ -14,7 +14,7 @@ FIELDS = (
 )
 
 
-def trc(trajectories: Mapping[str, PointTrajectory], name: str) -> str:
+def trc_text(trajectories: Mapping[str, PointTrajectory], name: str) -> str:
     """Return the text of a TRC file: a marker for each point in mm, empty where it is lost."""
     times_s = np.unique(np.concatenate([one.times_s for one in trajectories.values()]))
     rate_hz = 1 / float(np.median(np.diff(times_s))) if len(times_s) > 1 else 1.0

@@ -80,7 +80,7 @@ class Cascade:
         """Ids of the tracked people."""
         return tuple(self._people)
 
-    def update(
+    def update_people(
         self,
         stamp_ns: int,
         rgb: U8,
@@ -99,13 +99,13 @@ class Cascade:
         self._fixed_from_optical = np.eye(4) if fixed_from_optical is None else fixed_from_optical
         self._add_and_delete(stamp_ns, observations)
         self._update_boxes(stamp_ns, rgb, observations)
-        self._floor.update(depth_mm)
+        self._floor.update_floor(depth_mm)
         chosen = self._turns(observations)
         estimates = [self._estimate(one, depth_mm, one.id in chosen) for one in observations]
         self._frame += 1
         return estimates
 
-    def mark(self, person: int, name: str, pixel: F64, depth_mm: U16) -> bool:
+    def mark_point(self, person: int, name: str, pixel: F64, depth_mm: U16) -> bool:
         """Track a point from a pixel (u, v) of the last frame on; an unknown name adds a point.
 
         Returns:
@@ -120,11 +120,11 @@ class Cascade:
         if vertex < 0:
             return False
         observation = MeshObservation(mesh, 0.0, floor=self._floor.floor)
-        return state.layer.start(name, mesh.points_m[vertex], observation)
+        return state.layer.start_point(name, mesh.points_m[vertex], observation)
 
     def _reset(self) -> None:
         for person in list(self._people):
-            self._colours.stop(person)
+            self._colours.stop_person(person)
         self._people.clear()
 
     def _add_and_delete(self, stamp_ns: int, observations: Sequence[PersonObservation]) -> None:
@@ -137,7 +137,7 @@ class Cascade:
         limit_ns = stamp_ns - round(FORGET_S * 1e9)
         for person in [p for p, state in self._people.items() if state.observed_ns < limit_ns]:
             self._people.pop(person)
-            self._colours.stop(person)
+            self._colours.stop_person(person)
 
     def _update_boxes(
         self, stamp_ns: int, rgb: U8, observations: Sequence[PersonObservation]
@@ -146,18 +146,18 @@ class Cascade:
         detected = {one.id: box for one in observations if (box := _valid_box(one)) is not None}
         missed = [one.id for one in observations if one.id not in detected]
         tracked = any(person in self._colours.people for person in missed)
-        found = self._colours.update(rgb) if tracked else {}
+        found = self._colours.update_boxes(rgb) if tracked else {}
         for person, box in detected.items():
             state, estimate = self._people[person], found.get(person)
             if estimate is None or iou_xyxy(estimate.box_xyxy_px, box)[0, 0] < SAME_BOX_IOU:
-                self._colours.start(person, rgb, box)
+                self._colours.start_person(person, rgb, box)
             state.box, state.detected_ns = box, stamp_ns
         for person in missed:
             state, estimate = self._people[person], found.get(person)
             late = stamp_ns - state.detected_ns > self._config.carry_s * 1e9
             if estimate is None or late or estimate.distance > self._config.colour_distance_max:
                 state.box = None
-                self._colours.stop(person)
+                self._colours.stop_person(person)
             else:
                 state.box = estimate.box_xyxy_px
         for one in observations:
@@ -178,12 +178,12 @@ class Cascade:
         if elapsed_s > GAP_S:
             state.layer.mark_lost()
         if not fresh and state.box is not None:
-            points = state.layer.predicted(elapsed_s)
+            points = state.layer.predict_points(elapsed_s)
             return GaitEstimate(one.id, state.box, points, fresh=False)
         body = self._segment(state, depth_mm)
         mesh = build_mesh(body, self._info) if body is not None else None
         state.processed, state.processed_ns = self._frame, self._stamp_ns
-        points = state.layer.update(
+        points = state.layer.update_points(
             MeshObservation(
                 mesh,
                 elapsed_s,
@@ -209,7 +209,7 @@ class Cascade:
         ratio = COLOUR_MARGIN if by_colour else BOX_MARGIN
         margin = ratio * (state.box[3] - state.box[1])
         box = state.box + margin * np.array([-1.0, -1.0, 1.0, 1.0])
-        return segment_body(self._floor.remove(depth_mm, box), box, state.depth_m)
+        return segment_body(self._floor.remove_floor(depth_mm, box), box, state.depth_m)
 
 
 def _valid_box(observation: PersonObservation) -> F64 | None:

@@ -50,7 +50,7 @@ class GaitEstimator:
         self._meters: dict[int, StepMeter] = {}
         self._last: GaitFrame | None = None
 
-    def update(self, frame: GaitFrame) -> list[GaitResult] | None:
+    def update_people(self, frame: GaitFrame) -> list[GaitResult] | None:
         """Return the people of a frame, nearest first; None if the frame is not usable."""
         if frame.rgb.shape[:2] != (self._info.height, self._info.width):
             self._counters["wrong_size"] += 1
@@ -62,7 +62,7 @@ class GaitEstimator:
             self._counters["clock_resets"] += 1
             self._reset()
         chosen = self._choose(frame.observations)
-        estimates = self._cascade.update(
+        estimates = self._cascade.update_people(
             frame.stamp_ns, frame.rgb, frame.depth_mm, chosen, frame.fixed_from_optical
         )
         self._counters["over_budget"] += sum(not one.fresh for one in estimates)
@@ -105,7 +105,7 @@ class GaitEstimator:
         return PersonGait(
             id=estimate.id,
             points=tuple(point for point in points.values() if point),
-            measures=meter.update(frame.stamp_ns / 1e9, left, right, head_m=head_m),
+            measures=meter.add_frame(frame.stamp_ns / 1e9, left, right, head_m=head_m),
             box_xyxy_px=None if box is None else box.astype(np.float32),
         )
 

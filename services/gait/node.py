@@ -135,7 +135,7 @@ class GaitNode(Node):
             fixed_from_optical=pose,
         )
         with span("points"):
-            results = self._estimators[camera].update(frame)
+            results = self._estimators[camera].update_people(frame)
         if results is None:
             return []
         if self._on_frame:

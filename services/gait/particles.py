@@ -85,7 +85,7 @@ class BoxMotionModel:
         return np.asarray(spread + GROWTH_UPRIGHT * b * states[..., 3])
 
 
-def systematic(weights: F64, generator: np.random.Generator) -> I64:
+def resample_systematic(weights: F64, generator: np.random.Generator) -> I64:
     """Draw at N equally spaced positions, with one random number for each person.
 
     Returns the index (PxN) of the particle that each new one is a copy of. A particle of weight w

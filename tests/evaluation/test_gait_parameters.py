@@ -18,7 +18,7 @@ from evaluation.gait.parameters import (
 )
 from evaluation.gait.person_page import person_page
 from evaluation.gait.tables import PointTrajectory
-from evaluation.gait.trc import trc
+from evaluation.gait.trc import trc_text
 from people4d.messages import F64
 from services.gait.steps.steps import FootStep, Stride, find_steps, gait_measures
 from services.gait.steps.swings import Side
@@ -184,7 +184,7 @@ def test_trc_by_hand() -> None:
     foot = PointTrajectory(
         times_s[1:], np.array([[1.0, 2.0, 0.1]] * 2), np.zeros((2, 3, 3)), np.ones(2, bool)
     )
-    lines = trc({"head": head, "left_foot": foot}, "walk.trc").split("\n")
+    lines = trc_text({"head": head, "left_foot": foot}, "walk.trc").split("\n")
     assert lines[0].split("\t") == ["PathFileType", "4", "(X/Y/Z)", "walk.trc"]
     assert lines[2].split("\t") == ["10.00", "10.00", "3", "2", "mm", "10.00", "1", "3"]
     assert lines[3].split("\t") == ["Frame#", "Time", "head", "", "", "left_foot", "", ""]

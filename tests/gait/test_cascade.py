@@ -40,7 +40,7 @@ def play(
     cascade: Cascade, frames: int, people: Sequence[PersonObservation]
 ) -> list[list[GaitEstimate]]:
     rgb, depth_mm = images()
-    return [cascade.update(n * PERIOD_NS, rgb, depth_mm, people) for n in range(frames)]
+    return [cascade.update_people(n * PERIOD_NS, rgb, depth_mm, people) for n in range(frames)]
 
 
 def states(estimate: GaitEstimate) -> set[str]:
@@ -51,8 +51,8 @@ def test_points_that_start_without_a_detection_are_predicted() -> None:
     # Keypoints of no confidence start nothing; the next frame has none, but ends of limbs.
     cascade, (rgb, depth_mm) = Cascade(CascadeConfig(), INFO), images()
     detected = PersonObservation(1, BOX, np.zeros((17, 3), np.float32), DEPTH_M)
-    cascade.update(0, rgb, depth_mm, [detected])
-    (found,) = cascade.update(PERIOD_NS, rgb, depth_mm, [observation()])
+    cascade.update_people(0, rgb, depth_mm, [detected])
+    (found,) = cascade.update_people(PERIOD_NS, rgb, depth_mm, [observation()])
     assert "predicted" in states(found)
     assert "measured" not in states(found)
 
@@ -100,7 +100,7 @@ def test_without_depth_no_point_is_measured() -> None:
     play(cascade, 5, [observation()])
     rgb, depth_mm = images()
     for number in range(5, 60):
-        (estimate,) = cascade.update(number * PERIOD_NS, rgb, 0 * depth_mm, [observation()])
+        (estimate,) = cascade.update_people(number * PERIOD_NS, rgb, 0 * depth_mm, [observation()])
         assert "measured" not in states(estimate)
     # Nearly two seconds later points are lost.
     assert states(estimate) <= {"lost"}
@@ -112,10 +112,10 @@ def test_deleted_person_is_tracked_again() -> None:
     play(cascade, 5, [observation()])
     rgb, depth_mm = images()
     for number in range(5, 100):
-        assert cascade.update(number * PERIOD_NS, rgb, depth_mm, []) == []
+        assert cascade.update_people(number * PERIOD_NS, rgb, depth_mm, []) == []
     assert cascade.people == ()  # deleted after two seconds
     for number in range(100, 108):
-        (estimate,) = cascade.update(number * PERIOD_NS, rgb, depth_mm, [observation()])
+        (estimate,) = cascade.update_people(number * PERIOD_NS, rgb, depth_mm, [observation()])
     assert estimate.points["head"].state == "measured"
 
 
@@ -124,7 +124,9 @@ def test_colour_layer_tracks_the_box_without_detection() -> None:
     play(cascade, 5, [observation()])
     for number in range(5, 10):
         rgb, depth_mm = images(3 * (number - 4))
-        (estimate,) = cascade.update(number * PERIOD_NS, rgb, depth_mm, [observation(box=None)])
+        (estimate,) = cascade.update_people(
+            number * PERIOD_NS, rgb, depth_mm, [observation(box=None)]
+        )
     assert estimate.box_xyxy_px is not None
     # In five frames of 3 px the person went 15 px to the right.
     middle = float(estimate.box_xyxy_px[[0, 2]].mean())
@@ -146,7 +148,7 @@ def test_earlier_stamp_resets_the_cascade() -> None:
     cascade = Cascade(CascadeConfig(), INFO)
     play(cascade, 3, [observation(1)])
     rgb, depth_mm = images()
-    cascade.update(0, rgb, depth_mm, [observation(2)])
+    cascade.update_people(0, rgb, depth_mm, [observation(2)])
     assert cascade.people == (2,)
 
 
@@ -158,6 +160,8 @@ def test_legs_cut_off_by_the_image_have_no_feet() -> None:
     rgb[:110], depth_mm[:110] = (120, 130, 140), 4000
     cascade, box = Cascade(CascadeConfig(), INFO), BOX + np.array([0, 110, 0, 110])
     for number in range(8):
-        (estimate,) = cascade.update(number * PERIOD_NS, rgb, depth_mm, [observation(box=box)])
+        (estimate,) = cascade.update_people(
+            number * PERIOD_NS, rgb, depth_mm, [observation(box=box)]
+        )
     assert estimate.points["head"].state == "measured"
     assert {estimate.points[name].state for name in ("left_foot", "right_foot")} == {"lost"}

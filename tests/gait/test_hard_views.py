@@ -57,7 +57,7 @@ def gait(world: World, begin_s: float = 0.0) -> list[list[PersonGait]]:
         frame = GaitFrame(
             round(t_s * 1e9), rgb, depth_mm, observations, world.map_from_optical(t_s)
         )
-        results = estimator.update(frame)
+        results = estimator.update_people(frame)
         assert results is not None
         found.append([one.person for one in sorted(results, key=lambda one: one.person.id)])
     return found

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from services.gait.config import PUBLISHED_TAU, ColourLayerConfig
-from services.gait.particles import BoxMotionModel, systematic
+from services.gait.particles import BoxMotionModel, resample_systematic
 
 
 class Half(np.random.Generator):
@@ -18,7 +18,7 @@ def test_systematic_by_hand() -> None:
     # Positions 1/8, 3/8, 5/8, 7/8; cumulated weights 0.5, 0.75, 1: twice the first, one of each.
     # For the second person 0.1, 0.1, 1: one position lies below 0.1 + 0, so all are the third.
     weights = np.array([[0.5, 0.25, 0.25, 0.0], [0.1, 0.0, 0.9, 0.0]])
-    chosen = systematic(weights, Half(np.random.PCG64(0)))
+    chosen = resample_systematic(weights, Half(np.random.PCG64(0)))
     assert chosen.tolist() == [[0, 0, 1, 2], [2, 2, 2, 2]]
 
 
@@ -32,7 +32,7 @@ def test_resampling_keeps_the_mean() -> None:
     mean = (weights * values).sum(axis=1)
     sigma = np.sqrt((weights * (values - mean[:, None]) ** 2).sum(axis=1))
     found = [
-        np.take_along_axis(values, systematic(weights, generator), axis=1).mean(axis=1)
+        np.take_along_axis(values, resample_systematic(weights, generator), axis=1).mean(axis=1)
         for _ in range(200)
     ]
     assert np.all(np.abs(np.mean(found, axis=0) - mean) < 4 * sigma / np.sqrt(50 * 200))
@@ -41,12 +41,12 @@ def test_resampling_keeps_the_mean() -> None:
 def test_particle_with_all_weight_is_the_only_one_left() -> None:
     weights = np.zeros((3, 7))
     weights[[0, 1, 2], [0, 3, 6]] = 1.0
-    chosen = systematic(weights, np.random.default_rng(0))
+    chosen = resample_systematic(weights, np.random.default_rng(0))
     assert np.all(chosen == [[0], [3], [6]])
 
 
 def test_equal_weights_copy_each_particle_once() -> None:
-    chosen = systematic(np.full((2, 9), 1 / 9), np.random.default_rng(0))
+    chosen = resample_systematic(np.full((2, 9), 1 / 9), np.random.default_rng(0))
     assert chosen.tolist() == [list(range(9))] * 2
 
 

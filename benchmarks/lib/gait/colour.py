@@ -77,9 +77,9 @@ def success(recording: ColourSequence, seed: int, fields: Mapping[str, Any]) -> 
         fields: Of the configuration that are not the default.
     """
     layer = ColourLayer(ColourLayerConfig(**fields), seed)
-    assert layer.start(0, recording.frames[0], recording.boxes_px[0])
+    assert layer.start_person(0, recording.frames[0], recording.boxes_px[0])
     pairs = zip(recording.frames[1:], recording.boxes_px[1:], strict=True)
-    hits = [overlap(layer.update(rgb)[0].box_xyxy_px, box) >= SUCCESS for rgb, box in pairs]
+    hits = [overlap(layer.update_boxes(rgb)[0].box_xyxy_px, box) >= SUCCESS for rgb, box in pairs]
     return 100 * float(np.mean(hits))
 
 
@@ -253,11 +253,11 @@ def _rounds(
     half = np.array(size) / 2
     for seed in range(rounds):
         layer = ColourLayer(ColourLayerConfig(**fields), seed)
-        layer.start(0, recording.frames[0], np.concatenate([middle - half, middle + half]))
-        layer.update(recording.frames[0])
+        layer.start_person(0, recording.frames[0], np.concatenate([middle - half, middle + half]))
+        layer.update_boxes(recording.frames[0])
         begin_ns = time.perf_counter_ns()
         for rgb in recording.frames[1 : 1 + ROUND_FRAMES]:
-            layer.update(rgb)
+            layer.update_boxes(rgb)
         yield ROUND_FRAMES * 1e9 / (time.perf_counter_ns() - begin_ns)
 
 
@@ -270,14 +270,14 @@ def comparing_ms(recording: ColourSequence, rounds: int) -> dict[str, list[float
     rgb = recording.frames[0]
     bins = HueSaturationHistogram()
     ratios = ColourRatio(bins)
-    model = ratios.learn(hsv_patch(rgb, boxes[:1] * ratios.reach), boxes[0])
+    model = ratios.learn_colours(hsv_patch(rgb, boxes[:1] * ratios.reach), boxes[0])
     grid = sample_grid(SAMPLES)
     times: dict[str, list[float]] = {"numpy": [], "compiled": []}
     for _ in range(rounds + 1):
         begin_ns = time.perf_counter_ns()
         scores(rgb, boxes, model, grid, bins)
         middle_ns = time.perf_counter_ns()
-        ratios.scores(hsv_patch(rgb, boxes), boxes, model)
+        ratios.score_boxes(hsv_patch(rgb, boxes), boxes, model)
         times["numpy"].append((middle_ns - begin_ns) / 1e6)
         times["compiled"].append((time.perf_counter_ns() - middle_ns) / 1e6)
     return {name: values[1:] for name, values in times.items()}

@@ -24,7 +24,7 @@ from common.geometry.transforms import apply, deproject, project
 from people4d.messages import F64, Detection
 from services.gait.cascade import Cascade, GaitEstimate, PersonObservation
 from services.gait.config import CascadeConfig, DepthLayerConfig
-from services.gait.points.keypoints import anchors
+from services.gait.points.keypoints import find_anchors
 
 Feature = Literal["combined", "spin", "geodesic"]
 FEATURES: tuple[Feature, ...] = ("spin", "geodesic", "combined")
@@ -109,7 +109,7 @@ def track_points(
     points, measured, covariances = [], [], []
     for index, frame in enumerate(frames or recording.frames()):
         observations = observations_in(recording, index, variant)
-        estimates = cascade.update(frame.stamp_ns, frame.rgb, frame.depth_mm, observations)
+        estimates = cascade.update_people(frame.stamp_ns, frame.rgb, frame.depth_mm, observations)
         if variant.by_hand:
             _mark(cascade, recording, index, frame, marked)
         rows = [_points(estimate) for estimate in estimates]
@@ -136,7 +136,7 @@ def keypoints_alone(recording: GaitRecording) -> PointResults:
     points = np.full(recording.truth.points_m.shape, np.nan)
     for index, frame in enumerate(recording.frames()):
         for k, detection in enumerate(recording.detections[index]):
-            estimates = anchors(detection.keypoints if detection else None)
+            estimates = find_anchors(detection.keypoints if detection else None)
             for name, anchor in estimates.items():
                 u, v = np.rint(anchor.pixel).astype(int)
                 window = frame.depth_mm[max(v - 1, 0) : v + 2, max(u - 1, 0) : u + 2]
@@ -179,7 +179,7 @@ def _mark(
         for p, point in enumerate(person):
             if not marked[k, p] and np.isfinite(point).all():
                 pixel = project(point[None], recording.info)[0]
-                marked[k, p] = cascade.mark(k, POINTS[p], pixel, frame.depth_mm)
+                marked[k, p] = cascade.mark_point(k, POINTS[p], pixel, frame.depth_mm)
 
 
 def _points(estimate: GaitEstimate) -> tuple[F64, Flags, F64]:

@@ -19,11 +19,11 @@ from services.gait.config import GaitConfig
 # before optimisation: recording of seed 71, AMD EPYC, 2 cores, Python 3.11.7.
 STAGES: Mapping[str, tuple[tuple[str, ...], float]] = {
     "colour layer: particles moved, weighed, resampled": (
-        ("colour/colour_layer.py", "update"),
+        ("colour/colour_layer.py", "update_boxes"),
         0.0,
     ),
-    "colour layer: reference of a new box": (("colour/colour_layer.py", "start"), 0.54),
-    "floor detected and removed": (("surface/floor.py", "update", "remove"), 0.86),
+    "colour layer: reference of a new box": (("colour/colour_layer.py", "start_person"), 0.54),
+    "floor detected and removed": (("surface/floor.py", "update_floor", "remove_floor"), 0.86),
     "segmentation: holes filled, components": (("surface/segmentation.py", "segment_body"), 2.07),
     "mesh and normals": (("surface/mesh.py", "build_mesh"), 4.22),
     "geodesic distances": (("surface/geodesic.py", "geodesic_m"), 0.75),
@@ -35,7 +35,7 @@ STAGES: Mapping[str, tuple[tuple[str, ...], float]] = {
         2.00,
     ),
     "particles moved and resampled": (
-        ("points/point_filter.py", "propagate", "resample", "project_to"),
+        ("points/point_filter.py", "move_particles", "resample_particles", "project_particles"),
         0.59,
     ),
 }
@@ -77,7 +77,7 @@ def frame_times_ms(
     for index, frame in enumerate(frames):
         observations = observations_in(recording, index, variant)
         wall, busy = time.perf_counter_ns(), time.process_time_ns()
-        cascade.update(frame.stamp_ns, frame.rgb, frame.depth_mm, observations)
+        cascade.update_people(frame.stamp_ns, frame.rgb, frame.depth_mm, observations)
         wall_ns.append(time.perf_counter_ns() - wall)
         busy_ns.append(time.process_time_ns() - busy)
     return np.array(wall_ns) / 1e6, np.array(busy_ns) / 1e6

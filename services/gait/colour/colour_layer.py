@@ -15,7 +15,7 @@ from services.gait.colour.histogram import (
     normalised_weights,
 )
 from services.gait.config import ColourLayerConfig
-from services.gait.particles import BOX_MIN_PX, STATES, BoxMotionModel, systematic
+from services.gait.particles import BOX_MIN_PX, STATES, BoxMotionModel, resample_systematic
 
 BOX = [0, 1, 4, 5]  # centre, width and height in a state
 SIZE = slice(4, 6)
@@ -64,13 +64,13 @@ class ColourLayer:
         """Ids of the tracked people, in the order of their start."""
         return tuple(self._filters)
 
-    def start(self, person: int, rgb: U8, box_xyxy_px: F64) -> bool:
+    def start_person(self, person: int, rgb: U8, box_xyxy_px: F64) -> bool:
         """Track a person from this box (left, top, right, bottom) on, again if already tracked.
 
         Returns:
             False if the box is too small or outside of the image: the person is not tracked.
         """
-        self.stop(person)
+        self.stop_person(person)
         left, top, right, bottom = np.asarray(box_xyxy_px, np.float64).tolist()
         box = np.array([(left + right) / 2, (top + bottom) / 2, right - left, bottom - top])
         if not np.all(np.isfinite(box)) or box[2:].min() < BOX_MIN_PX:
@@ -84,11 +84,11 @@ class ColourLayer:
         self._filters[person] = _BoxFilter((rgb, box), state, state, box, log_aspect, np.empty(0))
         return True
 
-    def stop(self, person: int) -> None:
+    def stop_person(self, person: int) -> None:
         """Stop tracking a person, if tracked."""
         self._filters.pop(person, None)
 
-    def update(self, rgb: U8) -> Mapping[int, ColourEstimate]:
+    def update_boxes(self, rgb: U8) -> Mapping[int, ColourEstimate]:
         """Return the boxes of all tracked people in the next frame, HxWx3."""
         filters = list(self._filters.values())
         if not filters:
@@ -104,12 +104,12 @@ class ColourLayer:
             np.stack(list(map(self._log_weights, filters, patches, boxes)))
         )
         estimates = np.einsum("pn,pns->ps", weights, states)
-        chosen = systematic(weights, self._generator)
+        chosen = resample_systematic(weights, self._generator)
         for k, one in enumerate(filters):
             one.states, one.previous = states[k, chosen[k]], previous[k, chosen[k]]
             one.box = estimates[k, BOX]
             if self._ratio is not None and one.model is not None:
-                background = self._ratio.learn(patches[k], one.box).background
+                background = self._ratio.learn_colours(patches[k], one.box).background
                 one.model = ColourModel(one.model.person, background)
         return self._estimates(patches, estimates)
 
@@ -121,14 +121,14 @@ class ColourLayer:
         # The part of the box outside of the image is not the person's.
         one.reference = reference / max(reference.sum(), 1e-9)
         if self._ratio is not None:
-            one.model = self._ratio.learn(self._patch(rgb, box[None]), box)
+            one.model = self._ratio.learn_colours(self._patch(rgb, box[None]), box)
         one.initial = None
 
     def _log_weights(self, one: _BoxFilter, patch: HsvPatch, boxes: F64) -> F64:
         if self._ratio is None or one.model is None:
-            distances = self._histogram.distances(patch, boxes, one.reference)
+            distances = self._histogram.measure_distances(patch, boxes, one.reference)
             return log_likelihoods(distances, self._config.sigma)
-        scores = self._ratio.scores(patch, boxes, one.model)
+        scores = self._ratio.score_boxes(patch, boxes, one.model)
         # Per pixel of the box: neighbouring pixels are not independent.
         logs = scores / (one.box[2] * one.box[3] * RATIO_SIGMA)
         stretch = np.log(boxes[:, 2] / boxes[:, 3]) - one.log_aspect
@@ -140,6 +140,8 @@ class ColourLayer:
             centre, size = states[k, :2], states[k, SIZE]
             box = np.concatenate([centre - size / 2, centre + size / 2])
             # The estimate lies among the particles, so the patch covers it.
-            (distance,) = self._histogram.distances(patches[k], one.box[None], one.reference)
+            (distance,) = self._histogram.measure_distances(
+                patches[k], one.box[None], one.reference
+            )
             estimates[person] = ColourEstimate(box, float(distance))
         return estimates

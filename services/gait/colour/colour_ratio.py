@@ -82,7 +82,7 @@ class ColourRatio:
         self._learn_grid = sample_grid(LEARN_POINTS, scale)
         self._learn_prior = person_prior(self._learn_grid, bands)
 
-    def learn(self, patch: HsvPatch, box: F64) -> ColourModel:
+    def learn_colours(self, patch: HsvPatch, box: F64) -> ColourModel:
         """Return the colours of the person in a box (4: x, y, width, height) and of the background.
 
         The patch covers the box times `reach`.
@@ -94,7 +94,7 @@ class ColourRatio:
         _learn(bins, self._learn_prior, person, background)
         return ColourModel(_normalised(person), _normalised(background))
 
-    def scores(self, patch: HsvPatch, boxes: F64, model: ColourModel) -> F64:
+    def score_boxes(self, patch: HsvPatch, boxes: F64, model: ColourModel) -> F64:
         """Return the log-likelihood ratios (M) of boxes (Mx4) in a patch, person to background.
 
         They are summed over the pixels of each box.

@@ -71,7 +71,7 @@ class HueSaturationHistogram:
             row[:] = np.bincount(bins[bins >= 0], minlength=self.bins) / bins.size
         return found
 
-    def distances(self, patch: HsvPatch, boxes: F64, reference: F64) -> F64:
+    def measure_distances(self, patch: HsvPatch, boxes: F64, reference: F64) -> F64:
         """Return the Bhattacharyya distances (M, 0 to 1) of boxes in a patch to a reference.
 
         Source: docs/method.md, section 8.1 (G 3.7) [Bhattacharyya 1943].

@@ -76,7 +76,7 @@ class Acceptance:
         self.has_keypoints = False  # in this frame, of any point
         self.had_keypoints = False  # in any frame
 
-    def candidate(
+    def measure_candidate(
         self,
         point: PointFilter,
         body: MeasuredBody,
@@ -100,12 +100,12 @@ class Acceptance:
             near = np.linalg.norm(positions - positions[best], axis=1) <= WINDOW_M
             inside = weights * near * (point.vertices >= 0)
             position = (inside / inside.sum()) @ positions
-        point.resample(weights)
+        point.resample_particles(weights)
         return _at(surface) or Candidate(position, vertex)
 
     def is_hidden(self, point: PointFilter, position_m: F64, anchor: Anchor | None) -> bool:
         """Check that a surface lies before the expected position of a point on its ray."""
-        expected = point.expected()
+        expected = point.expected_position()
         if point.prior is None or expected is None:
             return False
         reliable = 0.0 if anchor is None else (anchor.confidence - 0.4) / 0.2
@@ -144,7 +144,7 @@ class Acceptance:
         joint_m = deproject(anchor.joint, surface_m, self._info)[0]
         return self.is_hidden(point, joint_m, anchor)
 
-    def update(
+    def update_point(
         self,
         point: PointFilter,
         body: MeasuredBody,
@@ -204,7 +204,7 @@ class Acceptance:
             return
         point.mark_measured(position, confidence, noise)
         if confidence > START_CONFIDENCE:
-            point.adapt(float(body.geodesic_m[vertex]))
+            point.adapt_reference(float(body.geodesic_m[vertex]))
 
     def _visibility(self, point: PointFilter) -> Visibility | None:
         """Return the regression of a point's visibility; None of a kind that has none.
@@ -306,7 +306,7 @@ def drop_same(candidates: dict[str, Candidate | None], points: Mapping[str, Poin
 
 
 def _off2(point: PointFilter, position_m: F64) -> float:
-    expected = point.expected()
+    expected = point.expected_position()
     return 0.0 if expected is None else float(expected.distances2(position_m[None])[0])
 
 

@@ -30,7 +30,7 @@ TO_CAMERA = np.array([0.0, 0.0, -1.0])  # heading of people of unknown heading
 Starts = list[tuple[str, Extremity]]
 
 
-def assign_all(
+def assign_extremities(
     points: Mapping[str, PointFilter],
     extremities: Sequence[Extremity],
     expected: Mapping[str, Anchor],
@@ -46,11 +46,11 @@ def assign_all(
     for kind in KINDS:
         alive = [point for point in points.values() if point.kind == kind and point.alive]
         same = [one for one in extremities if one.kind == kind][:6]
-        assigned |= assign(alive, same, anchors_m)
+        assigned |= assign_points(alive, same, anchors_m)
     return assigned
 
 
-def assign(
+def assign_points(
     points: Sequence[PointFilter],
     extremities: Sequence[Extremity],
     anchors_m: Mapping[str, F64],

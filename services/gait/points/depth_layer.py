@@ -8,7 +8,7 @@ from people4d.messages import F32, F64, CameraInfo
 from services.gait.config import DepthLayerConfig
 from services.gait.points.acceptance import Acceptance, drop_same
 from services.gait.points.assignment import (
-    assign_all,
+    assign_extremities,
     body_vertex,
     expected_starts,
     initial_extremities,
@@ -30,8 +30,8 @@ from services.gait.points.keypoints import (
     COUNTERPARTS,
     START_CONFIDENCE,
     Anchor,
-    anchors,
     feet_ahead,
+    find_anchors,
     joint_pixels,
     sigma_px,
 )
@@ -42,7 +42,7 @@ from services.gait.points.likelihood import (
     single_feature_weights,
     spin_similarities,
 )
-from services.gait.points.limbs.anchors import feet_apart, on_own_limbs
+from services.gait.points.limbs.anchors import feet_apart, keep_own_limbs
 from services.gait.points.limbs.ends import end_position
 from services.gait.points.limbs.floor_feet import FloorPosition, correct_by_floor, floor_positions
 from services.gait.points.limbs.prior import limb_priors
@@ -84,7 +84,7 @@ class DepthLayer:
         """The particle filters by the names of their points."""
         return self._points
 
-    def start(self, name: str, point_m: F64, observation: MeshObservation) -> bool:
+    def start_point(self, name: str, point_m: F64, observation: MeshObservation) -> bool:
         """Track a point from the vertex nearest to a position (3, optical frame) on.
 
         An unknown name adds a point. Returns True if there is a body.
@@ -101,7 +101,7 @@ class DepthLayer:
             point.tip_distance_m = tip_distance if own_limb else np.nan
         return True
 
-    def update(self, observation: MeshObservation) -> Mapping[str, PointEstimate]:
+    def update_points(self, observation: MeshObservation) -> Mapping[str, PointEstimate]:
         """Return the estimates of the points in the next frame."""
         has_keypoints = self._keypoints(observation) is not None
         self._acceptance.has_keypoints = has_keypoints
@@ -118,7 +118,7 @@ class DepthLayer:
         expected = self._anchors(observation, body)
         starts = any(point.motion is None for point in self._points.values())
         extremities = extremities_in_view(body, self._info) if self._combined or starts else []
-        self._assigned = assign_all(self._points, extremities, expected, self._info)
+        self._assigned = assign_extremities(self._points, extremities, expected, self._info)
         self._floor_feet = floor_positions(
             expected, self._points, observation, self._heading, self._info
         )
@@ -133,9 +133,9 @@ class DepthLayer:
                 self._swap(left, right)
         return self._estimates()
 
-    def predicted(self, dt_s: float) -> Mapping[str, PointEstimate]:
+    def predict_points(self, dt_s: float) -> Mapping[str, PointEstimate]:
         """Return the estimates after some time without an observation."""
-        return {name: point.predicted(dt_s) for name, point in self._points.items()}
+        return {name: point.predict_estimate(dt_s) for name, point in self._points.items()}
 
     def mark_lost(self) -> None:
         """Set all points lost, after a gap in time."""
@@ -175,7 +175,7 @@ class DepthLayer:
         self, observation: MeshObservation, mesh: BodyMesh | None, heights_m: F64
     ) -> None:
         pose, yaw_rad = observation.fixed_from_optical, observation.yaw_rad
-        self._heading = self._heading_estimator.update(
+        self._heading = self._heading_estimator.update_heading(
             mesh, heights_m, observation.dt_s, pose, yaw_rad
         )
 
@@ -192,12 +192,12 @@ class DepthLayer:
     def _anchors(self, observation: MeshObservation, body: MeasuredBody) -> Mapping[str, Anchor]:
         if not (self._combined and self._config.keypoints):
             return {}
-        found = anchors(observation.keypoints)
+        found = find_anchors(observation.keypoints)
         if self._heading is not None:
             depth_m = float(body.mesh.middle_m[2])
             found = feet_ahead(found, depth_m, self._heading, self._info)
         found = {name: anchor for name, anchor in found.items() if name in self._points}
-        return on_own_limbs(found, self._points, observation.dt_s, self._info)
+        return keep_own_limbs(found, self._points, observation.dt_s, self._info)
 
     def _propagate(self, dt_s: float, expected: Mapping[str, Anchor]) -> None:
         for name, point in self._points.items():
@@ -207,7 +207,7 @@ class DepthLayer:
                     if self._combined
                     else []
                 )
-                point.propagate(dt_s, proposals)
+                point.move_particles(dt_s, proposals)
 
     def _measure_points(
         self, dt_s: float, body: MeasuredBody, expected: Mapping[str, Anchor]
@@ -215,7 +215,7 @@ class DepthLayer:
         """Weigh the particles of all points, and update the points by them."""
         points = [point for point in self._points.values() if point.motion is not None]
         for point in points:
-            point.project_to(body)
+            point.project_particles(body)
         # Before any update: the evidence of a point contains its counterpart's prediction.
         evidence = [self._evidence(point, body, expected.get(point.name)) for point in points]
         similarities = spin_similarities(points, body.mesh)
@@ -226,7 +226,7 @@ class DepthLayer:
             for point, similar, own in zip(points, similarities, evidence, strict=True)
         ]
         candidates = {
-            point.name: self._acceptance.candidate(point, body, weighted, own.surface)
+            point.name: self._acceptance.measure_candidate(point, body, weighted, own.surface)
             for point, weighted, own in zip(points, weights, evidence, strict=True)
         }
         if self._combined:
@@ -236,7 +236,7 @@ class DepthLayer:
             if floor is not None and own.surface is None and point.alive:
                 correct_by_floor(point, floor, dt_s)
             else:
-                self._acceptance.update(point, body, candidates[point.name], own, dt_s)
+                self._acceptance.update_point(point, body, candidates[point.name], own, dt_s)
 
     def _evidence(
         self, point: PointFilter, body: MeasuredBody, anchor: Anchor | None
@@ -302,7 +302,7 @@ class DepthLayer:
     def _start(self, name: str, vertex: int, body: MeasuredBody) -> None:
         point = self._points.setdefault(name, self._new(name))
         spin = reference_spin_image(point, vertex, body.mesh, self._config)
-        point.start(vertex, body, spin)
+        point.start_at_vertex(vertex, body, spin)
         point.tip_distance_m = LENGTHS_M.get(point.kind, np.nan)
 
     def _swap(self, left: str, right: str) -> None:

@@ -36,7 +36,7 @@ class HeadingEstimator:
         self._evidence: F64 = np.zeros(3)  # fixed frame
         self._heading: F64 | None = None  # fixed frame
 
-    def update(
+    def update_heading(
         self,
         mesh: BodyMesh | None,
         heights_m: F64,

@@ -56,7 +56,7 @@ class PointKalmanFilter:
         state[:3] += dt_s * state[3:]
         return state, ahead
 
-    def damp(self, velocity_mps: F64, ratio: float) -> None:
+    def damp_velocity(self, velocity_mps: F64, ratio: float) -> None:
         """Move the velocity by a ratio of its difference to another, 3."""
         self.state[3:] += ratio * (velocity_mps - self.state[3:])
 

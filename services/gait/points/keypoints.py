@@ -60,7 +60,7 @@ def sigma_px(anchor: Anchor, depth_m: float, info: CameraInfo) -> float:
     return anchor.sigma * pixels_of(KEYPOINT_SIGMA_M, depth_m, info)
 
 
-def anchors(keypoints: F32 | None) -> Mapping[str, Anchor]:
+def find_anchors(keypoints: F32 | None) -> Mapping[str, Anchor]:
     """Return the expected pixels of points by confident keypoints (17x3, COCO; None: not detected).
 
     Hands are beyond the wrists and feet beyond the ankles, by a ratio of forearm and shank in the

@@ -18,4 +18,4 @@ def damp_occluded(points: Mapping[str, PointFilter], dt_s: float) -> None:
     ratio = 1 - float(np.exp(-dt_s / DAMPING_S))
     for point in points.values():
         if point.motion is not None and point.state != "measured":
-            point.motion.damp(head.motion.state[3:], ratio)
+            point.motion.damp_velocity(head.motion.state[3:], ratio)

@@ -9,7 +9,7 @@ import numpy as np
 from common.geometry.transforms import project
 from people4d.messages import F64, CameraInfo
 from services.gait.config import DepthLayerConfig
-from services.gait.particles import FIRST, systematic
+from services.gait.particles import FIRST, resample_systematic
 from services.gait.points.body import Extremity, MeasuredBody
 from services.gait.points.kalman import PointKalmanFilter
 from services.gait.points.keypoints import Anchor, kind_of, pixels_of, sigma_px
@@ -111,7 +111,7 @@ class PointFilter:
         """
         return self.without_keypoints and self.alive and self.unsupported_s == 0.0
 
-    def expected(self, dt_s: float = 0.0) -> Normal | None:
+    def expected_position(self, dt_s: float = 0.0) -> Normal | None:
         """Return the expected position after some time, by its motion and by the body.
 
         Motion that contradicts the body is trusted only while limb or keypoint confirm it.
@@ -135,7 +135,7 @@ class PointFilter:
         assert self.motion is not None
         return self.motion.state, self.motion.covariance
 
-    def start(self, vertex: int, body: MeasuredBody, spin: F64 | None) -> None:
+    def start_at_vertex(self, vertex: int, body: MeasuredBody, spin: F64 | None) -> None:
         """Track the point from a vertex on."""
         config = self._config
         position = body.mesh.points_m[vertex]
@@ -148,7 +148,7 @@ class PointFilter:
         self.vertices = np.full(config.particles, vertex)
         self.spin = spin
         self.geodesic_m = self.initial_geodesic_m = np.nan  # unless connected
-        self.adapt(float(body.geodesic_m[vertex]))
+        self.adapt_reference(float(body.geodesic_m[vertex]))
         self.state, self.missed_s, self.confidence = "measured", 0.0, 1.0
         self.unsupported_s, self.contradicted = 0.0, 0
 
@@ -176,7 +176,7 @@ class PointFilter:
             found.append(Proposal(project(extremity.position_m, info)[0], sigma, ratio))
         return found
 
-    def propagate(self, dt_s: float, proposals: Sequence[Proposal]) -> None:
+    def move_particles(self, dt_s: float, proposals: Sequence[Proposal]) -> None:
         """Move the particles by their motion, and draw some of them from proposals."""
         tau = np.array(self._config.tau)
         if self.motion is not None:
@@ -193,13 +193,13 @@ class PointFilter:
             self.particles[first : first + count, :2] = drawn
             first += count
 
-    def project_to(self, body: MeasuredBody) -> None:
+    def project_particles(self, body: MeasuredBody) -> None:
         """Find the vertices at the particles."""
         self.vertices = body.mesh.vertices_at(self.particles[:, :2])
 
-    def resample(self, weights: F64) -> None:
+    def resample_particles(self, weights: F64) -> None:
         """Draw the particles anew by weight; those off the body vanish."""
-        chosen = systematic(weights[None], self._generator)[0]
+        chosen = resample_systematic(weights[None], self._generator)[0]
         self.particles = self.particles[chosen]
 
     def reset_particles(self, body: MeasuredBody) -> None:
@@ -225,7 +225,7 @@ class PointFilter:
         self.mark_missed(dt_s)
         self.likely = likely
 
-    def adapt(self, geodesic_m: float) -> None:
+    def adapt_reference(self, geodesic_m: float) -> None:
         """Adapt the reference distance to a measured one, within bounds: limbs do not grow."""
         if np.isfinite(geodesic_m) and np.isnan(self.geodesic_m):
             self.geodesic_m = self.initial_geodesic_m = geodesic_m
@@ -258,7 +258,7 @@ class PointFilter:
         position_m, covariance = self.position_m.copy(), self.motion.covariance.copy()
         if self.state == "predicted" and self.likely:
             covariance[:3, :3] = SPREAD * covariance[:3, :3] + SPREAD_M**2 * np.eye(3)
-        elif self.state == "predicted" and (expected := self.hidden_at()) is not None:
+        elif self.state == "predicted" and (expected := self.hidden_position()) is not None:
             position_m = expected.mean_m
             covariance[:3, :3] = SPREAD * expected.covariance + SPREAD_M**2 * np.eye(3)
             covariance[:3, 3:] = covariance[3:, :3] = 0.0
@@ -276,15 +276,15 @@ class PointFilter:
             return False
         return bool(np.linalg.eigvalsh(covariance[:3, :3])[-1] > VAGUE_M**2)
 
-    def hidden_at(self) -> Normal | None:
+    def hidden_position(self) -> Normal | None:
         """Return the expected position of a hidden point, with its keypoint if it has one."""
-        expected = self.expected() if self.prior is not None else None
+        expected = self.expected_position() if self.prior is not None else None
         if expected is None or self.hidden_keypoint is None:
             return expected
         sigma = pixels_of(HIDDEN_KEYPOINT_M, float(expected.mean_m[2]), self._info)
         return expected.at_pixel(self.hidden_keypoint.pixel, sigma, self._info)
 
-    def predicted(self, dt_s: float) -> PointEstimate:
+    def predict_estimate(self, dt_s: float) -> PointEstimate:
         """Return the estimate after some time without measurement."""
         estimate = self.estimate()
         if self.motion is None or estimate.state == "lost":

@@ -40,7 +40,7 @@ class Landing:
     steps: int  # since the last landing, this one included; 0: not known
 
 
-def alternating(swings: Sequence[Swing]) -> list[Landing]:
+def find_landings(swings: Sequence[Swing]) -> list[Landing]:
     """Return the landings of swings in the order of time, as the best walk of two feet."""
     sides = [FEET.index(one.foot) for one in swings]
     period_s = _period_s(swings)

@@ -59,7 +59,7 @@ class Stance:
     position_m: F64  # 2, on the ground
 
 
-def collect(
+def collect_bins(
     times_s: F64, ground_m: F64, covariances_m2: F64, origin_s: float, count: int, bin_s: float
 ) -> Bins:
     """Return the samples of a foot in `count` bins.
@@ -89,7 +89,7 @@ def collect(
     return found
 
 
-def inliers(ground_m: F64, covariances_m2: F64) -> npt.NDArray[np.bool_]:
+def find_inliers(ground_m: F64, covariances_m2: F64) -> npt.NDArray[np.bool_]:
     """Return the samples, Nx2, that are near the median of their neighbours, N."""
     if len(ground_m) < 3:
         return np.ones(len(ground_m), bool)

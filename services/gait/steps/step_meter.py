@@ -31,7 +31,7 @@ class StepMeter:
         self._due_s = -math.inf
         self._measures = GaitMeasures()
 
-    def update(
+    def add_frame(
         self,
         stamp_s: float,
         left: FootSample | None,

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from people4d.messages import F64, GaitMeasures
-from services.gait.steps.alternation import STEP_MAX_S, STEP_MIN_S, Landing, alternating
+from services.gait.steps.alternation import STEP_MAX_S, STEP_MIN_S, Landing, find_landings
 from services.gait.steps.rhythm import WINDOW_S, Oscillation, with_rhythm
 from services.gait.steps.stances import LENGTH_MIN_M
 from services.gait.steps.swings import FEET, FootTrajectory, Side, Swing, find_swings
@@ -77,7 +77,7 @@ def find_steps(left: FootTrajectory, right: FootTrajectory, up: F64) -> list[Foo
         and not (_is_brief(one) and not _is_lifted(one, left if one.foot == "left" else right, up))
     ]
     found: list[FootStep] = []
-    for landing in alternating(swings):
+    for landing in find_landings(swings):
         if landing.steps > 1:
             found += _unobserved(found[-1], landing)
         found.append(_step(found, landing))

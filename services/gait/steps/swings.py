@@ -19,9 +19,9 @@ from services.gait.steps.stances import (
     LENGTH_MIN_M,
     Bins,
     Stance,
-    collect,
+    collect_bins,
+    find_inliers,
     find_stances,
-    inliers,
 )
 
 BIN_S = 0.05
@@ -101,9 +101,9 @@ def _binned(feet: tuple[FootTrajectory, FootTrajectory], up: F64) -> tuple[Bins,
     for foot in _on_own_feet(*feet):
         ground = foot.points_m @ axes.T
         noise = NOISE_M**2 * np.eye(2) + axes @ foot.covariances_m2 @ axes.T
-        known = inliers(ground, noise)
+        known = find_inliers(ground, noise)
         both.append(
-            collect(foot.times_s[known], ground[known], noise[known], origin_s, count, bin_s)
+            collect_bins(foot.times_s[known], ground[known], noise[known], origin_s, count, bin_s)
         )
     if not all(bins.sampled.any() for bins in both):
         return None

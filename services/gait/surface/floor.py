@@ -45,14 +45,14 @@ class FloorDetector:
         self._frames = 0
         self.floor: FloorPlane | None = None
 
-    def update(self, depth_mm: U16) -> FloorPlane | None:
+    def update_floor(self, depth_mm: U16) -> FloorPlane | None:
         """Return the floor, detected every few frames in a depth image, HxW, 0 = no reading."""
         if self._frames % PERIOD == 0 and depth_mm.shape == self._rays.shape[1:]:
             self.floor = self._detect(depth_mm) or self.floor
         self._frames += 1
         return self.floor
 
-    def remove(self, depth_mm: U16, box_xyxy_px: F64) -> U16:
+    def remove_floor(self, depth_mm: U16, box_xyxy_px: F64) -> U16:
         """Return the depth image without the pixels of a box on the floor or below."""
         floor = self.floor
         if floor is None or not np.all(np.isfinite(box_xyxy_px)):

@@ -46,11 +46,11 @@ def success(people: int = 1, frames: int = 40, seed: int = 0, **fields: Any) -> 
     layer = ColourLayer(ColourLayerConfig(**fields), seed)
     first = boxes_at(0, people)
     for k, box in enumerate(first):
-        assert layer.start(k, frame_of(first), box)
+        assert layer.start_person(k, frame_of(first), box)
     hits = []
     for number in range(1, frames):
         boxes = boxes_at(number, people)
-        found = layer.update(frame_of(boxes))
+        found = layer.update_boxes(frame_of(boxes))
         hits += [iou_xyxy(found[k].box_xyxy_px, boxes[k])[0, 0] >= 0.5 for k in range(people)]
     return float(np.mean(hits))
 
@@ -89,9 +89,9 @@ def success_before_a_shelf(**fields: Any) -> float:
         return image
 
     layer = ColourLayer(ColourLayerConfig(**fields))
-    layer.start(0, frame(0), boxes_at(0)[0])
+    layer.start_person(0, frame(0), boxes_at(0)[0])
     hits = [
-        iou_xyxy(layer.update(frame(k))[0].box_xyxy_px, boxes_at(k)[0])[0, 0] >= 0.5
+        iou_xyxy(layer.update_boxes(frame(k))[0].box_xyxy_px, boxes_at(k)[0])[0, 0] >= 0.5
         for k in range(1, 70)
     ]
     return float(np.mean(hits))
@@ -112,9 +112,9 @@ def test_box_of_an_approaching_person_grows() -> None:
         return np.array([[320 - half[0], 240 - half[1], 320 + half[0], 240 + half[1]]])
 
     layer = ColourLayer(ColourLayerConfig())
-    layer.start(0, frame_of(box(0)), box(0)[0])
+    layer.start_person(0, frame_of(box(0)), box(0)[0])
     for k in range(1, 81):
-        found = layer.update(frame_of(box(k)))[0].box_xyxy_px
+        found = layer.update_boxes(frame_of(box(k)))[0].box_xyxy_px
     assert iou_xyxy(found, box(80)[0])[0, 0] >= 0.7
 
 
@@ -126,8 +126,10 @@ def test_three_people_are_tracked_together() -> None:
 def test_the_same_seed_gives_the_same_boxes() -> None:
     def run(seed: int) -> list[list[float]]:
         layer = ColourLayer(ColourLayerConfig(), seed)
-        layer.start(7, frame_of(boxes_at(0)), boxes_at(0)[0])
-        return [layer.update(frame_of(boxes_at(k)))[7].box_xyxy_px.tolist() for k in range(1, 5)]
+        layer.start_person(7, frame_of(boxes_at(0)), boxes_at(0)[0])
+        return [
+            layer.update_boxes(frame_of(boxes_at(k)))[7].box_xyxy_px.tolist() for k in range(1, 5)
+        ]
 
     assert run(1) == run(1)
     assert run(1) != run(2)
@@ -136,18 +138,18 @@ def test_the_same_seed_gives_the_same_boxes() -> None:
 def test_person_at_rest_has_a_small_distance() -> None:
     layer = ColourLayer(ColourLayerConfig())
     frame = frame_of(boxes_at(0))
-    layer.start(1, frame, boxes_at(0)[0])
+    layer.start_person(1, frame, boxes_at(0)[0])
     for _ in range(10):
-        estimate = layer.update(frame)[1]
+        estimate = layer.update_boxes(frame)[1]
     assert iou_xyxy(estimate.box_xyxy_px, boxes_at(0)[0])[0, 0] > 0.85
     assert estimate.distance < 0.5
 
 
 def test_absent_person_has_a_large_distance() -> None:
     layer = ColourLayer(ColourLayerConfig())
-    layer.start(1, frame_of(boxes_at(0)), boxes_at(0)[0])
+    layer.start_person(1, frame_of(boxes_at(0)), boxes_at(0)[0])
     for _ in range(5):
-        estimate = layer.update(frame_of(np.empty((0, 4))))[1]
+        estimate = layer.update_boxes(frame_of(np.empty((0, 4))))[1]
     assert estimate.distance > 0.7
 
 
@@ -164,29 +166,29 @@ def test_absent_person_has_a_large_distance() -> None:
 )
 def test_invalid_box_is_not_tracked(box: list[float]) -> None:
     layer = ColourLayer(ColourLayerConfig())
-    assert not layer.start(1, frame_of(boxes_at(0)), np.array(box, float))
+    assert not layer.start_person(1, frame_of(boxes_at(0)), np.array(box, float))
     assert layer.people == ()
-    assert layer.update(frame_of(boxes_at(0))) == {}
+    assert layer.update_boxes(frame_of(boxes_at(0))) == {}
 
 
 def test_people_start_stop_and_start_again() -> None:
     layer = ColourLayer(ColourLayerConfig(particles=20))
     frame = frame_of(boxes_at(0, 3))
     for k, box in enumerate(boxes_at(0, 3)):
-        layer.start(k, frame, box)
-    layer.stop(1)
-    layer.stop(1)
-    assert list(layer.update(frame)) == [0, 2]
-    layer.start(0, frame, boxes_at(0, 3)[0])  # again from here
+        layer.start_person(k, frame, box)
+    layer.stop_person(1)
+    layer.stop_person(1)
+    assert list(layer.update_boxes(frame)) == [0, 2]
+    layer.start_person(0, frame, boxes_at(0, 3)[0])  # again from here
     assert layer.people == (2, 0)
-    assert set(layer.update(frame)) == {0, 2}
+    assert set(layer.update_boxes(frame)) == {0, 2}
 
 
 def test_box_leaving_the_image_stays_finite() -> None:
     layer = ColourLayer(ColourLayerConfig(particles=30))
-    layer.start(1, frame_of(boxes_at(0)), boxes_at(0)[0])
+    layer.start_person(1, frame_of(boxes_at(0)), boxes_at(0)[0])
     for number in range(1, 260, 8):  # 650 px to the right, in an image of 640
-        (estimate,) = layer.update(frame_of(boxes_at(number)[:1])).values()
+        (estimate,) = layer.update_boxes(frame_of(boxes_at(number)[:1])).values()
         assert np.all(np.isfinite(estimate.box_xyxy_px))
 
 
@@ -194,6 +196,6 @@ def test_twenty_people_and_small_frames_are_tracked() -> None:
     layer = ColourLayer(ColourLayerConfig())
     frame = frame_of(boxes_at(0))
     for k in range(20):
-        assert layer.start(k, frame, np.array([10.0 * k, 20, 10.0 * k + 60, 200]))
-    assert len(layer.update(frame)) == 20
-    assert len(layer.update(frame[:1, :1])) == 20
+        assert layer.start_person(k, frame, np.array([10.0 * k, 20, 10.0 * k + 60, 200]))
+    assert len(layer.update_boxes(frame)) == 20
+    assert len(layer.update_boxes(frame[:1, :1])) == 20

@@ -52,11 +52,11 @@ def test_sample_probability_falls_from_the_middle_to_the_sides() -> None:
 def test_box_of_the_person_scores_best() -> None:
     rgb, box = scene()
     ratios = ratio_of()
-    model = ratios.learn(hsv_patch(rgb, (box * ratios.reach)[None]), box)
+    model = ratios.learn_colours(hsv_patch(rgb, (box * ratios.reach)[None]), box)
     assert model.person[0, RED] == pytest.approx(1.0)
     assert model.background[GREEN] > 0.6  # the rest is red beside the middle of the box
     boxes = np.array([box, [*(150, 100), 40, 100], [*(100, 100), 20, 50], [*(100, 100), 80, 200]])
-    own, beside, within, beyond = ratios.scores(hsv_patch(rgb, boxes), boxes, model)
+    own, beside, within, beyond = ratios.score_boxes(hsv_patch(rgb, boxes), boxes, model)
     assert own > max(beside, within, beyond)
     assert beside < 0
 
@@ -69,19 +69,19 @@ def test_bands_distinguish_an_inverted_person() -> None:
     turned[50:150] = rgb[149:49:-1]
     for bands, similar in ((1, True), (4, False)):
         ratios = ratio_of(bands)
-        model = ratios.learn(hsv_patch(rgb, (box * ratios.reach)[None]), box)
-        (upright,) = ratios.scores(hsv_patch(rgb, box[None]), box[None], model)
-        (other,) = ratios.scores(hsv_patch(turned, box[None]), box[None], model)
+        model = ratios.learn_colours(hsv_patch(rgb, (box * ratios.reach)[None]), box)
+        (upright,) = ratios.score_boxes(hsv_patch(rgb, box[None]), box[None], model)
+        (other,) = ratios.score_boxes(hsv_patch(turned, box[None]), box[None], model)
         assert (other > 0.8 * upright) == similar
 
 
 def test_box_outside_of_the_image_scores_zero() -> None:
     rgb, box = scene()
     ratios = ratio_of()
-    model = ratios.learn(hsv_patch(rgb, (box * ratios.reach)[None]), box)
+    model = ratios.learn_colours(hsv_patch(rgb, (box * ratios.reach)[None]), box)
     outside = np.array([[900.0, 900.0, 40.0, 100.0]])
-    assert ratios.scores(hsv_patch(rgb, outside), outside, model).tolist() == [0.0]
-    nothing = ratios.learn(hsv_patch(rgb, outside), outside[0])
+    assert ratios.score_boxes(hsv_patch(rgb, outside), outside, model).tolist() == [0.0]
+    nothing = ratios.learn_colours(hsv_patch(rgb, outside), outside[0])
     assert not nothing.person.any()
     assert (nothing.ratios == 1).all()
 
@@ -95,6 +95,8 @@ def test_compiled_scores_equal_numpy() -> None:
     histogram = HueSaturationHistogram()
     ratios = ColourRatio(histogram)
     box = np.array([55.0, 65.0, 70.0, 90.0])
-    model = ratios.learn(hsv_patch(rgb, (box * ratios.reach)[None]), box)
+    model = ratios.learn_colours(hsv_patch(rgb, (box * ratios.reach)[None]), box)
     plain = scores(rgb, boxes, model, sample_grid(SAMPLES), histogram)
-    np.testing.assert_allclose(ratios.scores(hsv_patch(rgb, boxes), boxes, model), plain, atol=1e-6)
+    np.testing.assert_allclose(
+        ratios.score_boxes(hsv_patch(rgb, boxes), boxes, model), plain, atol=1e-6
+    )

@@ -95,7 +95,7 @@ def test_compiled_distances_equal_numpy() -> None:
     rgb, boxes = random_boxes()
     histogram = HueSaturationHistogram((12, 32))
     reference = histogram(rgb, np.array([box(20, 20, 90, 110)]))[0]
-    found = histogram.distances(hsv_patch(rgb, boxes), boxes, reference)
+    found = histogram.measure_distances(hsv_patch(rgb, boxes), boxes, reference)
     plain = bhattacharyya(histograms(rgb, boxes, (12, 32), histogram), reference)
     np.testing.assert_allclose(found, plain, atol=1e-7)
 
@@ -103,5 +103,5 @@ def test_compiled_distances_equal_numpy() -> None:
 def test_boxes_outside_of_the_image_have_distance_one() -> None:
     outside = np.array([box(500, 500, 520, 520)])
     histogram = HueSaturationHistogram((4, 4))
-    found = histogram.distances(hsv_patch(image(), outside), outside, np.full(400, 1 / 400))
+    found = histogram.measure_distances(hsv_patch(image(), outside), outside, np.full(400, 1 / 400))
     assert found.tolist() == [1.0]

@@ -20,7 +20,7 @@ HAND = 20  # a vertex, 9 cm before the end of the arm
 def hand_on(body: MeasuredBody) -> PointFilter:
     """A left hand that starts at its vertex."""
     point = PointFilter("left_hand", CONFIG, INFO, np.random.default_rng(0))
-    point.start(HAND, body, None)
+    point.start_at_vertex(HAND, body, None)
     return point
 
 
@@ -41,7 +41,7 @@ def test_hand_before_its_expected_position_is_hidden_unless_its_keypoint_is_ther
     acceptance = Acceptance(CONFIG, INFO)
     acceptance.has_keypoints = True
     evidence = PointEvidence(anchor, 10.0, None, None, None, None)
-    acceptance.update(point, body, candidate, evidence, 0.03)
+    acceptance.update_point(point, body, candidate, evidence, 0.03)
     assert point.state == state
 
 
@@ -56,7 +56,7 @@ def test_with_keypoints_a_hand_is_measured_only_where_the_body_expects_hands(
     acceptance.had_keypoints = had_keypoints
     candidate = Candidate(body.mesh.points_m[HAND], HAND)
     evidence = PointEvidence(None, 1.0, None, None, None, None)
-    acceptance.update(point, body, candidate, evidence, 0.03)
+    acceptance.update_point(point, body, candidate, evidence, 0.03)
     assert point.state == ("predicted" if had_keypoints else "measured")
 
 
@@ -95,8 +95,8 @@ def test_expectation_of_a_hand_that_is_followed_is_where_it_moves() -> None:
     point.motion.covariance[:3, :3] = 0.1**2 * np.eye(3)
     off_m = np.array([0.4, 0.0, 0.0])  # 2.8 standard deviations
     point.prior = Normal(point.motion.position_m + off_m, 0.1**2 * np.eye(3))
-    between, point.without_keypoints = point.expected(), True
-    followed = point.expected()
+    between, point.without_keypoints = point.expected_position(), True
+    followed = point.expected_position()
     assert between is not None
     assert followed is not None
     assert between.mean_m[0] - point.motion.position_m[0] == pytest.approx(0.2)

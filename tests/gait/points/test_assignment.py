@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from services.gait.config import DepthLayerConfig
-from services.gait.points.assignment import assign, expected_starts
+from services.gait.points.assignment import assign_points, expected_starts
 from services.gait.points.body import Extremity
 from services.gait.points.kalman import PointKalmanFilter
 from services.gait.points.normal import Normal
@@ -29,7 +29,7 @@ def extremity(basin: int, x_m: float, geodesic_m: float = LENGTH_M) -> Extremity
 
 def test_each_point_is_assigned_the_nearest_extremity() -> None:
     points = [hand("left_hand", 0.3), hand("right_hand", -0.3)]
-    found = assign(points, [extremity(0, -0.28), extremity(1, 0.31)], {})
+    found = assign_points(points, [extremity(0, -0.28), extremity(1, 0.31)], {})
     assert {name: one.basin for name, one in found.items()} == {
         "left_hand": 1,
         "right_hand": 0,
@@ -39,14 +39,14 @@ def test_each_point_is_assigned_the_nearest_extremity() -> None:
 def test_an_extremity_is_assigned_once() -> None:
     # Both are near the extremity; the nearer gets it, 2 against 8 cm.
     points = [hand("left_hand", 0.1), hand("right_hand", 0.0)]
-    found = assign(points, [extremity(0, 0.08)], {})
+    found = assign_points(points, [extremity(0, 0.08)], {})
     assert {name: one.basin for name, one in found.items()} == {"left_hand": 0}
 
 
 def test_assignment_minimises_the_total_cost() -> None:
     # The left is 5 cm from both extremities, the right 1 cm from extremity 0, 11 cm from 1.
     points = [hand("left_hand", 0.00), hand("right_hand", 0.06)]
-    found = assign(points, [extremity(0, 0.05), extremity(1, -0.05)], {})
+    found = assign_points(points, [extremity(0, 0.05), extremity(1, -0.05)], {})
     assert {name: one.basin for name, one in found.items()} == {
         "left_hand": 1,
         "right_hand": 0,
@@ -54,20 +54,22 @@ def test_assignment_minimises_the_total_cost() -> None:
 
 
 def test_extremity_out_of_reach_or_of_other_length_is_not_assigned() -> None:
-    assert assign([hand("left_hand", 0.0)], [extremity(0, 0.6)], {}) == {}
-    assert assign([hand("left_hand", 0.0)], [extremity(0, 0.0, LENGTH_M + 0.4)], {}) == {}
+    assert assign_points([hand("left_hand", 0.0)], [extremity(0, 0.6)], {}) == {}
+    assert assign_points([hand("left_hand", 0.0)], [extremity(0, 0.0, LENGTH_M + 0.4)], {}) == {}
 
 
 def test_keypoint_decides_between_equally_near_extremities() -> None:
     extremities = [extremity(0, -0.1), extremity(1, 0.1)]
-    found = assign([hand("left_hand", 0.0)], extremities, {"left_hand": np.array([0.1, 0.0, 2.0])})
+    found = assign_points(
+        [hand("left_hand", 0.0)], extremities, {"left_hand": np.array([0.1, 0.0, 2.0])}
+    )
     assert found["left_hand"].basin == 1
 
 
 def test_lost_point_is_not_assigned() -> None:
     point = hand("left_hand", 0.0)
     point.state = "lost"
-    assert assign([point], [extremity(0, 0.0)], {}) == {}
+    assert assign_points([point], [extremity(0, 0.0)], {}) == {}
 
 
 def foot(name: str, x_m: float, state: PointState) -> PointFilter:
@@ -108,6 +110,6 @@ def test_hand_without_keypoints_is_followed_off_its_hip(without_keypoints: bool)
     point = hand("left_hand", 0.0)
     point.without_keypoints = without_keypoints
     point.prior = Normal(np.array([0.5, 0.0, 2.0]), 0.1**2 * np.eye(3))
-    found = assign([point], [extremity(0, 0.02, LENGTH_M + 0.6)], {})
+    found = assign_points([point], [extremity(0, 0.02, LENGTH_M + 0.6)], {})
     assert set(found) == ({"left_hand"} if without_keypoints else set())
-    assert assign([point], [extremity(0, 0.28, LENGTH_M + 0.6)], {}) == {}
+    assert assign_points([point], [extremity(0, 0.28, LENGTH_M + 0.6)], {}) == {}

@@ -33,13 +33,13 @@ def legs_towards(ahead_m: tuple[float, float]) -> tuple[BodyMesh, F64]:
 def test_heading_of_a_walking_person_is_the_direction_of_motion() -> None:
     heading = HeadingEstimator()
     for frame in range(30):
-        found = heading.update(*person_at(-0.5 + frame * DT_S), DT_S)  # 1 m/s to the right
+        found = heading.update_heading(*person_at(-0.5 + frame * DT_S), DT_S)  # 1 m/s to the right
     assert found == pytest.approx([1.0, 0.0, 0.0])
 
 
 def test_heading_without_feet_and_motion_is_none() -> None:
     heading = HeadingEstimator()
-    assert [heading.update(*person_at(0.0), DT_S) for _ in range(10)] == [None] * 10
+    assert [heading.update_heading(*person_at(0.0), DT_S) for _ in range(10)] == [None] * 10
 
 
 @pytest.mark.parametrize(
@@ -55,7 +55,7 @@ def test_heading_of_a_standing_person_is_that_of_the_feet(
 ) -> None:
     heading = HeadingEstimator()
     for _ in range(60):
-        found = heading.update(*legs_towards(ahead_m), DT_S)
+        found = heading.update_heading(*legs_towards(ahead_m), DT_S)
     assert found == pytest.approx(expected, abs=0.15)
 
 
@@ -66,7 +66,7 @@ def test_shin_of_a_leg_in_its_swing_does_not_turn_the_heading() -> None:
     both = mesh_of([*mesh.points_m, *other], [(0, 1)]), np.append(heights_m, np.repeat(0.2, 30))
     heading = HeadingEstimator()
     for _ in range(60):
-        found = heading.update(*both, DT_S)
+        found = heading.update_heading(*both, DT_S)
     assert found == pytest.approx([0.0, 0.0, -1.0], abs=0.15)
 
 
@@ -83,7 +83,7 @@ def test_standing_person_before_a_camera_that_drives_by_has_no_heading() -> None
     heading = HeadingEstimator()
     for frame in range(30):
         driven_m = frame * DT_S  # 1 m/s to the right
-        found = heading.update(*person_at(-driven_m), DT_S, pose(x_m=driven_m))
+        found = heading.update_heading(*person_at(-driven_m), DT_S, pose(x_m=driven_m))
     assert found is None
 
 
@@ -92,32 +92,34 @@ def test_heading_is_the_yaw_of_the_track_where_it_is_known() -> None:
     fixed = np.eye(4)
     fixed[:3, :3] = [(0.0, 0.0, 1.0), (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0)]
     heading = HeadingEstimator()
-    found = heading.update(*person_at(0.0), DT_S, fixed, yaw_rad=np.pi / 2)
+    found = heading.update_heading(*person_at(0.0), DT_S, fixed, yaw_rad=np.pi / 2)
     assert found == pytest.approx([-1.0, 0.0, 0.0])
-    assert heading.update(*person_at(0.0), DT_S, fixed) == pytest.approx([-1.0, 0.0, 0.0])
+    assert heading.update_heading(*person_at(0.0), DT_S, fixed) == pytest.approx([-1.0, 0.0, 0.0])
 
 
 def test_heading_turns_against_the_camera() -> None:
     heading = HeadingEstimator()
     for frame in range(30):
-        heading.update(*person_at(-0.5 + frame * DT_S), DT_S)  # to the right
-    found = heading.update(None, EMPTY, DT_S, pose(yaw_rad=np.pi / 2))  # whence it went ahead
+        heading.update_heading(*person_at(-0.5 + frame * DT_S), DT_S)  # to the right
+    found = heading.update_heading(
+        None, EMPTY, DT_S, pose(yaw_rad=np.pi / 2)
+    )  # whence it went ahead
     assert found == pytest.approx([0.0, 0.0, 1.0])
 
 
 def test_heading_persists_at_rest_and_over_a_jump_of_position() -> None:
     heading = HeadingEstimator()
     for frame in range(30):
-        heading.update(*person_at(-0.5 + frame * DT_S), DT_S)
-    heading.update(None, EMPTY, DT_S)  # occluded
+        heading.update_heading(*person_at(-0.5 + frame * DT_S), DT_S)
+    heading.update_heading(None, EMPTY, DT_S)  # occluded
     for _ in range(30):
-        found = heading.update(*person_at(-1.0), DT_S)  # and 1.5 m to the left, at rest
+        found = heading.update_heading(*person_at(-1.0), DT_S)  # and 1.5 m to the left, at rest
     assert found == pytest.approx([1.0, 0.0, 0.0])
 
 
 def test_zero_time_gives_no_velocity() -> None:
     heading = HeadingEstimator()
-    assert np.all([heading.update(*person_at(x), 0.0) is None for x in (0.0, 0.1, 0.2)])
+    assert np.all([heading.update_heading(*person_at(x), 0.0) is None for x in (0.0, 0.1, 0.2)])
 
 
 TO_CAMERA = np.array([0.0, 0.0, -1.0])

@@ -73,5 +73,5 @@ def test_covariances_stay_symmetric() -> None:
 def test_damping_moves_the_velocity_by_a_ratio() -> None:
     motion = still()
     motion.state[3:] = (3.0, 0.0, 0.0)
-    motion.damp(np.array([1.0, 0.0, 2.0]), 0.5)
+    motion.damp_velocity(np.array([1.0, 0.0, 2.0]), 0.5)
     assert motion.state == pytest.approx([0, 0, 0, 2.0, 0.0, 1.0])

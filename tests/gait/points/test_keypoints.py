@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from people4d.messages import F32
-from services.gait.points.keypoints import anchors, kind_of, torso_pixel
+from services.gait.points.keypoints import find_anchors, kind_of, torso_pixel
 
 LEFT_ELBOW, LEFT_WRIST, LEFT_KNEE, LEFT_ANKLE = 7, 9, 13, 15
 
@@ -19,7 +19,7 @@ def keypoints(**at: tuple[float, float, float]) -> F32:
 
 def test_hand_is_beyond_the_wrist() -> None:
     # The forearm is 50 px long, downwards; 0.5 of it is 25 px.
-    found = anchors(keypoints(k7=(100, 100, 0.9), k9=(100, 150, 0.8)))
+    found = find_anchors(keypoints(k7=(100, 100, 0.9), k9=(100, 150, 0.8)))
     assert found["left_hand"].pixel == pytest.approx([100, 175])
     assert found["left_hand"].confidence == pytest.approx(0.8)
     assert set(found) == {"left_hand"}
@@ -28,29 +28,29 @@ def test_hand_is_beyond_the_wrist() -> None:
 def test_hand_without_elbow_is_at_the_wrist_with_larger_sigma() -> None:
     both = keypoints(k7=(100, 100, 0.9), k9=(100, 150, 0.8))
     wrist = keypoints(k7=(100, 100, 0.2), k9=(100, 150, 0.8))
-    found = anchors(wrist)["left_hand"]
+    found = find_anchors(wrist)["left_hand"]
     assert found.pixel == pytest.approx([100, 150])
-    assert found.sigma > anchors(both)["left_hand"].sigma
+    assert found.sigma > find_anchors(both)["left_hand"].sigma
 
 
 def test_doubtful_ankle_is_an_anchor_and_a_doubtful_wrist_is_none() -> None:
-    found = anchors(keypoints(k9=(100, 150, 0.2), k15=(100, 300, 0.2), k16=(120, 300, 0.05)))
+    found = find_anchors(keypoints(k9=(100, 150, 0.2), k15=(100, 300, 0.2), k16=(120, 300, 0.05)))
     assert set(found) == {"left_foot"}
 
 
 def test_head_is_the_mean_of_the_visible_face() -> None:
     face = keypoints(k0=(50, 40, 0.9), k1=(54, 36, 0.6), k3=(200, 0, 0.1))  # nose, eye; no ear
-    assert anchors(face)["head"].pixel == pytest.approx([52, 38])
+    assert find_anchors(face)["head"].pixel == pytest.approx([52, 38])
 
 
 @pytest.mark.parametrize("wrist", [(100, 150, 0.39), (np.nan, 150, 0.9), (100, 150, np.nan)])
 def test_unconfident_or_nan_keypoint_gives_no_anchor(wrist: tuple[float, float, float]) -> None:
-    assert anchors(keypoints(k9=wrist)) == {}
+    assert find_anchors(keypoints(k9=wrist)) == {}
 
 
 def test_no_keypoints_give_no_anchors() -> None:
-    assert anchors(None) == {}
-    assert anchors(np.zeros((5, 3), np.float32)) == {}
+    assert find_anchors(None) == {}
+    assert find_anchors(np.zeros((5, 3), np.float32)) == {}
     assert torso_pixel(None) is None
 
 

@@ -26,7 +26,7 @@ HAND = Extremity(0, "hand", np.array([0.51, 0.0, 2.0]), 0.6, 1.0)
 def hand_on(body: MeasuredBody, vertices: list[int], config: DepthLayerConfig) -> PointFilter:
     """A hand that started at its middle, with particles on these vertices; -1 is off the body."""
     point = PointFilter("left_hand", config, INFO, np.random.default_rng(0))
-    point.start(MIDDLE, body, None)
+    point.start_at_vertex(MIDDLE, body, None)
     point.tip_distance_m = 0.09
     point.vertices = np.array(vertices)
     point.particles = np.zeros((len(vertices), 4))

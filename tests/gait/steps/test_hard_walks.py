@@ -33,7 +33,7 @@ def test_person_who_only_stands_has_no_step() -> None:
         points = np.array([[2.0, 0.1, 0.05], [2.0, -0.1, 0.05]])
         points += generator.normal(0, NOISE_M, points.shape)
         both = (FootSample(point, NOISE_M2) for point in points)
-        assert meter.update(time_s, *both).steps == 0
+        assert meter.add_frame(time_s, *both).steps == 0
 
 
 def test_feet_drawn_back_on_sitting_down_are_no_steps() -> None:
@@ -53,7 +53,7 @@ def test_person_half_in_view_for_minutes() -> None:
     left, _ = feet(times_s)
     meter = StepMeter(CONFIG, UP)
     for time_s, point in zip(times_s.tolist(), left, strict=True):
-        found = meter.update(time_s, FootSample(point, NOISE_M2), None)
+        found = meter.add_frame(time_s, FootSample(point, NOISE_M2), None)
         assert found.cadence_per_min in (None, pytest.approx(120, rel=0.05))
     assert len(meter.steps()) < 20
 

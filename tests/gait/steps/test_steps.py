@@ -15,7 +15,7 @@ from lab.truth.motion_capture import footfalls
 from lab.world import World
 from people4d.messages import F64, GaitMeasures
 from services.gait.config import StepConfig
-from services.gait.steps.alternation import alternating
+from services.gait.steps.alternation import find_landings
 from services.gait.steps.step_meter import FootSample, StepMeter
 from services.gait.steps.steps import (
     FootStep,
@@ -322,10 +322,10 @@ def test_meter_deletes_old_steps_of_a_standing_person() -> None:
     times_s = np.arange(0, 5, 1 / 15)
     for time_s, *points in zip(times_s, *feet(times_s), strict=True):
         left, right = (FootSample(point, NOISE_M2) for point in points)
-        walked = meter.update(float(time_s), left, right)
+        walked = meter.add_frame(float(time_s), left, right)
     assert walked.cadence_per_min == pytest.approx(120, abs=3)
     for time_s in np.arange(5, 5 + config.window_s, 1 / 15):
-        stood = meter.update(float(time_s), left, right)
+        stood = meter.add_frame(float(time_s), left, right)
     assert stood == NOTHING
 
 
@@ -333,7 +333,7 @@ def test_meter_ignores_old_stamps_and_unmeasured_feet() -> None:
     meter = StepMeter(CONFIG, UP)
     point = FootSample(np.zeros(3), NOISE_M2)
     for stamp_s in (3.0, 2.0, 3.0, 3.1):
-        assert meter.update(stamp_s, point, None) == NOTHING
+        assert meter.add_frame(stamp_s, point, None) == NOTHING
 
 
 def lab_walk() -> World:
@@ -403,7 +403,7 @@ def walk(feet_: str, period_s: float = 0.6) -> list[Swing]:
 )
 def test_feet_take_turns(landings: str, expected: str) -> None:
     period_s = 1.2 if set(landings) == {"l"} else 0.6
-    found = alternating(walk(landings, period_s))
+    found = find_landings(walk(landings, period_s))
     assert "".join("lr"[one.side] for one in found) == expected
 
 
@@ -411,7 +411,7 @@ def test_landing_between_two_steps_is_none() -> None:
     # A point that jumps gives a landing 0.25 s after another, and takes nothing from the cadence.
     swings = walk("lrlrlr")
     swings.insert(3, replace(landed("left", swings[2].landed_s + 0.25), confidence=0.4))
-    found = alternating(swings)
+    found = find_landings(swings)
     assert [one.swing.landed_s for one in found] == [0.6 * k for k in range(6)]
     assert [one.steps for one in found] == [0, 1, 1, 1, 1, 1]
 
@@ -426,25 +426,25 @@ def test_clear_landing_beside_one_that_was_missed_is_a_step() -> None:
     swings.append(landed("right", last.landed_s + 1.25, 2.2, stands))
     swings.append(landed("left", last.landed_s + 1.85, 2.8))
     swings.append(landed("right", last.landed_s + 2.45, 3.4))
-    found = alternating(swings)
+    found = find_landings(swings)
     assert [one.steps for one in found] == [0, 1, 1, 1, 0, 1, 1]
     assert "".join("lr"[one.side] for one in found) == "lrlrrlr"
 
 
 def test_unobserved_step_counts_in_the_cadence_only_if_the_foot_moved() -> None:
     swings = walk("lrl.lr")
-    assert [one.steps for one in alternating(swings)] == [0, 1, 1, 2, 1]
+    assert [one.steps for one in find_landings(swings)] == [0, 1, 1, 2, 1]
     # The right foot stands at the same point at both landings of the left one.
     stood = [replace(one, other_m=np.array([1.8, 0.0])) for one in swings]
-    assert [one.steps for one in alternating(stood)] == [0, 1, 1, 0, 1]
+    assert [one.steps for one in find_landings(stood)] == [0, 1, 1, 0, 1]
 
 
 def test_foot_that_stood_between_two_landings_took_no_unseen_steps() -> None:
     # Right and then left, with the time of three steps between them.
     swings = walk("lrlr..lr")
-    assert [one.steps for one in alternating(swings)] == [0, 1, 1, 1, 3, 1]
+    assert [one.steps for one in find_landings(swings)] == [0, 1, 1, 1, 3, 1]
     swings[4] = replace(swings[4], other_m=swings[3].to_m)
-    assert [one.steps for one in alternating(swings)] == [0, 1, 1, 1, 0, 1]
+    assert [one.steps for one in find_landings(swings)] == [0, 1, 1, 1, 0, 1]
 
 
 def test_no_step_is_assumed_where_a_person_hardly_moves_on() -> None:
@@ -453,7 +453,7 @@ def test_no_step_is_assumed_where_a_person_hardly_moves_on() -> None:
     last = swings[-1]
     for ahead_m, steps in ((1.2, 2), (0.4, 0)):
         after = landed("left", last.landed_s + 1.2, last.to_m[0] + ahead_m)
-        assert [one.steps for one in alternating([*swings, after])] == [0, 1, 1, steps]
+        assert [one.steps for one in find_landings([*swings, after])] == [0, 1, 1, steps]
 
 
 def test_uncertain_steps_of_a_stop_change_no_cadence() -> None:
@@ -537,7 +537,7 @@ def test_foot_without_two_samples_that_agree_has_no_steps() -> None:
 def test_step_after_a_pause_is_one() -> None:
     swings = walk("lrlr")
     swings.append(landed("left", swings[-1].landed_s + 3.0, 3.0))
-    found = alternating(swings)
+    found = find_landings(swings)
     assert [one.steps for one in found] == [0, 1, 1, 1, 0]
 
 

@@ -36,7 +36,7 @@ def assert_is(floor: FloorPlane | None, camera_m: float, tilt_deg: float) -> Non
 
 
 def found(depth_mm: U16) -> FloorPlane | None:
-    return FloorDetector(INFO).update(depth_mm)
+    return FloorDetector(INFO).update_floor(depth_mm)
 
 
 @pytest.mark.parametrize(("camera_m", "tilt_deg"), [(1.0, 0.0), (0.4, -10.0), (1.6, 25.0)])
@@ -87,17 +87,17 @@ def test_floor_persists_while_occluded_and_follows_the_camera(
 ) -> None:
     monkeypatch.setattr(floor_module, "PERIOD", 1)
     detector = FloorDetector(INFO)
-    first = detector.update(room(1.0, 10.0))
-    assert detector.update(np.zeros((480, 640), np.uint16)) is first
+    first = detector.update_floor(room(1.0, 10.0))
+    assert detector.update_floor(np.zeros((480, 640), np.uint16)) is first
     assert first is not None
     for tilt_deg in (12.0, 20.0, 2.0):  # little by little, and with a jerk
-        assert_is(detector.update(room(1.2, tilt_deg)), 1.2, tilt_deg)
+        assert_is(detector.update_floor(room(1.2, tilt_deg)), 1.2, tilt_deg)
 
 
 def test_floor_is_detected_every_tenth_frame() -> None:
     detector = FloorDetector(INFO)
-    detector.update(room(1.0))
-    estimate = [detector.update(room(1.3)) for _ in range(10)]
+    detector.update_floor(room(1.0))
+    estimate = [detector.update_floor(room(1.3)) for _ in range(10)]
     assert [round(floor.camera_m, 1) for floor in estimate if floor] == [*[1.0] * 9, 1.3]
 
 
@@ -108,8 +108,8 @@ def test_removal_leaves_legs_above_the_floor() -> None:
     depth = room()
     depth[340:440, 300:340] = 2500
     detector = FloorDetector(INFO)
-    detector.update(depth)
-    cut = detector.remove(depth, BOX)
+    detector.update_floor(depth)
+    cut = detector.remove_floor(depth, BOX)
     legs = cut[340:440, 300:340]
     rows = np.flatnonzero((legs == 2500).all(axis=1))
     assert rows.tolist() == list(range(len(rows)))
@@ -125,8 +125,8 @@ def test_removal_does_not_change_the_input() -> None:
     before = depth.copy()
     depth.flags.writeable = False
     detector = FloorDetector(INFO)
-    detector.update(depth)
-    detector.remove(depth, ALL)
+    detector.update_floor(depth)
+    detector.remove_floor(depth, ALL)
     assert np.array_equal(depth, before)
 
 
@@ -136,6 +136,6 @@ def test_removal_does_not_change_the_input() -> None:
 def test_invalid_boxes_remove_nothing(box: list[float]) -> None:
     detector = FloorDetector(INFO)
     depth = room()
-    detector.update(depth)
-    cut = detector.remove(depth, np.array(box, float))
+    detector.update_floor(depth)
+    cut = detector.remove_floor(depth, np.array(box, float))
     assert np.count_nonzero(cut != depth) <= 2

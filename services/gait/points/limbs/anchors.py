@@ -30,7 +30,7 @@ FEET_APART_M = 0.13  # between the middles of two feet, at least
 SAME_M = 0.10  # [m] two points nearer to each other are on one limb
 
 
-def on_own_limbs(
+def keep_own_limbs(
     found: Mapping[str, Anchor],
     points: Mapping[str, PointFilter],
     dt_s: float,
@@ -49,7 +49,7 @@ def on_own_limbs(
         names = (left, right)
         if not all(name in own for name in names):
             continue
-        expected = [points[name].expected(dt_s) for name in names]
+        expected = [points[name].expected_position(dt_s) for name in names]
         if expected[0] is None or expected[1] is None:
             continue
         costs = np.array(
@@ -90,7 +90,7 @@ def _fits(
     info: CameraInfo,
 ) -> bool:
     """Check that an anchor is where its point is expected, and not rather the other limb's."""
-    expected, other = (points[one].expected(dt_s) for one in (name, COUNTERPARTS[name]))
+    expected, other = (points[one].expected_position(dt_s) for one in (name, COUNTERPARTS[name]))
     if expected is None:
         return False
     cost = _cost(expected, anchor, info)

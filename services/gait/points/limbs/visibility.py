@@ -133,7 +133,7 @@ def limb_evidence(
     info: CameraInfo,
 ) -> LimbEvidence | None:
     """Return the evidence of a point that measures a position (3); None without expectation."""
-    expected, prior = point.expected(), point.prior
+    expected, prior = point.expected_position(), point.prior
     if expected is None or prior is None:
         return None
     pixel = project(position_m, info)[0]

@@ -9,7 +9,7 @@ from common.geometry.transforms import project
 from people4d.messages import F64
 from services.gait.config import DepthLayerConfig
 from services.gait.points.keypoints import LEFT_FOOT, RIGHT_FOOT, Anchor
-from services.gait.points.limbs.anchors import feet_apart, on_own_limbs
+from services.gait.points.limbs.anchors import feet_apart, keep_own_limbs
 from services.gait.points.normal import Normal
 from services.gait.points.point_filter import PointEstimate, PointFilter
 from tests.gait.builders import INFO
@@ -46,7 +46,7 @@ def test_doubtful_ankle_counts_near_its_own_foot_only(
     aside_m: float, confidence: float, counts: bool
 ) -> None:
     found = left_anchor(FEET_M[LEFT_FOOT] + (aside_m, 0.0, 0.0), confidence)
-    assert (LEFT_FOOT in on_own_limbs(found, feet(), 0.0, INFO)) == counts
+    assert (LEFT_FOOT in keep_own_limbs(found, feet(), 0.0, INFO)) == counts
 
 
 def test_of_two_ankles_on_one_foot_the_confident_one_counts() -> None:
@@ -57,7 +57,7 @@ def test_of_two_ankles_on_one_foot_the_confident_one_counts() -> None:
         LEFT_FOOT: Anchor(pixel, 1.0, 0.2, pixel),
         RIGHT_FOOT: Anchor(pixel, 1.0, 0.7, pixel),
     }
-    assert set(on_own_limbs(found, feet(), 0.0, INFO)) == {RIGHT_FOOT}
+    assert set(keep_own_limbs(found, feet(), 0.0, INFO)) == {RIGHT_FOOT}
 
 
 def test_doubtful_ankle_of_a_person_who_is_not_known_does_not_count() -> None:
@@ -65,7 +65,7 @@ def test_doubtful_ankle_of_a_person_who_is_not_known_does_not_count() -> None:
     for point in points.values():
         point.prior = None
     found = left_anchor(FEET_M[LEFT_FOOT], 0.2)
-    assert not on_own_limbs(found, points, 0.0, INFO)
+    assert not keep_own_limbs(found, points, 0.0, INFO)
 
 
 @pytest.mark.parametrize(("apart_m", "lost"), [(0.05, True), (0.2, False)])
