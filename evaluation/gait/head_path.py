@@ -13,11 +13,11 @@ from scipy.ndimage import gaussian_filter1d
 from people4d.messages import F64
 from services.gait.steps.steps import FootStep
 
-SMOOTH_S = 0.3  # [s] of the path of the head, of which turns are found
+SMOOTH_S = 0.3  # Standard deviation of the smoothing of the path of the head for turns [s]
 TURN_RADPS, TURN_MIN_RAD = math.radians(15.0), math.radians(45.0)
-MOVING_MPS = 0.15  # slower, the direction of a path is not known
-RATE_HZ = 20.0
-SWAY_MIN, PATH_MIN_M = 5, 0.1  # samples and path of a stride whose sway is known
+MOVING_MPS = 0.15  # Minimum speed of a path with a known direction [m/s]
+RATE_HZ = 20.0  # Rate of the resampled path [Hz]
+SWAY_MIN, PATH_MIN_M = 5, 0.1  # Minimum samples and path [m] of a stride with known sway
 
 
 @dataclass(frozen=True)

@@ -19,14 +19,14 @@ from services.gait.steps.rhythm import Oscillation
 from services.gait.steps.steps import FootStep, Stride, cadence, step_times_s, walked_strides
 from services.gait.steps.swings import FEET, Side
 
-LEVEL = 0.95
-RESAMPLED, SEED = 1000, 0  # bootstrap of variability and sway
-LIMP_MIN = 5.0  # [%] of the mean step time: less is usual in healthy people
-LIMP_CLEAR = 2.5  # [%] that the interval must leave out
-# Of the interval of the asymmetry of step times: neighbouring pairs of steps share a landing, so
-# the variance of their mean is (6 + 2) / 6 of that of independent ones
+LEVEL = 0.95  # Confidence level of the intervals
+RESAMPLED, SEED = 1000, 0  # Samples and seed of the bootstrap of the variability
+LIMP_MIN = 5.0  # Minimum asymmetry of a limp [% of the mean step time]
+LIMP_CLEAR = 2.5  # Asymmetry outside of the interval of a limp [%]
+# Factor of the interval of the asymmetry of step times: neighbouring pairs share a landing, so the
+# variance of their mean is (6 + 2) / 6 of the variance of independent pairs
 SHARED = math.sqrt(4 / 3)
-UNEVEN_MAX = 0.25  # of the median step time of a foot, of steps that count for the asymmetry
+UNEVEN_MAX = 0.25  # Maximum deviation from the median step time of a foot for the asymmetry
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ def gait_parameters(
     head: HeadPath | None,
     rhythm: Sequence[Oscillation] = (),
 ) -> list[GaitParameter]:
-    """Return all parameters of a walk, also those that are not known."""
+    """Return all parameters of a walk, including unknown ones."""
     walked = walked_strides(steps)
     strides = [stride for _, stride in walked]
     length_m, weights = [one.length_m for one in strides], [one.confidence for one in strides]
@@ -205,9 +205,9 @@ def _time_asymmetry(
 ) -> GaitParameter:
     """Return (left - right) / mean of step times with Student's interval over pairs of steps.
 
-    A landing that is late makes a step longer and the next one, of the other foot, shorter: errors
-    of both are not independent, those of pairs hardly depend on each other. Steps far from their
-    foot's median are those of turns, and of wrong landings.
+    A late landing makes a step longer and the next step shorter: their errors depend on each other,
+    the errors of pairs hardly do. Steps far from the median of their foot belong to turns or wrong
+    landings.
     """
     middles = {foot: float(np.median(values)) for foot, values in times.items() if len(values)}
     pairs: list[tuple[float, float]] = []

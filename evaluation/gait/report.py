@@ -36,15 +36,15 @@ from services.report.even_sample import EvenSample
 from services.report.folder import AnnotatedFrame, VideoFile
 
 SERVICE = "gait."
-POINTS_MODEL = "movenet-multipose"  # in float
+POINTS_MODEL = "movenet-multipose"  # float32
 STILLS, COLUMNS = 6, 2
 
 
 def read_run(source: str, box: BoxCorners | None, preset: str, settings: Sequence[str]) -> GaitRun:
-    """Return a run with its configuration: that of a preset, and settings that override it.
+    """Return a run with the configuration of a preset and the settings that override it.
 
-    Time does not count here: people are detected in float, by whose keypoints more steps of turns
-    are found than by those of integers (benchmarks/gait_bodies.md).
+    Keypoints are of the float32 network, which finds more steps in turns than the int8 network
+    (benchmarks/gait_bodies.md); time does not count here.
 
     Raises:
         ConfigError: A preset or setting is unknown, or a value is out of range.

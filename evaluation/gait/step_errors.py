@@ -13,15 +13,15 @@ from services.gait.steps.step_meter import FootSample, StepMeter
 from services.gait.steps.steps import FootStep, Stride, walked_strides
 from services.gait.steps.swings import FEET
 
-NEAR_S = 0.3  # between a detected step and the true one
-EVERY_S = 0.5  # between comparisons
+NEAR_S = 0.3  # Maximum time between a detected step and the true one [s]
+EVERY_S = 0.5  # Period between comparisons [s]
 UP = np.array([0.0, 0.0, 1.0])
-NOISE_M2 = 0.03**2 * np.eye(3)  # of a measured foot
+NOISE_M2 = 0.03**2 * np.eye(3)  # Covariance of a measured foot [m^2]
 
 
 @dataclass(frozen=True)
 class StepErrors:
-    """StepErrors of one person's steps.
+    """Errors of the steps of one person.
 
     Args:
         length_m: Of each step, measured minus true.
@@ -50,7 +50,7 @@ def compare_steps(
         times_s: N.
         feet_m: Nx2x3, left and right, frame: map; NaN where a foot was lost.
         falls: The true steps, in order.
-        covariances_m2: Nx2x3x3, of the feet; by default that of a measured foot.
+        covariances_m2: Nx2x3x3, of the feet; default: covariance of a measured foot.
     """
     if covariances_m2 is None:
         covariances_m2 = np.broadcast_to(NOISE_M2, (*feet_m.shape, 3))
@@ -122,8 +122,8 @@ def _true(
 ) -> tuple[float, float] | None:
     """Return the true mean step length in m and the step time asymmetry.
 
-    They are of the times of the detected strides; the number of true steps in these shows strides
-    that were none, or two.
+    They cover the times of the detected strides; the number of true steps in them shows false and
+    merged strides.
     """
     landed_s = np.array([fall.time_s for fall in falls])
     spans = []

@@ -85,7 +85,7 @@ class GaitTables:
         return [] if feet is None else find_steps(*feet, UP)
 
     def rhythm(self, person: int) -> list[Oscillation]:
-        """Return what goes up and down with each step of a person."""
+        """Return the oscillations of feet and head of a person."""
         feet, head = self._feet(person), self.trajectories(person).get(HEAD)
         found = [] if feet is None else [feet_distance(*feet, UP)]
         if head is not None:

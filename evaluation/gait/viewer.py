@@ -37,14 +37,14 @@ POINT_COLOURS: Mapping[str, Colour] = MappingProxyType(
         RIGHT_FOOT: (222, 64, 160),
     }
 )
-HEIGHT_PX = 480  # of the image
-SIDE_PX = 300  # of the panel beside the frame
-SPIN_PX = 56  # of a spin image
+HEIGHT_PX = 480  # Height of the image [px]
+SIDE_PX = 300  # Width of the panel at the right of the frame [px]
+SPIN_PX = 56  # Side of a spin image [px]
 GAP_PX = 4
-TRAJECTORY_S = 2.0  # of a point
-NEAREST_M = 0.2
-MARGIN = 0.08  # about a body in its panel
-LIGHT = np.array([-0.4, -0.6, -0.7])  # direction to the light, optical frame
+TRAJECTORY_S = 2.0  # Duration of the drawn trajectory of a point [s]
+NEAREST_M = 0.2  # Minimum depth of a drawn point [m]
+MARGIN = 0.08  # Margin about a body in its panel [sizes of the body]
+LIGHT = np.array([-0.4, -0.6, -0.7])  # Direction to the light, optical frame
 
 
 def point_colour(name: str) -> Colour:
@@ -71,9 +71,9 @@ class GaitViewer:
                 trajectory.popleft()
 
     def draw(self, frame: GaitFrame, results: Sequence[GaitResult]) -> U8:
-        """Return the image (HxWx3) of an added frame, with the nearest body beside it.
+        """Return the image (HxWx3) of an added frame, with the nearest body at its right.
 
-        People in it are nearest first, with their details.
+        People are nearest first, with their details.
         """
         scale = HEIGHT_PX / frame.rgb.shape[0]
         size = round(frame.rgb.shape[1] * scale), HEIGHT_PX

@@ -11,9 +11,9 @@ from services.gait.estimator import ESTIMATOR_COUNTERS, GaitEstimator, GaitFrame
 from services.gait.node import GaitNode
 from services.gait.points.normal import Normal
 
-HEIGHT, WIDTH, FOCAL_PX = 120, 160, 120.0
-FIGURE_MM, WALL_MM, CAMERA_MM = 2500, 4000, 1000  # depth, depth, height above the floor
-# Of a figure: rows, columns and depth.
+HEIGHT, WIDTH, FOCAL_PX = 120, 160, 120.0  # Image of the warm-up [px]
+FIGURE_MM, WALL_MM, CAMERA_MM = 2500, 4000, 1000  # Depth, depth, height above the floor [mm]
+# Rows, columns and depth [mm] of a figure
 PARTS = (
     (slice(20, 33), slice(75, 85), FIGURE_MM),  # head
     (slice(33, 70), slice(70, 90), FIGURE_MM),  # torso

@@ -21,7 +21,7 @@ BOX_MARGIN = 0.06  # Widening of a detected box, which may miss a hand [heights]
 COLOUR_MARGIN = 0.12  # Widening of a box of the colour layer [heights]
 FORGET_S = 2.0  # Maximum age of the last observation of a person [s]
 GAP_S = 1.0  # Maximum time between frames of a tracked point [s]
-SAME_BOX_IOU = 0.7  # of a detected box to that of the colour layer, which goes on then
+SAME_BOX_IOU = 0.7  # Minimum IoU of a detected box with a box of the colour layer that continues
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ class Cascade:
         return estimates
 
     def mark_point(self, person: int, name: str, pixel: F64, depth_mm: U16) -> bool:
-        """Track a point from a pixel (u, v) of the last frame on; an unknown name adds a point.
+        """Start a point at a pixel (u, v) of the last frame; an unknown name adds a point.
 
         Returns:
             True if the pixel is on the body of the person of this id.
@@ -142,7 +142,7 @@ class Cascade:
     def _update_boxes(
         self, stamp_ns: int, rgb: U8, observations: Sequence[PersonObservation]
     ) -> None:
-        """Take the detected boxes, and those of the colour layer for the other people."""
+        """Set the boxes: detected ones, and boxes of the colour layer for the other people."""
         detected = {one.id: box for one in observations if (box := _valid_box(one)) is not None}
         missed = [one.id for one in observations if one.id not in detected]
         tracked = any(person in self._colours.people for person in missed)
@@ -165,7 +165,7 @@ class Cascade:
                 self._people[one.id].depth_m = float(one.depth_m)
 
     def _turns(self, observations: Sequence[PersonObservation]) -> set[int]:
-        """Return the people whose depth is processed in this frame, the longest waiting first."""
+        """Return the people with processed depth in this frame, the longest waiting first."""
         waiting = sorted(
             (one.id for one in observations if self._people[one.id].box is not None),
             key=lambda person: self._people[person].processed,

@@ -13,9 +13,9 @@ from services.gait.points.keypoints import HEAD, LEFT_FOOT, RIGHT_FOOT
 from services.gait.points.point_filter import PointEstimate
 from services.gait.steps.step_meter import FootSample, StepMeter
 
-BOX_MAX_PX = 1e6  # bound of published boxes
+BOX_MAX_PX = 1e6  # Maximum coordinate of published boxes [px]
 CLOCK_JUMP_S = 1.0  # Minimum step back of the stamps that begins a new time [s]
-UP = np.array([0.0, 0.0, 1.0])  # of every fixed frame
+UP = np.array([0.0, 0.0, 1.0])  # Upward direction of fixed frames
 ESTIMATOR_COUNTERS = ("over_budget", "wrong_size", "stale", "clock_resets")
 
 

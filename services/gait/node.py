@@ -29,14 +29,14 @@ from services.gait.cascade import PersonObservation
 from services.gait.config import GaitConfig
 from services.gait.estimator import ESTIMATOR_COUNTERS, GaitEstimator, GaitFrame, OnFrame
 
-PENDING_MAX = 256  # frames of all cameras, with images or without
+PENDING_MAX = 256  # Maximum number of pending frames of all cameras
 NODE_COUNTERS = (
     *("passed_over", "no_camera_info", "no_transform"),
     "without_frame",  # tracks whose frame was dropped
     "frames_unused",  # without tracks: the detector skipped them, or the tracks came too late
 )
 SETTLE_S = 0.003  # Time that a frame waits for a newer one of its camera [s]
-SETTLE_MAX = 10  # times SETTLE_S, after which a frame is processed in any case
+SETTLE_MAX = 10  # Maximum wait of a frame [SETTLE_S]
 
 
 class GaitNode(Node):

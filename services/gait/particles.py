@@ -95,7 +95,7 @@ def resample_systematic(weights: F64, generator: np.random.Generator) -> I64:
     positions = (np.arange(count) + generator.random((people, 1))) / count
     sums = np.cumsum(weights, axis=1)
     sums[:, -1] = 1.0  # exact in spite of rounding
-    # One search for all: the sums of each person lie above those of the one before.
+    # One search for all: the sums of each person lie above the sums of the person before.
     above = np.arange(people)[:, None]
     found = np.searchsorted((sums + above).ravel(), (positions + above).ravel(), side="right")
     return np.asarray(np.clip(found.reshape(people, count) - above * count, 0, count - 1), np.int64)

@@ -1,8 +1,8 @@
-"""Likelihood ratio of a box's pixels: colours of the person against those of the background.
+"""Likelihood ratio of the pixels of a box: colours of the person against the background.
 
-A histogram of all of a box does not distinguish a person from half of a person, nor from a shelf of
-the same colours. Here each pixel counts by its position in the box: by the probability that people
-fill that position, the person's colours at that height, and the background's present colours.
+The histogram of a box does not distinguish a person from half of a person, nor from a shelf of the
+same colours. Here each pixel counts by its position in the box: by the probability that the person
+fills this position, the colours of the person at this height, and the present background.
 
 Source: docs/method.md, section 19.
 """
@@ -27,16 +27,16 @@ from services.gait.colour.histogram import (
 )
 from services.gait.surface.segmentation import I32
 
-# Probability that a pixel of a box is the person's, in tenths: largest in the middle, falling
-# towards the sides; the head is half as wide as the rest.
-MIDDLE_TENTHS, HEAD_RATIO = 8.0, 0.15  # in the middle; the head's part of the height
-HEAD_WIDTH, BODY_WIDTH = 0.2, 0.4  # where it falls to 1/e, from the middle, in widths of the box
+# Probability that a pixel of a box belongs to the person: largest in the middle, falling towards
+# the sides; the head is half as wide as the rest.
+MIDDLE_TENTHS, HEAD_RATIO = 8.0, 0.15  # Probability in the middle [tenths]; share of the head
+HEAD_WIDTH, BODY_WIDTH = 0.2, 0.4  # Distance from the middle of a fall to 1/e [widths of the box]
 TENTHS = 10
 BANDS = 4  # Parts of the height, each with its own colours
 BACKGROUND_SCALE = 1.6  # Width of the background about a box [widths of the box]
-LEARN_POINTS = (32, 72)  # in and about a box, that colours are learnt from
-UNSEEN = 3e-4  # probability of a colour that was not observed
-RATIO_MAX = 10.0  # bound of one pixel's likelihood ratio
+LEARN_POINTS = (32, 72)  # Samples in and about a box for learning, across and down
+UNSEEN = 3e-4  # Probability of an unobserved colour
+RATIO_MAX = 10.0  # Maximum likelihood ratio of one pixel
 
 
 @dataclass(frozen=True)

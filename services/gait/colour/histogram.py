@@ -31,7 +31,7 @@ class SampleGrid(NamedTuple):
 
 
 def sample_grid(points: tuple[int, int], scale: tuple[float, float] = (1.0, 1.0)) -> SampleGrid:
-    """Return points across and down; `scale`: sides of the sampled area, in those of the box."""
+    """Return points across and down; `scale`: sides of the sampled area [sides of the box]."""
     u, v = (
         side * ((np.arange(count) + 0.5) / count - 0.5)
         for count, side in zip(points, scale, strict=True)

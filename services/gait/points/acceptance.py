@@ -1,4 +1,4 @@
-"""Acceptance of the position that a point measures: whether it is that of the point itself.
+"""Acceptance of a measured position: whether it lies on the point itself.
 
 Source: docs/method.md, section 19.
 """
@@ -34,16 +34,17 @@ from services.gait.points.limbs.visibility import (
 from services.gait.points.point_filter import GATE, TIMEOUT_S, PointFilter
 
 CONFIDENCE_MIN = 0.25  # Minimum confidence of a measured position
-CONTRADICTION = 3.0  # [standard deviations] of a point from its keypoint
-TOLERANCE = 1.5  # [standard deviations] that count as one
-OCCLUDED_M, OCCLUDED_SIGMAS = 0.07, 2.0  # before the expected position a surface hides a point
-PIXEL_SIGMA = 3.0  # [px] of a point on the surface
-HIDDEN_M = 0.5  # [m] standard deviation of the depth of a hidden point
+CONTRADICTION = 3.0  # Deviation of a point from a contradicting keypoint [standard deviations]
+TOLERANCE = 1.5  # Unit of deviations [standard deviations]
+# Minimum distance of an occluding surface before the expected position [m, standard deviations]
+OCCLUDED_M, OCCLUDED_SIGMAS = 0.07, 2.0
+PIXEL_SIGMA = 3.0  # Standard deviation of a point on the surface [px]
+HIDDEN_M = 0.5  # Standard deviation of the depth of a hidden point [m]
 
 
 @dataclass(frozen=True)
 class SurfaceUncertainty:
-    """Standard deviations [m] of a point that is measured, but perhaps on another surface."""
+    """Standard deviations [m] of a measurement that may be on another surface."""
 
     before: float  # between a hidden point and the surface before it
     depth: float  # of a visible point
@@ -65,11 +66,11 @@ class Candidate:
 
     position_m: F64  # 3, optical frame
     vertex: int  # at the keypoint, or of the best particle
-    noise_m2: F64 | None = None  # 3x3, besides that of depth; None: of particles
+    noise_m2: F64 | None = None  # 3x3, without the noise of depth; None: noise of particles
 
 
 class Acceptance:
-    """Updates points by their weighted particles, where the evidence is sufficient."""
+    """Updates points by their weighted particles if the evidence is sufficient."""
 
     def __init__(self, config: DepthLayerConfig, info: CameraInfo) -> None:
         self._config, self._info = config, info
@@ -185,7 +186,7 @@ class Acceptance:
             self._by_anchor(point, position, evidence),
         )
         point.unsupported_s = 0.0 if support > CONFIDENCE_MIN else point.unsupported_s + dt_s
-        # Without extremity and keypoint, similar features elsewhere count for a while only.
+        # Without extremity and keypoint, similar features elsewhere count for a short time only.
         decay = float(np.exp(-point.unsupported_s / (2 * TIMEOUT_S))) if point.kind else 1.0
         if not (self.has_keypoints and point.prior is not None):
             support = max(support, decay * self._by_distance(point, body, vertex))
@@ -207,9 +208,9 @@ class Acceptance:
             point.adapt_reference(float(body.geodesic_m[vertex]))
 
     def _visibility(self, point: PointFilter) -> Visibility | None:
-        """Return the regression of a point's visibility; None of a kind that has none.
+        """Return the regression of a point's visibility; None for heads and marked points.
 
-        Where keypoints are used, none holds in a frame without a detection.
+        If keypoints are used, there is no regression for a frame without a detection.
         """
         if self.has_keypoints:
             return VISIBILITY.get(point.kind)
@@ -222,7 +223,7 @@ class Acceptance:
         candidate: Candidate,
         evidence: PointEvidence,
     ) -> float | None:
-        """Return the log-odds that the surface measured is that of the point; None: not known."""
+        """Return the log-odds that the point is on the measured surface; None: not known."""
         kind = self._visibility(point)
         if kind is None:
             return None
@@ -241,9 +242,9 @@ class Acceptance:
     def _is_visible(
         self, point: PointFilter, body: MeasuredBody, anchor: Anchor | None, odds: float | None
     ) -> bool:
-        """Check that the surface that was measured is probably that of the point itself.
+        """Check that the measured surface probably belongs to the point itself.
 
-        With keypoints that is not known without a detection, and before there is a heading.
+        With keypoints this is not known without a detection or a heading.
         """
         kind = self._visibility(point)
         if odds is None or kind is None:
@@ -293,7 +294,7 @@ def _uncertainty_m2(point: PointFilter, candidate: Candidate, odds: float | None
 
 
 def drop_same(candidates: dict[str, Candidate | None], points: Mapping[str, PointFilter]) -> None:
-    """Of two candidates on one limb drop the one whose point is expected farther from it."""
+    """Drop one of two candidates on one limb: the one farther from its expected position."""
     for pair in PAIRS:
         both = [(name, one) for name in pair if (one := candidates.get(name)) is not None]
         if len(both) < 2:

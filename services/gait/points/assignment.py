@@ -12,21 +12,21 @@ from services.gait.points.body import UP, Extremity, MeasuredBody
 from services.gait.points.keypoints import KINDS, START_CONFIDENCE, Anchor, pixels_of
 from services.gait.points.point_filter import TIMEOUT_S, PointFilter
 
-REACH_M = 0.30  # from the predicted point to its extremity, at most
-GEODESIC_SIGMA_M = 0.10  # of an extremity's geodesic distance
-NEAR_SIGMA_M = 0.10  # of an extremity about the predicted point
-UNASSIGNED_COST = 9.0
-# Of the length and of the body's prior of a hand without keypoints, at most: along the body it is
-# near where it touches its hip, and far where it is held before the torso
+REACH_M = 0.30  # Maximum distance of an extremity from the predicted point [m]
+GEODESIC_SIGMA_M = 0.10  # Standard deviation of the geodesic distance of an extremity [m]
+NEAR_SIGMA_M = 0.10  # Standard deviation of an extremity about the predicted point [m]
+UNASSIGNED_COST = 9.0  # Cost of a point without an extremity [squared deviations]
+# Maximum cost of length and prior of a hand without keypoints: its distance along the body is short
+# if it touches the hip, and long if it is held before the torso
 HAND_COST_MAX = 3.0
-SIGMA_MAX_M = 0.2  # of a prediction
-PRIOR_FREE = 3.0  # squared deviation from the body's prior that costs nothing
-ARM_MIN = 0.3  # of the stature, geodesic distance of fingertips
-EXPECTED2 = 7.8  # squared deviations of an expected end of a leg, at most
-SIDED2 = 2.0  # by which the other side must expect it less
-START_M = 0.05  # [m] of a keypoint to the body, at most, for a point to start there
-TAKEN_M = 0.12  # [m] of a tracked point to an extremity that is not free
-TO_CAMERA = np.array([0.0, 0.0, -1.0])  # heading of people of unknown heading
+SIGMA_MAX_M = 0.2  # Maximum standard deviation of a prediction [m]
+PRIOR_FREE = 3.0  # Squared deviation from the body's prior without cost
+ARM_MIN = 0.3  # Minimum geodesic distance of fingertips [statures]
+EXPECTED2 = 7.8  # Maximum squared deviation of an expected end of a leg
+SIDED2 = 2.0  # Minimum excess of the squared deviation from the other side
+START_M = 0.05  # Maximum distance from the body of a keypoint that starts a point [m]
+TAKEN_M = 0.12  # Maximum distance of an occupied extremity to a tracked point [m]
+TO_CAMERA = np.array([0.0, 0.0, -1.0])  # Default heading
 Starts = list[tuple[str, Extremity]]
 
 
@@ -131,8 +131,8 @@ def initial_extremities(
 def expected_starts(points: Mapping[str, PointFilter], extremities: Sequence[Extremity]) -> Starts:
     """Return the free ends of legs at which lost feet start, where the body expects them.
 
-    For feet whose keypoints are too uncertain to start at; the end of a leg must be expected by one
-    side rather than by the other.
+    It serves feet with keypoints of low confidence. One side must expect the end of a leg clearly
+    more than the other.
     """
     feet = [point for point in points.values() if point.kind == "foot"]
     taken = [point.motion.position_m for point in feet if point.motion and point.alive]
@@ -173,7 +173,7 @@ def _by_side(
     asides = {one.basin: float((one.position_m - middle) @ left) for one in extremities}
     for extremity in sorted(extremities, key=lambda one: -abs(asides[one.basin])):
         side = "left" if asides[extremity.basin] > 0 else "right"
-        # Of two idle points the one of that side; a single one is the other one's counterpart.
+        # Of two idle points the one of this side starts; a single one has a tracked counterpart.
         for point in waiting:
             sided = len(waiting) == 1 or point.kind == "head" or point.name.startswith(side)
             if sided and _fits(point, extremity):

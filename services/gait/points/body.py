@@ -17,22 +17,21 @@ from services.gait.surface.mesh import BodyMesh
 from services.gait.surface.segmentation import I64
 from services.gait.surface.spin_image import SIMILARITY_SIGMA, similarity, spin_images
 
-UP = np.array([0.0, -1.0, 0.0])  # of a level camera
-# All as ratios of the stature:
-TORSO_RANGE = (0.55, 0.8)  # from the loins to the armpits
-FOOT_MAX = 0.14  # limbs that end below it end in feet
-HEAD_MIN = 0.82  # limbs that end above it may end in the head
-HEAD_ASIDE_M = 0.3  # farthest head from the body's axis
-HAND_GEODESIC_MIN_M = 0.3  # nearer to the torso's middle extrema are elbows and shoulders
+UP = np.array([0.0, -1.0, 0.0])  # Upward direction of a level camera
+TORSO_RANGE = (0.55, 0.8)  # Range of the torso, from the loins to the armpits [statures]
+FOOT_MAX = 0.14  # Maximum height of the end of a leg [statures]
+HEAD_MIN = 0.82  # Minimum height of the end of a head [statures]
+HEAD_ASIDE_M = 0.3  # Maximum distance of the head from the axis of the body [m]
+HAND_GEODESIC_MIN_M = 0.3  # Minimum distance of a hand to the middle of the torso [m]
 
-BOTTOM = 0.94  # of the image's height: legs that go on below are cut off there
+BOTTOM = 0.94  # Maximum row of the end of a leg that the image does not cut off [heights]
 # Distance along the body from the end of a limb to the middle of its point: fingertips, toes, and
 # the top of the head, round it [m]
 LENGTHS_M: Mapping[str, float] = MappingProxyType({"head": 0.17, "hand": 0.09, "foot": 0.10})
 WINDOW_M = 0.06  # Radius over which a position is averaged [m]
-TORSO_CANDIDATES = 24
-TORSO_SIGMA_M = 0.08  # [m] of candidates about the torso's middle
-REFERENCE_DECAY = 0.95  # of the torso's reference in each frame; the rest is the new spin image
+TORSO_CANDIDATES = 24  # Number of candidates for the middle of the torso
+TORSO_SIGMA_M = 0.08  # Standard deviation of candidates about the middle of the torso [m]
+REFERENCE_DECAY = 0.95  # Share of the reference in the next one; the rest is the new image
 
 
 @dataclass(frozen=True)
@@ -81,7 +80,7 @@ def heights_of(mesh: BodyMesh, floor: FloorPlane | None) -> F64:
 
 
 def torso_vertices(heights_m: F64, stature_m: float) -> I64:
-    """Return the vertices of the torso; all if none is between loins and armpits."""
+    """Return the vertices between loins and armpits; all vertices if there are no such."""
     low, high = (ratio * stature_m for ratio in TORSO_RANGE)
     found = np.flatnonzero((heights_m > low) & (heights_m < high))
     return found if len(found) else np.arange(len(heights_m))

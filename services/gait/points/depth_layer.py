@@ -53,9 +53,9 @@ from services.gait.points.point_filter import PointEstimate, PointFilter
 from services.gait.surface.geodesic import geodesic_extrema, geodesic_m
 from services.gait.surface.mesh import BodyMesh
 
-VERTICES_MIN = 30  # of a body
-CONTRADICTIONS_MAX = 2  # frames in which a keypoint contradicts a point, before it starts again
-MARKED_TIP_MAX_M = 0.4  # [m] of a marked point to the end of its limb
+VERTICES_MIN = 30  # Minimum number of vertices of a body
+CONTRADICTIONS_MAX = 2  # Maximum number of frames with a contradicting keypoint before a restart
+MARKED_TIP_MAX_M = 0.4  # Maximum distance of a marked point to the end of its limb [m]
 
 
 class DepthLayer:
@@ -153,7 +153,7 @@ class DepthLayer:
         return feet_apart({name: point.estimate() for name, point in self._points.items()})
 
     def _measure(self, observation: MeshObservation) -> MeasuredBody | None:
-        """Measure what all points need: heights, geodesic distances, extrema."""
+        """Measure heights, geodesic distances and extrema of the body."""
         mesh, config = observation.mesh, self._config
         if mesh is None or len(mesh.points_m) < VERTICES_MIN:
             self._set_heading(observation, None, np.empty(0))
@@ -264,7 +264,7 @@ class DepthLayer:
         expected: Mapping[str, Anchor],
         extremities: Sequence[Extremity],
     ) -> None:
-        """Start points that are not tracked, and those that their keypoints contradict."""
+        """Start untracked points, and points with contradicting keypoints."""
         for name, point in self._points.items():
             lost = point.motion is None or (self._combined and point.state == "lost")
             anchor = expected.get(name)
@@ -293,7 +293,7 @@ class DepthLayer:
                 self._points[name].state = "predicted"  # until the next frame agrees
 
     def _is_possible(self, name: str, position_m: F64) -> bool:
-        """Check that a point may start at a position: the surface there does not hide it."""
+        """Check that the surface at a position does not hide a point that would start there."""
         point = self._points[name]
         if point.state == "measured":
             return True

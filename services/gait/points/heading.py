@@ -10,18 +10,18 @@ from services.gait.points.keypoints import PAIRS
 from services.gait.points.point_filter import PointFilter
 from services.gait.surface.mesh import BodyMesh
 
-SMOOTH_S = 0.2  # [s] time constant of the heading
-JUMP_M = 0.5  # a mesh whose middle moves so far in one frame is of something else
-FOOT_M = 0.09  # [m] above the floor, below which there are feet
-SHIN_M = (0.13, 0.28)  # [m] above the floor
-AHEAD_M = 0.06  # [m] from the shins' middle ahead to the feet's, of the visible surface
-HEEL_M = 0.03  # [m] that visible feet are nearer to the camera than shins at any heading
-SPEED_MPS = 0.5  # walking so fast counts as much as feet do
-EVIDENCE_MIN = 0.3  # of what feet count alone; less leaves the heading as it is
-VERTICES_MIN = 20  # of feet and of shins
+SMOOTH_S = 0.2  # Time constant of the heading [s]
+JUMP_M = 0.5  # Minimum motion of the middle in one frame that shows another body [m]
+FOOT_M = 0.09  # Maximum height of feet above the floor [m]
+SHIN_M = (0.13, 0.28)  # Range of the height of shins above the floor [m]
+AHEAD_M = 0.06  # Offset of the visible surface from the middle of shins ahead to feet [m]
+HEEL_M = 0.03  # Offset of visible feet from shins towards the camera at any heading [m]
+SPEED_MPS = 0.5  # Speed of walking with the weight of feet [m/s]
+EVIDENCE_MIN = 0.3  # Minimum evidence of a new heading, relative to the weight of feet
+VERTICES_MIN = 20  # Minimum number of vertices of feet and of shins
 SWAP_S = 0.15  # Time that left and right contradict the heading before their exchange [s]
-APART_M = 0.12  # [m] across between left and right, from which on a frame counts in full
-FIXED = np.eye(4)  # pose of a camera at rest
+APART_M = 0.12  # Distance across between left and right of a frame with full weight [m]
+FIXED = np.eye(4)  # Pose of a camera at rest
 
 
 class HeadingEstimator:
@@ -47,7 +47,7 @@ class HeadingEstimator:
         """Return the heading in the optical frame, 3, level, unit length.
 
         `fixed_from_optical` is the camera's pose, 4x4, and `yaw_rad` the yaw of the chest in the
-        fixed frame, if it is known. None before there was evidence.
+        fixed frame, if it is known. Returns None before the first evidence.
         """
         rotation = fixed_from_optical[:3, :3]
         before_m, self._middle_m = self._middle_m, None
@@ -78,8 +78,8 @@ def _velocity_mps(before_m: F64 | None, middle_m: F64, dt_s: float) -> F64:
 def _feet_ahead(mesh: BodyMesh, heights_m: F64) -> F64:
     """Return the offset of feet from shins, 3, about 1 long; 0 if they are not visible.
 
-    A shin in other columns of the image than all feet is that of a leg in its swing, whose foot is
-    lifted: it would turn the offset to the other side.
+    A shin in other columns of the image than all feet belongs to a leg in its swing with a lifted
+    foot: it would turn the offset to the other side.
     """
     feet = heights_m < FOOT_M
     columns = np.round(mesh.pixels_px[:, 0] / mesh.step_px).astype(np.int64)

@@ -29,7 +29,7 @@ START_CONFIDENCE = 0.5  # Minimum confidence of a keypoint or extremity at which
 HAND_REACH = 0.5  # Offset from the wrist to the middle of the hand [forearms]
 FOOT_REACH = 0.12  # Offset from the ankle to the middle of the foot [shanks]
 FOOT_AHEAD_M = 0.07  # Offset from the ankle ahead to the middle of the foot [m]
-UNDIRECTED_NOISE = 1.5  # factor of the noise, where the direction of a limb is not known
+UNDIRECTED_NOISE = 1.5  # Factor of the noise without the direction of the limb
 # Factor of the noise: the face is beside the head's middle; the direction of a foot is not known.
 KIND_NOISE: Mapping[str, float] = MappingProxyType({"head": 2.0, "hand": 1.0, "foot": 2.5})
 
@@ -39,7 +39,7 @@ class Anchor:
     """Expected pixel of a point by keypoints."""
 
     pixel: F64  # [px] 2: u, v
-    sigma: float  # noise, relative to that of a keypoint
+    sigma: float  # noise, relative to the noise of a keypoint
     confidence: float  # 0 to 1
     joint: F64 | None = None  # [px] 2: the keypoint itself, of hands and feet
     before: F64 | None = None  # [px] 2: the elbow or knee, if it is known
@@ -64,7 +64,7 @@ def find_anchors(keypoints: F32 | None) -> Mapping[str, Anchor]:
     """Return the expected pixels of points by confident keypoints (17x3, COCO; None: not detected).
 
     Hands are beyond the wrists and feet beyond the ankles, by a ratio of forearm and shank in the
-    image. Ankles of low confidence count, too: most are right, and the body tells which.
+    image. Ankles of low confidence count, too: most are right, and the body decides.
     """
     if keypoints is None or keypoints.shape != (17, 3):
         return {}
@@ -94,9 +94,9 @@ def feet_ahead(
     heading: F64,
     info: CameraInfo,
 ) -> Mapping[str, Anchor]:
-    """Return anchors with those of feet moved ahead of their ankles.
+    """Return anchors after moving the feet ahead of their ankles.
 
-    The feet head as the person does: a unit vector in the optical frame.
+    Feet have the heading of the person, a unit vector in the optical frame.
     """
     moved = dict(found)
     for name, anchor in found.items():

@@ -20,11 +20,11 @@ from services.gait.surface.spin_image import SIMILARITY_SIGMA, similarity, spin_
 
 GEODESIC_SIGMA_M = 0.08  # Standard deviation of a geodesic distance to the reference [m]
 EXTREMITY_SIGMA_M = 0.04  # Standard deviation of a distance to the end of a limb [m]
-CLIP = 8.0  # no feature alone excludes a particle
-BODY_CLIP = 3.0  # of all features of the body, where a keypoint identifies the limb
-KEYPOINT_RELIABLE = 0.6  # confidence from which on a keypoint is hardly ever on the wrong limb
-WRONG_LIMB = 6.0  # log-likelihood ratio of a particle on another kind of limb
-PRIOR_FREE = 3.0  # squared deviation from the body's prior that is as likely as none
+CLIP = 8.0  # Maximum penalty by one feature, which alone excludes no particle
+BODY_CLIP = 3.0  # Maximum penalty by the features of the body if there is a keypoint
+KEYPOINT_RELIABLE = 0.6  # Minimum confidence of a keypoint on the right limb
+WRONG_LIMB = 6.0  # Log-likelihood ratio of a particle on another kind of limb
+PRIOR_FREE = 3.0  # Squared deviation from the body's prior without penalty
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """Normal distributions of positions in space, conditioned on pixels.
 
-Filters of points ask for dozens of them in a frame, of 3x3 matrices each, so they are compiled.
+Filters of points compute dozens of them in a frame, so they are compiled.
 
 Source: docs/method.md, section 19.
 """
@@ -13,7 +13,7 @@ from common.compiled import compiled
 from common.geometry.transforms import deproject
 from people4d.messages import F64, CameraInfo
 
-DEPTH_MIN_M = 0.3
+DEPTH_MIN_M = 0.3  # Minimum depth of a mean [m]
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Normal:
         return float(self._given_pixel(pixel, sigma_px, info)[2])
 
     def at_pixel(self, pixel: F64, sigma_px: float, info: CameraInfo) -> "Normal":
-        """Return the distribution of a position that is seen at a pixel (u, v)."""
+        """Return the distribution of a position that appears at a pixel (u, v)."""
         mean_m, covariance, _ = self._given_pixel(pixel, sigma_px, info)
         return Normal(mean_m, covariance)
 

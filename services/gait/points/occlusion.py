@@ -1,4 +1,4 @@
-"""Motion of occluded points, which nothing measures."""
+"""Motion of occluded points, without measurements."""
 
 from collections.abc import Mapping
 
@@ -7,11 +7,11 @@ import numpy as np
 from services.gait.points.keypoints import HEAD
 from services.gait.points.point_filter import PointFilter
 
-DAMPING_S = 0.05  # [s] time constant with which an occluded point takes the head's velocity
+DAMPING_S = 0.05  # Time constant of an occluded point that adopts the velocity of the head [s]
 
 
 def damp_occluded(points: Mapping[str, PointFilter], dt_s: float) -> None:
-    """Let occluded points take the head's velocity: arms do not fly off."""
+    """Damp the velocity of occluded points towards the velocity of the head."""
     head = points.get(HEAD)
     if head is None or head.motion is None or head.state != "measured":
         return

@@ -17,7 +17,7 @@ from services.gait.points.normal import Normal
 from services.gait.surface.segmentation import I64
 
 PointState = Literal["measured", "predicted", "lost"]
-TAU_DEPTH_M, TAU_FOCAL_PX = 3.0, 615.0  # at which the noise of particles is as configured
+TAU_DEPTH_M, TAU_FOCAL_PX = 3.0, 615.0  # Depth and focal length of the configured noise
 SPEED_MPS = 1.5  # Standard deviation of the speed of a new point [m/s]
 ACCELERATION_MPS2 = 12.0  # Standard deviation of the acceleration of hands and feet [m/s^2]
 NOISE_M = 0.015  # Noise of a measured position at right angles to the ray [m]
@@ -30,13 +30,13 @@ VAGUE_M = 0.17  # Maximum standard deviation of a published predicted hand or fo
 PROPOSAL_RATIO = 0.4  # Share of the particles that are drawn from keypoints and extremities
 ADAPTATION = 0.03  # Adaptation of the reference distance by each measured frame
 ADAPTATION_MAX_M = 0.10  # Maximum adaptation in all [m]
-PROPOSAL_SIGMA_MAX_M = 0.15  # [m] of particles about the prediction
-EXTREMITY_SIGMA_M = 0.03  # [m] of particles about the extremity
-CONTRADICTION2 = 16.0  # squared Mahalanobis distance of a motion from the body's prior
-UNUSUAL2 = 2.0  # the same, above which that prior of a limb that is followed becomes wider
-# Of a predicted point: neither motion nor the body's proportions are as assumed
+PROPOSAL_SIGMA_MAX_M = 0.15  # Maximum standard deviation of particles about the prediction [m]
+EXTREMITY_SIGMA_M = 0.03  # Standard deviation of particles about the extremity [m]
+CONTRADICTION2 = 16.0  # Maximum squared Mahalanobis distance of motion from the body's prior
+UNUSUAL2 = 2.0  # Squared distance from which on the prior of a followed limb widens
+# Factor and addition [m] of the standard deviation of a predicted point, for errors of the models
 SPREAD, SPREAD_M = 1.5, 0.06
-HIDDEN_KEYPOINT_M = 0.15  # [m] standard deviation of a keypoint of a hidden point
+HIDDEN_KEYPOINT_M = 0.15  # Standard deviation of the keypoint of a hidden point [m]
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class PointFilter:
         self.tip_distance_m = np.nan  # reference distance to the end of the limb; NaN: no limb
         self.confidence = 0.0
         self.missed_s = 0.0  # since the last measurement
-        self.likely = False  # predicted, but its position is rather its own than of another surface
+        self.likely = False  # predicted by a measurement that is probably on its own surface
         self.contradicted = 0  # consecutive frames, by its keypoint
         self.unsupported_s = 0.0  # since extremity or keypoint agreed
         self.state: PointState = "lost"
@@ -107,14 +107,14 @@ class PointFilter:
     def follows_limb(self) -> bool:
         """True while the end of a limb confirms a point without keypoints.
 
-        Its limb may be held in any way then, as a hand before the torso.
+        The limb may have any pose then, for example a hand before the torso.
         """
         return self.without_keypoints and self.alive and self.unsupported_s == 0.0
 
     def expected_position(self, dt_s: float = 0.0) -> Normal | None:
         """Return the expected position after some time, by its motion and by the body.
 
-        Motion that contradicts the body is trusted only while limb or keypoint confirm it.
+        Motion that contradicts the body counts only while limb or keypoint confirm it.
         """
         if self.motion is None or not self.alive:
             return self.prior
@@ -136,7 +136,7 @@ class PointFilter:
         return self.motion.state, self.motion.covariance
 
     def start_at_vertex(self, vertex: int, body: MeasuredBody, spin: F64 | None) -> None:
-        """Track the point from a vertex on."""
+        """Start the point at a vertex."""
         config = self._config
         position = body.mesh.points_m[vertex]
         acceleration = ACCELERATION_MPS2 * (0.3 if self.kind in ("head", "") else 1.0)
@@ -153,7 +153,7 @@ class PointFilter:
         self.unsupported_s, self.contradicted = 0.0, 0
 
     def start_beside(self, pixel: F64, position_m: F64, noise_m2: F64) -> None:
-        """Track the point from a position (3) and its noise (3x3) off the body on, as predicted."""
+        """Start the point as predicted at a position (3) off the body with its noise (3x3)."""
         self.motion = PointKalmanFilter(position_m, noise_m2, SPEED_MPS, ACCELERATION_MPS2)
         self.position_m, self.vertices = position_m, np.full(self._config.particles, -1)
         self.particles = np.zeros((self._config.particles, 4))
@@ -198,12 +198,12 @@ class PointFilter:
         self.vertices = body.mesh.vertices_at(self.particles[:, :2])
 
     def resample_particles(self, weights: F64) -> None:
-        """Draw the particles anew by weight; those off the body vanish."""
+        """Resample the particles by weight; particles off the body vanish."""
         chosen = resample_systematic(weights[None], self._generator)[0]
         self.particles = self.particles[chosen]
 
     def reset_particles(self, body: MeasuredBody) -> None:
-        """Move all particles to the last position, when none is on the body."""
+        """Move all particles to the last position, if no particle is on the body."""
         vertex = body.mesh.nearest(self.position_m)
         self.particles[:, :2] = body.mesh.pixels_px[vertex]
         self.particles[:, 2:] = 0.0
@@ -211,7 +211,7 @@ class PointFilter:
     def mark_measured(
         self, position_m: F64, confidence: float, noise_m2: F64 | None = None
     ) -> None:
-        """Update by a measured position; its noise (3x3) is that of particles by default."""
+        """Update by a measured position and its noise, 3x3; by default the noise of particles."""
         assert self.motion is not None
         noise_m2 = self.noise_m2(position_m) if noise_m2 is None else noise_m2
         self.motion.correct(position_m, noise_m2)
@@ -219,14 +219,14 @@ class PointFilter:
         self.state, self.missed_s, self.confidence = "measured", 0.0, confidence
 
     def mark_doubtful(self, position_m: F64, noise_m2: F64, dt_s: float, *, likely: bool) -> None:
-        """Update by a position that may be that of another surface, with its noise, 3x3."""
+        """Update by a position, perhaps on another surface, and its noise, 3x3."""
         assert self.motion is not None
         self.motion.correct(position_m, noise_m2)
         self.mark_missed(dt_s)
         self.likely = likely
 
     def adapt_reference(self, geodesic_m: float) -> None:
-        """Adapt the reference distance to a measured one, within bounds: limbs do not grow."""
+        """Adapt the reference distance to a measured one, within ADAPTATION_MAX_M."""
         if np.isfinite(geodesic_m) and np.isnan(self.geodesic_m):
             self.geodesic_m = self.initial_geodesic_m = geodesic_m
         elif np.isfinite(geodesic_m):
@@ -236,7 +236,7 @@ class PointFilter:
             self.geodesic_m = float(np.clip(moved, low, high))
 
     def mark_missed(self, dt_s: float) -> None:
-        """Take the prediction as position; the point is lost after a while."""
+        """Set the position to the prediction; the point is lost after TIMEOUT_S or HIDDEN_S."""
         self.missed_s += dt_s
         self.likely = False
         if self.motion is None:
@@ -295,7 +295,7 @@ class PointFilter:
     def noise_m2(self, position_m: F64, besides_m2: F64 | None = None) -> F64:
         """Return the covariance of a measured position, 3x3, largest along the ray.
 
-        `besides_m2` is that besides the noise of depth; by default that of particles.
+        `besides_m2` is the noise without depth; by default the noise of particles.
         """
         ray = position_m / np.linalg.norm(position_m)
         depth_m2 = (NOISE_PER_M2 * position_m[2] ** 2) ** 2

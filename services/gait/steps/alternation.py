@@ -1,8 +1,8 @@
-"""Alternation of feet: which landings are steps, of which foot, and how many are missing.
+"""Alternation of feet: which landings are steps, of which foot, with how many missing steps.
 
-Feet take turns, so landings of one foot with a whole stride between them have a step of the other
-foot between them that was not seen, and two landings of one foot at the time of one step have a
-wrong name among them. The best interpretation of all landings is found by dynamic programming.
+Feet take turns. Two landings of one foot a whole stride apart have an unseen step of the other foot
+between them, and two landings of one foot a step apart have a wrong name among them. Dynamic
+programming finds the best interpretation of all landings.
 
 Source: docs/method.md, section 20.
 """
@@ -17,17 +17,16 @@ import numpy as np
 from services.gait.steps.stances import LENGTH_MIN_M
 from services.gait.steps.swings import FEET, Swing
 
-# Costs, as squared deviations: of another foot, of a landing that is none, of a step not seen, and
-# of a pause or part of the walk of which nothing is known.
+# Costs [squared deviations] of another foot, a false landing, an unseen step, and an unknown
+# part of the walk
 FLIP, DROP, MISSED, UNKNOWN = 4.0, 7.0, 3.0, 9.0
-STEP_MIN_S, STEP_MAX_S = 0.25, 1.5  # Range of the time of a step; shorter: noise, longer: pause [s]
-TIME_SIGMA = 0.3  # of the logarithm of a step's time by the median
-BACK = 4  # landings, of which all but the first and the last may be none
-BETWEEN_MIN_S = 0.2  # between landings
-APART = 0.7  # median steps, from which on a landing is apart from others
-UNSEEN_MIN_M = 0.3  # of a step that was not seen: the length of each
-# Median steps, from which on a step was no single one: a stop, or quick steps of a turn, were
-# between its landings
+STEP_MIN_S, STEP_MAX_S = 0.25, 1.5  # Range of the time of a step [s]
+TIME_SIGMA = 0.3  # Standard deviation of the logarithm of the time of a step by the median
+BACK = 4  # Maximum distance of two landings of a walk with false ones between them
+BETWEEN_MIN_S = 0.2  # Minimum time between landings [s]
+APART = 0.7  # Minimum time of an isolated landing to others [median steps]
+UNSEEN_MIN_M = 0.3  # Minimum length of an unseen step [m]
+# Maximum time of a single step; longer ones contain a stop or quick steps of a turn [median steps]
 SINGLE_MAX = 1.6
 
 
@@ -37,7 +36,7 @@ class Landing:
 
     swing: Swing
     side: int  # of FEET
-    steps: int  # since the last landing, this one included; 0: not known
+    steps: int  # since the last landing, including this one; 0: not known
 
 
 def find_landings(swings: Sequence[Swing]) -> list[Landing]:
@@ -79,7 +78,7 @@ def find_landings(swings: Sequence[Swing]) -> list[Landing]:
 def _with_apart(
     found: Sequence[Landing], swings: Sequence[Swing], period_s: float
 ) -> list[Landing]:
-    """Return a walk with the landings before, after and in its pauses that are apart from it."""
+    """Return a walk with the isolated landings before, after and in its pauses."""
     known = list(found)
     for swing in swings:
         times_s = np.array([one.swing.landed_s for one in known])
@@ -91,10 +90,10 @@ def _with_apart(
 
 
 def _steps_between(ratio: float, same: bool, stood: bool) -> tuple[float, int]:
-    """Return the cost and number of steps by their time in median steps; of one foot or both.
+    """Return the cost and number of steps by their time in median steps, of one foot or both.
 
-    There are none unseen if the foot that would have taken them stood. Steps that take too long are
-    unknown, at the same cost: the walk goes on after them, but its rhythm does not.
+    A standing foot takes no unseen steps. Steps that take too long are unknown at the same cost:
+    the walk continues after them, but its rhythm does not.
     """
     counts = (2,) if same else (1, 3)
     costs = [
@@ -107,9 +106,9 @@ def _steps_between(ratio: float, same: bool, stood: bool) -> tuple[float, int]:
 
 
 def _stood(before: Swing, after: Swing, same: bool) -> bool:
-    """Check that a foot that would have taken an unseen step between two landings stood.
+    """Check that the foot of an unseen step between two landings stood.
 
-    Or that the person hardly moved on, as in a stop or a turn on the spot.
+    It counts as standing, too, if the person hardly moved, as in a stop or a turn on the spot.
     """
     steps = 2 if same else 3
     if np.linalg.norm(after.to_m - before.to_m) < steps * UNSEEN_MIN_M:

@@ -1,7 +1,7 @@
 """Rhythm of a walk: feet are farthest apart, and the head is lowest, at each landing.
 
-It needs no single landing, nor which foot is which, so it gives the cadence where landings are few,
-early or late, as in short walks with stops and of people whose feet are hidden most of the time.
+It needs no single landing and no names of feet, so it gives the cadence if landings are few, early
+or late, as in short walks with stops or with feet that are mostly hidden.
 
 Source: docs/method.md, section 20.
 """
@@ -15,18 +15,18 @@ import numpy as np
 from people4d.messages import F64
 from services.gait.steps.swings import FootTrajectory
 
-WINDOW_S, HOP_S = 4.0, 1.0  # in which the frequency is constant
-SAMPLES_MIN = 12  # of a window
-NOISE_M = 0.05  # of the distance of feet, besides that of their points
-HEIGHT_M = 0.015  # of the head
-RATIOS = np.arange(0.88, 1.14, 0.01)  # of the cadence by landings, that are looked at
-SUPPORT_MIN = 60.0  # squared deviations that a rhythm explains in a window, at least
-INFLATION = 1.3  # of the standard deviation of the frequency: no walk is a pure sine
+WINDOW_S, HOP_S = 4.0, 1.0  # Windows of constant frequency: length, and distance [s]
+SAMPLES_MIN = 12  # Minimum number of samples of a window
+NOISE_M = 0.05  # Noise of the distance of feet, in addition to the noise of their points [m]
+HEIGHT_M = 0.015  # Noise of the height of the head [m]
+RATIOS = np.arange(0.88, 1.14, 0.01)  # Candidates of the cadence [cadences by landings]
+SUPPORT_MIN = 60.0  # Minimum of squared deviations that a rhythm explains in a window
+INFLATION = 1.3  # Factor of the standard deviation of the frequency: no walk is a pure sine
 
 
 @dataclass(frozen=True)
 class Oscillation:
-    """Quantity that goes up and down with each step."""
+    """Quantity that oscillates with each step."""
 
     times_s: F64  # N
     values_m: F64  # N

@@ -1,9 +1,8 @@
-"""Stances: where and how long a foot stood, by the best division of its path.
+"""Stances: position and time of a standing foot, by the best division of its path.
 
-A path is divided into stretches in which the foot stands, where its velocity is zero and all
-samples measure one position, and swings between them. The division with the least cost is found by
-dynamic programming. Samples count by their covariance: noise in depth is no motion, and a foot
-that is hidden for a while may have stood or swung.
+A path is divided into stances and swings. In a stance the velocity is zero and all samples measure
+one position. Dynamic programming finds the division with the least cost. Samples count by their
+covariance: noise in depth is no motion, and a hidden foot may have stood or swung.
 
 Source: docs/method.md, section 20.
 """
@@ -23,10 +22,11 @@ LENGTH_MIN_M = 0.2  # Minimum length of a step [m]
 STANCE_MIN_S = 0.15  # Minimum time of a stance [s]
 STANCE_MAX_S = 2.0  # Longest stance of the search; longer ones are joined [s]
 SWING_COST = 3.0  # Squared deviation from standing from which on a foot swings
-OUTLIER_SIGMAS, OUTLIER_NEAR = 4.0, 3  # of a sample from the median of so many on either side
-SAME_S = 0.05  # [s] in which errors are alike
-HIDDEN_COST = 0.1  # of a bin of a swing without a sample
-BEGIN_COST = 15.0  # of a swing
+# Deviation of an outlier from the median, and number of samples of the median on either side
+OUTLIER_SIGMAS, OUTLIER_NEAR = 4.0, 3
+SAME_S = 0.05  # Period of equal errors [s]
+HIDDEN_COST = 0.1  # Cost of a bin of a swing without a sample
+BEGIN_COST = 15.0  # Cost of a swing
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Bins:
 
 @dataclass(frozen=True)
 class Stance:
-    """Bins in which a foot stood, begin to end, of which the first and the last have samples."""
+    """Bins of a standing foot, from begin to end; the first and the last have samples."""
 
     begin: int
     end: int
@@ -75,7 +75,7 @@ def collect_bins(
     information = np.linalg.inv(covariances_m2)
     weighted = np.einsum("nij,nj->ni", information, ground_m)
     bins = np.clip(((times_s - origin_s) / bin_s).astype(int), 0, count - 1)
-    # Errors are alike for a while: all samples of a period count as one, at any rate.
+    # Errors persist: all samples of SAME_S count as one, at any rate of frames.
     shares = bin_s / SAME_S / np.maximum(np.bincount(bins, minlength=count), 1)[bins]
     found = Bins(
         np.asarray(origin_s + bin_s * (np.arange(count) + 0.5), np.float64),
@@ -168,7 +168,7 @@ def _traced(
 
 
 def _merged(bins: Bins, spans: Sequence[tuple[int, int]]) -> list[Stance]:
-    """Return stances without their hidden ends; those at one position are one."""
+    """Return stances without their hidden ends; stances at one position are merged."""
     found: list[Stance] = []
     for begin, end in spans:
         known = begin + np.flatnonzero(bins.sampled[begin:end])

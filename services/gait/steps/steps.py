@@ -1,8 +1,8 @@
 """Steps, strides and gait measures by the swings of both feet.
 
 Lengths are means over strides, weighted by their confidence: both ends of a stride are the same
-foot, while of two feet the toes of one may be visible and the heel of the other. The cadence is
-that of certain steps that follow each other, and of those that were not seen but must have been.
+foot, while two feet may show the toes of one and the heel of the other. The cadence is the rate of
+confident steps that follow each other, and of unseen steps between them.
 
 Source: docs/method.md, section 20.
 """
@@ -24,17 +24,17 @@ SPEED_MIN_MPS = 0.2  # Minimum speed of a walking person [m/s]
 TIME_SPREAD = (
     0.5  # Maximum relative deviation of the time of a stride from the median; else a pause
 )
-JUMP_M, JUMP_S = 0.15, 0.25  # of motions that are no steps, unless the foot is lifted
-LIFT_M, LIFT_SIGMA_M = 0.03, 0.1  # of a foot in a swing; level noise of its points, at most
-LIFT_S = (0.1, 0.6)  # [s] about a swing, in which the foot is lifted, and mostly stands
-STEPS_MIN = 2  # for the cadence; of each foot, for the asymmetry
-CERTAIN = 0.7  # confidence of a step from which on the time to the step before it counts
-STEPS_APART_MAX = 16  # of a pair of landings by which the cadence is estimated
-LANDING_S = 0.08  # [s] standard deviation of the time of a landing
-UNSURE = 0.02  # of the time of a step: from this standard deviation on the rhythm counts, too
-MISSED = 0.4  # of the time in view: with steps in less of it most are missed
-UNOBSERVED = 0.3  # confidence of a step that was not seen
-CONFIDENCE_LEAST = 0.01  # of a stride: mean lengths are weighted by it
+JUMP_M, JUMP_S = 0.15, 0.25  # Maximum length [m] and time [s] of a motion that needs a lifted foot
+LIFT_M, LIFT_SIGMA_M = 0.03, 0.1  # Minimum rise of a swinging foot, and maximum level noise [m]
+LIFT_S = (0.1, 0.6)  # Margins about a swing: the foot is lifted, the foot mostly stands [s]
+STEPS_MIN = 2  # Minimum number of steps for the cadence; of each foot for the asymmetry
+CERTAIN = 0.7  # Minimum confidence of a step that continues a walk
+STEPS_APART_MAX = 16  # Maximum number of steps between the landings of a pair for the cadence
+LANDING_S = 0.08  # Standard deviation of the time of a landing [s]
+UNSURE = 0.02  # Minimum standard deviation of a cadence that uses the rhythm [times of a step]
+MISSED = 0.4  # Minimum share of the time in view of a walk with few missed steps
+UNOBSERVED = 0.3  # Confidence of an unseen step
+CONFIDENCE_LEAST = 0.01  # Minimum confidence of a stride
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class FootStep:
     position_m: tuple[float, float]  # on the ground
     width_m: float | None  # from the other foot, across the walking direction; None: not visible
     confidence: float  # 0 to 1
-    follows: bool = False  # True: the step before it in the list is that of the other foot
+    follows: bool = False  # True: the step before it in the list is of the other foot
     observed: bool = (
         True  # False: the other foot took two steps with the time of this one between them
     )
@@ -68,7 +68,7 @@ class FootStep:
 def find_steps(left: FootTrajectory, right: FootTrajectory, up: F64) -> list[FootStep]:
     """Return the steps of a person in the order of time; none while standing.
 
-    Trajectories are of measured and predicted positions; `up` (3, unit) points up.
+    Trajectories contain measured and predicted positions; `up` (3, unit) points up.
     """
     swings = [
         one
@@ -91,7 +91,7 @@ def _is_brief(swing: Swing) -> bool:
 
 
 def _is_lifted(swing: Swing, foot: FootTrajectory, up: F64) -> bool:
-    """Check that a foot that is well known rose in a brief swing, as in the steps of a turn."""
+    """Check that a precisely known foot rose in a brief swing, as in the steps of a turn."""
     inside, about = (
         (foot.times_s >= swing.lifted_s - margin_s) & (foot.times_s <= swing.landed_s + margin_s)
         for margin_s in LIFT_S
@@ -106,7 +106,7 @@ def _is_lifted(swing: Swing, foot: FootTrajectory, up: F64) -> bool:
 
 
 def _from_other_m(swing: Swing) -> tuple[float, float | None]:
-    """Return how far from the other foot a foot lands along its swing, and across it if visible."""
+    """Return the distance from the other foot along the swing, and across it if visible."""
     direction, apart = (swing.to_m - swing.from_m) / swing.length_m, swing.to_m - swing.other_m
     if not np.isfinite(apart).all():
         return swing.length_m / 2, None
@@ -117,7 +117,7 @@ def _from_other_m(swing: Swing) -> tuple[float, float | None]:
 def gait_measures(steps: Sequence[FootStep], rhythm: Sequence[Oscillation] = ()) -> GaitMeasures:
     """Return the measures of a walk; the number of steps alone without a known stride.
 
-    The rhythm of feet and head, if it is known, improves the cadence.
+    The rhythm of feet and head improves the cadence.
     """
     walked = walked_strides(steps)
     cadence_per_min = cadence(steps, rhythm)
@@ -148,12 +148,12 @@ def step_times_s(steps: Sequence[FootStep]) -> list[float]:
 
 
 def cadence(steps: Sequence[FootStep], rhythm: Sequence[Oscillation] = ()) -> float | None:
-    """Return the steps a minute of those that follow another; None with fewer than two of them.
+    """Return the steps a minute; None with fewer than two steps that follow another.
 
     Median over all pairs of landings of the time of a step between them, in each part of the walk:
-    one landing that is early or late changes it little [Theil 1950] [Sen 1968]. The rhythm of feet
-    and head counts the more, the fewer landings there are. An uncertain step begins another part:
-    in turns and stops feet also move without a step. Such steps count where there are no others.
+    an early or late landing changes it little [Theil 1950] [Sen 1968]. The rhythm of feet and head
+    counts the more, the fewer landings there are. An uncertain step begins another part, because
+    feet also move without steps in turns and stops; it counts if there are no other steps.
     """
     parts = _walks(steps)
     times_s: list[float] = []
@@ -179,7 +179,7 @@ def cadence(steps: Sequence[FootStep], rhythm: Sequence[Oscillation] = ()) -> fl
 def _walks(steps: Sequence[FootStep]) -> list[list[float]]:
     """Return the times of landings that follow each other, by part of the walk.
 
-    Parts of certain steps; of all steps where too few are certain.
+    Parts contain confident steps, or all steps if too few are confident.
     """
     certain = _parts(steps, CERTAIN)
     enough = sum(map(len, certain)) - len(certain) >= STEPS_MIN
@@ -201,7 +201,7 @@ def _parts(steps: Sequence[FootStep], confidence_min: float) -> list[list[float]
 
 
 def walked_strides(steps: Sequence[FootStep]) -> list[tuple[FootStep, Stride]]:
-    """Return the strides without pauses, by their time; those of turns, which are short, too."""
+    """Return the strides without pauses by their time, including short strides of turns."""
     known = [(step, step.stride) for step in steps if step.stride]
     if not known:
         return []
@@ -228,7 +228,7 @@ def _step(before: Sequence[FootStep], landing: Landing) -> FootStep:
 
 
 def _unobserved(before: FootStep, landing: Landing) -> list[FootStep]:
-    """Return the steps between two landings that were not observed: half-way in time."""
+    """Return the unobserved steps between two landings, at equal intervals."""
     last, after = before, landing.swing
     ratios = [k / landing.steps for k in range(1, landing.steps)]
     found = []
@@ -252,7 +252,7 @@ def _unobserved(before: FootStep, landing: Landing) -> list[FootStep]:
 
 
 def _stride(before: Sequence[FootStep], step: FootStep) -> Stride | None:
-    """Return the stride that a step ends; None unless two steps before it was one of this foot."""
+    """Return the stride that a step ends; None unless this foot landed two steps before."""
     if len(before) < 2 or not (step.follows and before[-1].follows and before[-2].observed):
         return None
     other, own = before[-1], before[-2]

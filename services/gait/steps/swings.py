@@ -1,8 +1,8 @@
-"""Swings: a foot leaves the position where it stood and comes down at another.
+"""Swings: motions of a foot from one footprint to its next.
 
-Each foot is followed by itself. Where the point filters exchanged both feet for a while, the paths
-of the feet jump; they are exchanged back first. A foot that is hidden while it swings lands
-between the landing and the lift of the other one.
+Each foot is evaluated by itself. If the point filters exchanged both feet for a time, the paths of
+the feet jump and are exchanged back first. A foot that is hidden in its swing lands between the
+landing and the lift of the other foot.
 
 Source: docs/method.md, section 20.
 """
@@ -24,23 +24,22 @@ from services.gait.steps.stances import (
     find_stances,
 )
 
-BIN_S = 0.05
+BIN_S = 0.05  # Minimum length of a bin [s]
 NOISE_M = 0.06  # Noise of a standing foot, in addition to the noise of its point [m]
 GAP_S = 0.5  # Maximum time that a foot is hidden in a swing [s]
-# Of the length of a swing: the foot has left; between the others it approaches its footprint
+# Ratios of the length of a swing: lift of the foot, and range of its approach to the footprint
 LIFTED, APPROACH = 0.1, (0.7, 0.92)
-EXCHANGE_COST_M = 0.08  # displacement that feet must save to be exchanged
-EXCHANGED_COST_M = 0.01  # of each frame of exchanged feet: else labels are taken as right
-SWING_MAX_S = 1.2
-ALONE_MIN = 0.4  # of a swing, in which the other foot does not swing
-DOUBLE_S = 0.08  # [s] least time that both feet stand between two swings
-PARTIAL = 1.5  # times the least length, of a swing whose begin was not visible
-LANDED_S = 0.2  # [s] after a landing, from which on it is one
-# [s], and frames, without a sample, of which the foot may have stood a part
+EXCHANGE_COST_M = 0.08  # Minimum saved displacement of exchanged feet [m]
+EXCHANGED_COST_M = 0.01  # Cost of each frame of exchanged feet [m]
+SWING_MAX_S = 1.2  # Maximum time of a visible swing [s]
+ALONE_MIN = 0.4  # Minimum share of a swing without a swing of the other foot
+PARTIAL = 1.5  # Minimum length of a swing with an invisible begin [LENGTH_MIN_M]
+LANDED_S = 0.2  # Minimum time after a confirmed landing [s]
+# Minimum gap between samples with an unknown part of standing [s, frames]
 HIDDEN_S, HIDDEN_FRAMES = 0.15, 1.5
-BRIEF_S = 0.25  # [s] shorter motions before or after a long stance are less likely swings
-STANDING_S = 1.2  # [s] of such a stance: of a person who stands rather than walks
-CLEAR = 1.5  # times the least length, from which on a swing counts in full
+BRIEF_S = 0.25  # Time of a swing of full confidence before or after a long stance [s]
+STANDING_S = 1.2  # Minimum time of a long stance, of a standing person [s]
+CLEAR = 1.5  # Length of a swing of full confidence [LENGTH_MIN_M]
 
 Side = Literal["left", "right"]
 FEET: tuple[Side, Side] = ("left", "right")
@@ -91,7 +90,7 @@ def _binned(feet: tuple[FootTrajectory, FootTrajectory], up: F64) -> tuple[Bins,
     end_s = max(float(foot.times_s[-1]) for foot in feet)
     spacing_s = float(np.median(np.concatenate([np.diff(foot.times_s) for foot in feet])))
     bin_s = max(BIN_S, spacing_s)
-    # Frames are in the middle of their bins, also those that are a little early or late.
+    # Frames are in the middle of their bins, even if they are a little early or late.
     origin_s = min(float(foot.times_s[0]) for foot in feet) - bin_s / 2
     count = int((end_s - origin_s) / bin_s) + 1
     if count < 3:
@@ -119,10 +118,10 @@ def _ground(up: F64) -> F64:
 
 
 def _on_own_feet(left: FootTrajectory, right: FootTrajectory) -> tuple[FootTrajectory, ...]:
-    """Exchange both feet where this makes their paths shorter: the best of all labels.
+    """Exchange both feet if this makes their paths shorter: the best sequence of labels.
 
-    A sequence of labels costs the displacements of both feet from frame to frame, something for
-    each exchange, and a little while they are exchanged.
+    A sequence of labels costs the displacements of both feet from frame to frame, EXCHANGE_COST_M
+    for each exchange, and EXCHANGED_COST_M for each frame of exchanged feet.
     """
     _, *both = np.intersect1d(left.times_s, right.times_s, return_indices=True)
     if len(both[0]) < 3:
@@ -191,7 +190,7 @@ def _swing(
     if length_m < least_m or time_s > GAP_S + SWING_MAX_S:
         return None
     end_s = float(times_s[max(np.flatnonzero(one.sampled)[-1] for one in feet)])
-    if end_s - times_s[last] < LANDED_S:  # not known yet if the foot stays there
+    if end_s - times_s[last] < LANDED_S:  # the foot may still move
         return None
     known = [k for k in range(first, last + 1) if bins.sampled[k]]
     along = np.array([bins.position_m(k, k + 1) for k in known]) - from_m
@@ -224,16 +223,16 @@ def _swing(
 
 
 def _landed_s(times_s: F64, along: F64, hidden_s: float) -> float:
-    """Return when a foot would reach its footprint at the speed with which it approaches it.
+    """Return when a foot would reach its footprint at its speed of approach.
 
-    The end of the path itself is not clear: it is as slow there as its noise.
+    The end of the path itself is uncertain: its speed there is as small as its noise.
     """
     far_s, near_s = (_crossing_s(times_s, along, edge, hidden_s) for edge in APPROACH)
     return near_s + (1.0 - APPROACH[1]) / (APPROACH[1] - APPROACH[0]) * max(near_s - far_s, 0.0)
 
 
 def _crossing_s(times_s: F64, along: F64, edge: float, hidden_s: float) -> float:
-    """Return when a rising path crosses a level; of a longer gap the middle."""
+    """Return when a rising path crosses a level; the middle of a gap longer than `hidden_s`."""
     k = int(np.searchsorted(along, edge))
     if k == 0 or k == len(along):
         return float(times_s[min(k, len(along) - 1)])

@@ -10,7 +10,7 @@ from common.compiled import compiled
 from people4d.messages import F64
 from services.gait.surface.segmentation import I32, I64, Mask
 
-MAX_BRIDGES = 12  # between pieces of one mesh
+MAX_BRIDGES = 12  # Maximum number of bridges of one mesh
 
 Edges: TypeAlias = tuple[I32, I32, F64]  # indptr, indices, lengths
 

@@ -38,7 +38,7 @@ class GeodesicExtrema:
     """Local maxima of the geodesic distance, farthest first; T of them."""
 
     vertices: I64  # T
-    persistence_m: F64  # T: height above the point where its basin meets that of a higher one
+    persistence_m: F64  # T: height above the point where its basin meets a higher one
     basin: I32  # V: number of the extremum that a vertex leads up to; -1: not connected
 
     @property

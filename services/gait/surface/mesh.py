@@ -139,7 +139,7 @@ def _sample(
     grid: I32,
     samples: F64,
 ) -> int:
-    """Set a vertex for each step x step pixels: the mean of those of the nearest surface."""
+    """Set a vertex for each step x step pixels: the mean pixel of the nearest surface."""
     height, width = depth_m.shape
     count = 0
     for row in range(grid.shape[0]):
@@ -243,7 +243,7 @@ def _connect(grid: I32, points: F64, limits: F64, neighbours: I32, near: I32, lo
 
 @compiled
 def _normal(points: F64, here: int, near: I32, long: F64, normals: F64) -> None:
-    """Set the normal of a vertex: that of its faces weighted by angle [Thürmer 1998]."""
+    """Set the normal of a vertex: the mean over its faces, weighted by angle [Thürmer 1998]."""
     px, py, pz = points[here, 0], points[here, 1], points[here, 2]
     x = y = z = 0.0
     for k in range(8):

@@ -190,9 +190,9 @@ def _seeded(depth_m: F32, labels: I32, sizes: I64, seed_m: float) -> int | None:
 def _join(depth_m: F32, labels: I32, sizes: I64, joined: Mask) -> None:
     """Add components that are likely a part of the body which is occluded at its joint.
 
-    Such a part lies beside the body in the image, little before or behind it, and within the box:
-    a component that reaches the box's sides is another person, a wall or furniture. A large one is
-    part of the body above or below something nearer, as the legs below a box that is carried.
+    Such a part is adjacent to the body in the image and in depth, and within the box: a component
+    that reaches the sides of the box is another person, a wall or furniture. A large component is
+    part of the body if it lies above or below, as legs below a carried box.
     """
     large = sizes > sizes[joined].sum() // 2
     possible = sizes >= PIXELS_MIN
@@ -216,7 +216,7 @@ def _join(depth_m: F32, labels: I32, sizes: I64, joined: Mask) -> None:
 def _stacked(depth_m: F32, labels: I32, joined: Mask, possible: Mask) -> Mask:
     """Return the components whose middle is above or below the joined ones, about as far away.
 
-    Another person who is that near reaches over the same rows.
+    Another person at this distance covers the same rows.
     """
     found = np.zeros(len(possible), np.bool_)
     numbers = np.flatnonzero(possible)
@@ -242,7 +242,7 @@ def _touch(
     gap_m: float,
     touches: I64,
 ) -> None:
-    """Count the pixels of possible components that lie beside a joined one."""
+    """Count the pixels of possible components that are adjacent to a joined one."""
     height, width = labels.shape
     for row in range(height):
         for column in range(width):

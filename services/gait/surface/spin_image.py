@@ -23,12 +23,12 @@ VERTICES_MAX = 1000  # Maximum number of vertices that are counted
 OVERLAP_MIN = 10  # Minimum number of bins filled in both of two images that match
 SIMILARITY_SIGMA = 1.5  # Standard deviation of the similarity
 NO_MATCH = -math.inf
-R_MAX = 1 - 1e-6  # atanh of 1 is infinite
-FILLED = 1e-3  # points in a bin; less is a rounding error of bilinear counting
+R_MAX = 1 - 1e-6  # Maximum correlation, because atanh(1) is infinite
+FILLED = 1e-3  # Minimum count of a filled bin; less is a rounding error of bilinear counting
 
 
 def spin_images(mesh: BodyMesh, vertices: npt.ArrayLike) -> F64:
-    """Return the spin images (M x bins x bins) of M vertices; all 0 for an index that is no vertex.
+    """Return the spin images (M x bins x bins) of M vertices; all 0 for an invalid index.
 
     Rows are beta, the height above the plane of the vertex, from -bins/2 to bins/2; columns are
     alpha, the distance from its normal. Bins are counted bilinearly.

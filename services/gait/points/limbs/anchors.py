@@ -23,11 +23,11 @@ from services.gait.points.keypoints import (
 from services.gait.points.normal import Normal
 from services.gait.points.point_filter import PointEstimate, PointFilter
 
-EXCHANGE_MIN = 6.0  # squared deviations by which exchanged keypoints fit better
-COST_MAX = 25.0  # squared deviations of one keypoint
-DOUBTFUL_COST_MAX = 9.0  # the same of one of low confidence
-FEET_APART_M = 0.13  # between the middles of two feet, at least
-SAME_M = 0.10  # [m] two points nearer to each other are on one limb
+EXCHANGE_MIN = 6.0  # Minimum gain of exchanged keypoints [squared deviations]
+COST_MAX = 25.0  # Maximum cost of one keypoint [squared deviations]
+DOUBTFUL_COST_MAX = 9.0  # Maximum cost of a keypoint of low confidence [squared deviations]
+FEET_APART_M = 0.13  # Minimum distance between the middles of two feet [m]
+SAME_M = 0.10  # Maximum distance between two points on one limb [m]
 
 
 def keep_own_limbs(
@@ -36,9 +36,9 @@ def keep_own_limbs(
     dt_s: float,
     info: CameraInfo,
 ) -> dict[str, Anchor]:
-    """Return anchors without those on the other limb; both exchanged are given back.
+    """Return anchors on their own limbs; exchange wrists that are on each other's limb.
 
-    Those of low confidence must be near their point. `points` are predicted by `dt_s` seconds.
+    Anchors of low confidence must be near their point. `points` are predicted by `dt_s` seconds.
     """
     own = {
         name: anchor
@@ -70,7 +70,7 @@ def keep_own_limbs(
 
 
 def feet_apart(estimates: Mapping[str, PointEstimate]) -> dict[str, PointEstimate]:
-    """Return estimates in which of two feet at one place the less certain one is lost."""
+    """Return estimates after losing the less certain of two feet at one position."""
     found = dict(estimates)
     feet = [name for name in (LEFT_FOOT, RIGHT_FOOT) if name in found]
     if len(feet) < 2 or any(found[name].state == "lost" for name in feet):
@@ -89,7 +89,7 @@ def _fits(
     dt_s: float,
     info: CameraInfo,
 ) -> bool:
-    """Check that an anchor is where its point is expected, and not rather the other limb's."""
+    """Check that an anchor is at the expected position of its point, not of the other limb."""
     expected, other = (points[one].expected_position(dt_s) for one in (name, COUNTERPARTS[name]))
     if expected is None:
         return False

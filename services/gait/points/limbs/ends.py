@@ -1,6 +1,6 @@
 """Positions of hands and feet at the ends of their limbs, without keypoints.
 
-The end of a limb is that of the fingers, of the toes, or of the heel of a foot that points away.
+A limb ends in fingers or toes, or in the heel if the foot points away from the camera.
 The middle of the hand or foot follows from the direction of forearm or shank: linear regression on
 the middles of three slices of the limb, across its length.
 
@@ -18,12 +18,12 @@ from services.gait.points.keypoints import kind_of
 from services.gait.points.limbs.surface import SurfacePosition
 from services.gait.surface.segmentation import I64
 
-SLICES_M = ((0.0, 0.08), (0.16, 0.24), (0.32, 0.45))  # [m] from the end, along the body
-SLICE_VERTICES_MIN = 3
-NOISE_M, DEPTH_NOISE_M = 0.03, 0.02  # [m] of the position, and more along the ray
-# Offset of the middle from the extremity, ahead, aside (to the side of the limb) and up, by those
-# of each slice, the cosine of heading and ray, and 1. Fitted to scenes for choosing of two
-# simulators, see benchmarks/gait_bodies.md and benchmarks/gait.md.
+SLICES_M = ((0.0, 0.08), (0.16, 0.24), (0.32, 0.45))  # Slices from the end along the body [m]
+SLICE_VERTICES_MIN = 3  # Minimum number of vertices of a slice
+NOISE_M, DEPTH_NOISE_M = 0.03, 0.02  # Noise of the position, and addition along the ray [m]
+# Coefficients of the offset of the middle from the extremity ahead, aside (to the side of the limb)
+# and up, by the offsets of each slice, the cosine of heading and ray, and 1. Fitted to the tuning
+# split of two simulators, see benchmarks/gait_bodies.md and benchmarks/gait.md.
 OFFSETS: Mapping[str, F64] = MappingProxyType(
     {
         "foot": np.array(

@@ -1,9 +1,8 @@
 """Positions of feet beyond the range of depth, by the floor below their ankles.
 
-A depth camera has readings up to some distance only. Where there are none about the keypoint of an
-ankle, its ray gives the position of a standing foot at the height of such an ankle. An ankle that
-swings is higher, so its foot seems farther away: the farther than the body expects, the less it
-counts.
+A depth camera has a limited range. If there are no readings about the keypoint of an ankle, its ray
+gives the position of a standing foot at the height of an ankle. A swinging ankle is higher, so its
+foot appears farther away: the farther beyond the expected position, the less it counts.
 
 Source: docs/method.md, section 19.
 """
@@ -20,13 +19,13 @@ from services.gait.points.keypoints import Anchor, kind_of
 from services.gait.points.limbs.surface import FOOT_AHEAD_M, FOOT_BELOW_M
 from services.gait.points.point_filter import GATE, PointFilter
 
-ANKLE_M = 0.12  # [m] height of the keypoint of a standing ankle
-EMPTY_PX, EMPTY_MAX = 7, 0.2  # [px] about an ankle, and share of readings there at most
-CONFIDENCE_MIN = 0.3  # of an ankle
-ACROSS_M, ALONG_M = 0.06, 0.15  # [m] standard deviations across the ray and along it
-SWING = 0.5  # of the depth beyond the expected one, added to the deviation along the ray
-DEPTH_MAX_M = 8.0  # [m] farther, a pixel is too long on the floor
-PIXEL_SIGMA = 3.0  # [px] of the ray
+ANKLE_M = 0.12  # Height of the keypoint of a standing ankle [m]
+EMPTY_PX, EMPTY_MAX = 7, 0.2  # Radius about an ankle [px], and maximum share of readings there
+CONFIDENCE_MIN = 0.3  # Minimum confidence of an ankle
+ACROSS_M, ALONG_M = 0.06, 0.15  # Standard deviations across the ray and along it [m]
+SWING = 0.5  # Share of the depth beyond the expected one in the deviation along the ray
+DEPTH_MAX_M = 8.0  # Maximum depth; farther, a pixel is too long on the floor [m]
+PIXEL_SIGMA = 3.0  # Standard deviation of the ray [px]
 
 
 @dataclass(frozen=True)
@@ -44,7 +43,7 @@ def floor_positions(
     heading: F64 | None,
     info: CameraInfo,
 ) -> Mapping[str, FloorPosition]:
-    """Return the positions of feet whose ankles have no depth; none without a floor.
+    """Return the positions of feet with ankles without depth; empty without a floor.
 
     `heading` is a unit vector in the optical frame.
     """

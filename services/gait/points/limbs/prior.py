@@ -1,4 +1,4 @@
-"""Expected positions of hands and feet relative to the body, and what the camera sees of them.
+"""Expected positions of hands and feet relative to the body.
 
 A hand is expected beside its own hip and a foot below it: normal distributions in a frame of the
 body, in statures. With the pixel of a keypoint such a distribution gives the depth of a hand that
@@ -18,10 +18,10 @@ from services.gait.points.body import MeasuredBody, torso_vertices
 from services.gait.points.keypoints import LEFT_FOOT, LEFT_HAND, RIGHT_FOOT, RIGHT_HAND
 from services.gait.points.normal import Normal
 
-TORSO_HEIGHT = 0.67  # of the stature, middle of shoulders and hips
-FRONT_M, SIDE_M = 0.11, 0.16  # from the torso's surface to its middle, from the front and the side
-HEADING_SIGMA_RAD = 0.3
-JOINT_SIGMA_M = 0.07  # [m] of a keypoint of an elbow or knee, which may be hidden
+TORSO_HEIGHT = 0.67  # Height of the middle of shoulders and hips [statures]
+FRONT_M, SIDE_M = 0.11, 0.16  # Depth of the middle of the torso, in front and side view [m]
+HEADING_SIGMA_RAD = 0.3  # Standard deviation of the heading [rad]
+JOINT_SIGMA_M = 0.07  # Standard deviation of the keypoint of an elbow or knee [m]
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
 """Positions of hands and feet by the surface behind their keypoints.
 
-Wrists and ankles are the most precise keypoints, and the depth behind them is that of the limb. The
-middle of the hand is beyond the wrist, half of the way to the surface there, and so is that of the
-foot ahead of the ankle.
+Wrists and ankles are the most precise keypoints, and their depth is the depth of the limb. The
+middle of the hand is beyond the wrist and the middle of the foot ahead of the ankle, each half of
+the way to the surface there.
 
 Source: docs/method.md, section 19.
 """
@@ -16,16 +16,16 @@ from people4d.messages import F64, CameraInfo
 from services.gait.points.body import MeasuredBody
 from services.gait.points.keypoints import Anchor, kind_of
 
-# Of the forearm in the image, from the wrist to the middle of the hand, the first on the body
+# Offsets from the wrist to the middle of the hand; the first on the body counts [forearms]
 HAND_REACHES = np.array([0.4, 0.2])
-ANKLE_DEEP_M = 0.055  # [m] from the surface to the ankle
-# [m] from the ankle to the surface at the middle of the foot: ahead, down and towards the camera
+ANKLE_DEEP_M = 0.055  # Depth of the ankle behind its surface [m]
+# Offset from the ankle to the surface at the middle of the foot: ahead, down, to the camera [m]
 FOOT_AHEAD_M, FOOT_BELOW_M, FOOT_NEAR_M = 0.08, 0.03, 0.03
-FOOT_AWAY = 0.4  # cosine of heading and ray, above which the surface before a foot is its heel's
-AROUND_PX = np.array([(0, 0), (-3, 0), (3, 0), (0, -3), (0, 3)])  # pixels whose depth counts
-NOISE_M, UNSURE_M = 0.012, 0.018  # [m] of a keypoint in the image, and more at confidence 0
-LIMB_DEEP_M = 0.12  # [m] between wrist and hand, or foot and surface, at most
-DEPTH_NOISE_M = 0.018  # [m] of the depth behind it: the limb is round
+FOOT_AWAY = 0.4  # Minimum cosine of heading and ray of a foot with a visible heel
+AROUND_PX = np.array([(0, 0), (-3, 0), (3, 0), (0, -3), (0, 3)])  # Offsets of sampled pixels
+NOISE_M, UNSURE_M = 0.012, 0.018  # Noise of a keypoint, and addition at confidence 0 [m]
+LIMB_DEEP_M = 0.12  # Maximum depth between wrist and hand, or foot and surface [m]
+DEPTH_NOISE_M = 0.018  # Noise of the depth of a limb, which is round [m]
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class SurfacePosition:
     """Position of a hand or foot by the surface of its limb."""
 
     position_m: F64  # 3, optical frame
-    noise_m2: F64  # 3x3, besides that of depth
+    noise_m2: F64  # 3x3, without the noise of depth
     vertex: int  # behind the keypoint, or at the end of the limb
 
 
@@ -64,7 +64,7 @@ def surface_position(
         deep_m = np.abs(body.mesh.points_m[beyond, 2] - depth_m)
         there = np.flatnonzero((beyond >= 0) & (deep_m < LIMB_DEEP_M))
         pixel = beyond_px[there[0]] if len(there) else anchor.joint
-        # Forearms point to the camera or away from it: half of the way is the hand's own depth.
+        # Forearms may point to the camera or away from it: the hand is half of the way.
         own_m = float(body.mesh.points_m[beyond[there[0]], 2]) if len(there) else depth_m
         position_m = deproject(pixel, (depth_m + own_m) / 2, info)[0]
     else:
@@ -91,7 +91,7 @@ def _nearer_to_surface(position_m: F64, body: MeasuredBody, info: CameraInfo) ->
 
 
 def _beyond_px(name: str, anchor: Anchor) -> F64:
-    """Return the pixels where the middle of a hand may be, Nx2; none of other points."""
+    """Return candidate pixels of the middle of a hand, Nx2; empty for other points."""
     if kind_of(name) != "hand" or anchor.joint is None or anchor.before is None:
         return np.empty((0, 2))
     return np.asarray(anchor.joint + HAND_REACHES[:, None] * (anchor.joint - anchor.before))

@@ -1,8 +1,8 @@
-"""Visibility of hands and feet: whether the surface that was measured is that of the point itself.
+"""Visibility of hands and feet: whether the measured surface belongs to the point itself.
 
-A surface on the ray of a hidden point is that of the torso, of the other limb or of somebody else.
-Keypoint, expected position, other limb and distance along the body tell more together than each
-alone: a logistic regression gives the log-odds that the point is visible.
+The surface on the ray of a hidden point belongs to the torso, the other limb or another person. A
+logistic regression on keypoint, expected position, other limb and distance along the body gives the
+log-odds that the point is visible.
 
 Source: docs/method.md, section 19.
 """
@@ -20,13 +20,13 @@ from services.gait.points.body import Extremity, MeasuredBody
 from services.gait.points.keypoints import Anchor
 from services.gait.points.point_filter import PointFilter
 
-PIXEL_SIGMA = 3.0  # [px] of a point on the surface
-SHANK = 0.246  # of the stature, from knee to ankle [Winter 2009]
-# Of a shank that points away from the camera: share of its length in the image, at most, and metres
-# from the surface at the knee to that at the ankle, at least
+PIXEL_SIGMA = 3.0  # Standard deviation of a point on the surface [px]
+SHANK = 0.246  # Length from knee to ankle [statures] [Winter 2009]
+# Shank that points away from the camera: maximum share of its length in the image, and minimum
+# depth of the surface at the ankle behind the surface at the knee [m]
 AWAY_SHARE, AWAY_M = 0.5, 0.1
-SIGMAS_MAX = 20.0**0.5
-DISTINCT_END = 0.7  # strength of an end of a limb whose limb may be held in any way
+SIGMAS_MAX = 20.0**0.5  # Maximum deviation that counts [standard deviations]
+DISTINCT_END = 0.7  # Minimum strength of the end of a limb that may have any pose
 
 
 class LimbEvidence(NamedTuple):
@@ -63,7 +63,7 @@ class Visibility:
         return float(np.dot(self.weights, evidence)) + self.bias
 
 
-# Fitted to scenes of one half of the bodies and styles, see benchmarks/gait_bodies.md.
+# Fitted to one half of the bodies and styles, see benchmarks/gait_bodies.md.
 VISIBILITY: Mapping[str, Visibility] = MappingProxyType(
     {
         "hand": Visibility(
@@ -79,7 +79,7 @@ VISIBILITY: Mapping[str, Visibility] = MappingProxyType(
     }
 )
 
-# The same without any keypoint, fitted to scenes for choosing of two simulators.
+# Regression without keypoints, fitted to the tuning split of two simulators.
 NO_WEIGHTS = LimbEvidence(*[0.0] * len(LimbEvidence._fields))
 WITHOUT_KEYPOINTS: Mapping[str, Visibility] = MappingProxyType(
     {
@@ -110,7 +110,7 @@ WITHOUT_KEYPOINTS: Mapping[str, Visibility] = MappingProxyType(
 def shank_points_away(anchor: Anchor | None, body: MeasuredBody, info: CameraInfo) -> bool:
     """Check that a shank points away from the camera: it hides its own ankle, as in a swing.
 
-    The foot may be visible below, but the surface at the ankle is that of the shank.
+    The foot may be visible below, but the surface at the ankle belongs to the shank.
     """
     if anchor is None or anchor.joint is None or anchor.before is None:
         return False
