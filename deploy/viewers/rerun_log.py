@@ -1,6 +1,8 @@
 """Messages in Rerun: images, depth, boxes, skeletons, tracks, transforms, latency, predictions."""
 
+from contextlib import suppress
 from pathlib import Path
+from subprocess import Popen
 
 import numpy as np
 import rerun as rr
@@ -30,6 +32,9 @@ VIEWS_MAX = 64  # of cameras; Rerun has two threads more for each arrangement th
 PALE = 90  # opacity of what is predicted, of 255
 QUALITY = 80  # of JPEG
 MILLIMETRES = 1000.0  # of depth in a metre
+FLUSH_S = (
+    3.0  # for the last messages to arrive; Rerun waits without a limit for a viewer that ended
+)
 SIGMAS = 2.4477  # of an ellipse that holds 95 % of a normal distribution of x and y
 
 
@@ -38,15 +43,24 @@ class RerunLog:
 
     Args:
         stream: The stream, with its sink.
+        viewer: The viewer's process, if it was started for this stream.
     """
 
-    def __init__(self, stream: rr.RecordingStream) -> None:
+    def __init__(self, stream: rr.RecordingStream, viewer: "Popen[bytes] | None" = None) -> None:
         self._stream = stream
+        self._viewer = viewer
         self._scene = PeopleScene()
         self._cameras: set[str] = set()
 
     def write(self, message: Message, log_time_ns: int) -> None:
-        """Take a message, received at this time."""
+        """Take a message, received at this time.
+
+        Raises:
+            SourceError: The viewer ended.
+        """
+        if self._viewer and self._viewer.poll() is not None:
+            hint = "Without a display write a file: people4d view --rerun out.rrd."
+            raise SourceError("Rerun's viewer ended", hint)
         self._stream.set_time("stamp", timestamp=np.datetime64(message.stamp_ns, "ns"))
         self._stream.set_time("received", timestamp=np.datetime64(log_time_ns, "ns"))
         people = self._scene.add(message)
@@ -70,7 +84,8 @@ class RerunLog:
 
     def close(self) -> None:
         """Send what waits, and end the stream."""
-        self._stream.flush()
+        with suppress(RuntimeError):  # the viewer is gone
+            self._stream.flush(timeout_sec=FLUSH_S)
         self._stream.disconnect()
 
     def _calibrate(self, info: CameraInfo) -> None:
@@ -192,26 +207,27 @@ class RerunLog:
             self._stream.log(f"latency/{part.service}/{part.stage}", rr.Scalars(part.ms))
 
 
-def open_stream(robot: str, file: Path | None) -> rr.RecordingStream:
-    """Open a stream to Rerun's viewer, which is started, or to a file.
+def open_log(robot: str, file: Path | None) -> RerunLog:
+    """Open Rerun's viewer, which is started, or a file.
 
     Raises:
         SourceError: The file cannot be written, or the viewer cannot be started.
     """
     stream = rr.RecordingStream("people4d", recording_id=None)
     stream.send_property("robot", rr.AnyValues(name=robot))
+    viewer = None
     try:
         if file:
             file.parent.mkdir(parents=True, exist_ok=True)
             stream.save(file, default_blueprint=blueprint([]))
         else:
-            start_viewer(PORT)
+            viewer = start_viewer(PORT)
             url = f"rerun+http://127.0.0.1:{PORT}/proxy"
             stream.connect_grpc(url, default_blueprint=blueprint([]))
     except (OSError, RuntimeError) as error:
         name = str(file) if file else "Rerun's viewer"
         raise SourceError(f"{name} cannot be opened: {error}") from error
-    return stream
+    return RerunLog(stream, viewer)
 
 
 def blueprint(cameras: list[str]) -> rrb.Blueprint:

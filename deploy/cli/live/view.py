@@ -124,9 +124,9 @@ def live(client: Client, image_hz: float) -> Iterator[tuple[int, Message]]:
 
 def rerun_output(robot: str, file: Path | None) -> ViewerOutput:
     """Open Rerun's viewer or a file of it."""
-    from deploy.viewers.rerun_log import RerunLog, open_stream  # noqa: PLC0415 (optional)
+    from deploy.viewers.rerun_log import open_log  # noqa: PLC0415 (optional)
 
-    return RerunLog(open_stream(robot, file))
+    return open_log(robot, file)
 
 
 def foxglove_output(images: str, file: Path | None, address: str, port: int) -> ViewerOutput:

@@ -1,18 +1,24 @@
 """Rerun: its own reader reads back what was written."""
 
 import os
+import subprocess
+import sys
 from collections import Counter
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import pytest
+import rerun as rr
 from rerun.chunk import RrdReader
 from typer.testing import CliRunner
 
 from common.io.recording import RecordingWriter
+from common.transport.ports import free_port
 from deploy.cli import app
 from deploy.cli.live.view import ImageRate
-from deploy.viewers.rerun_log import VIEWS_MAX, RerunLog, open_stream
+from deploy.viewers.rerun_log import VIEWS_MAX, RerunLog, open_log
+from people4d.errors import SourceError
 from tests import builders
 from tests.deploy.viewers import walk
 
@@ -49,12 +55,25 @@ def test_file_is_read_back_by_its_own_reader(tmp_path: Path) -> None:
 
 
 def test_invented_cameras_do_not_use_up_threads(tmp_path: Path) -> None:
-    log = RerunLog(open_stream("robot", tmp_path / "out.rrd"))
+    log = open_log("robot", tmp_path / "out.rrd")
     before = len(os.listdir("/proc/self/task"))
     for number in range(VIEWS_MAX + 40):
         log.write(builders.camera_info(camera=f"c{number}"), number)
     log.close()
     assert len(os.listdir("/proc/self/task")) <= before + 2 * VIEWS_MAX + 10
+
+
+def test_ended_viewer_is_an_error_and_does_not_hold_the_command() -> None:
+    stream, viewer = rr.RecordingStream("people4d"), subprocess.Popen([sys.executable, "-c", ""])
+    stream.connect_grpc(f"rerun+http://127.0.0.1:{free_port()}/proxy")
+    log = RerunLog(stream, viewer)
+    viewer.wait(30.0)
+    with pytest.raises(SourceError, match="viewer ended"):
+        log.write(builders.camera_info(), 0)
+    closing = Thread(target=log.close, daemon=True)
+    closing.start()
+    closing.join(30.0)
+    assert not closing.is_alive()
 
 
 def test_viewer_has_to_be_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
