@@ -104,6 +104,14 @@ def clean(**variables: str) -> Mapping[str, str]:
     return {**inherited, **variables}
 
 
+def test_clone_beside_a_script_does_not_shadow_the_package(tmp_path: Path) -> None:
+    (tmp_path / "people4d").mkdir()
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    program = ("-c", "from people4d import subscribe; import services.camera")
+    done = run(sys.executable, *program, cwd=tmp_path, env=environment)
+    assert done.returncode == 0, done.stderr
+
+
 def test_planner_runs_beside_modules_named_like_ours(planner: Path, folder: Path) -> None:
     network = Network()
     shutil.copy(ROOT / "docs" / "examples" / "planner.py", folder)
