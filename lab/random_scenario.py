@@ -1,6 +1,6 @@
-"""Random scenes: a room, a camera and people of a given density, all from one seed.
+"""Random scenes from one seed: room, cameras and people of a given density.
 
-`lab:random?seed=7&density=0.2` is such a scene; the options are those of `RandomScene`.
+An example is `lab:random?seed=7&density=0.2`; `RandomScene` has the options.
 """
 
 import math
@@ -26,53 +26,53 @@ from people4d.errors import ConfigError
 from people4d.validation import explain
 
 NAME = "random"
-KEY = 0x5CE4E  # of the random numbers
-COUNTED_M = 5.0  # depth to which people are counted
-FAR_M, ASIDE_RAD = 7.0, 0.4  # people never so near, or farther aside of the view, are left out
-BESIDE_M = 0.45  # between the middle of a person who stops and furniture
-CAMERA_M = 0.7  # between a camera and furniture
-XTION_FOCAL = 0.835  # focal length over the width of the image
-CUT_M = 0.6  # to which people come near to a camera that they do not avoid
+KEY = 0x5CE4E  # key of the random numbers
+COUNTED_M = 5.0  # maximum depth of counted people [m]
+FAR_M, ASIDE_RAD = 7.0, 0.4  # maximum distance, and angle outside the view, of people [m, rad]
+BESIDE_M = 0.45  # minimum distance of a stop from furniture [m]
+CAMERA_M = 0.7  # minimum distance of a camera from furniture [m]
+XTION_FOCAL = 0.835  # ratio of focal length to image width
+CUT_M = 0.6  # minimum distance of people from a camera that is not avoided [m]
 
 View = Literal["robot", "head", "ceiling", "any"]
 
 
 class RandomScene(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Options of a random scene; what is not set is like recordings of real people."""
+    """Options of a random scene; the defaults resemble recordings of real people."""
 
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
-    # [1/m2] of the floor; of the floor in view if `paths` are recorded ones
+    # [1/m2] people on the floor; with `paths`, on the floor in view
     density: Annotated[float, Meta(ge=0.005, le=1.0)] = 0.15
-    people: Annotated[int, Meta(ge=0, le=MAX_PEOPLE)] = 0  # in place of the density; 0: by density
-    paths: str = ""  # folder or file of recorded paths of pedestrians; empty: simulated ones
+    people: Annotated[int, Meta(ge=0, le=MAX_PEOPLE)] = 0  # number of people; 0: by density
+    paths: str = ""  # folder or file of recorded paths of pedestrians; empty: simulated
     room: RoomName = "office"  # with `paths` always the square
     # robot: 1 to 1.2 m high; head: 1.5 to 1.8 m; ceiling: 2.2 m, tilted down and to a side
     view: View = "any"
-    outfit: Literal["own", "dark", "random", "mixed"] = "mixed"  # mixed: half of them dark
+    outfit: Literal["own", "dark", "random", "mixed"] = "mixed"  # mixed: half dark
     furniture: bool = True  # desks, chairs, partitions; not in the square
-    plain: bool = False  # True: image and depth without the errors of a cheap camera
+    plain: bool = False  # True: without the errors of a low-cost camera
     depth_sensor: SensorName = "xtion"
     duration_s: Annotated[float, Meta(ge=1, le=600)] = 15.0  # [s]
     fps: Annotated[float, Meta(ge=1, le=60)] = 10.0  # [Hz]
     width: CameraSide = 640  # [px]
     height: CameraSide = 480  # [px]
-    # of several cameras, in the square, without furniture
+    # number of cameras; several: in the square, without furniture
     cameras: Annotated[int, Meta(ge=1, le=6)] = 1
-    # ring: all look at the middle; row: neighbours overlap a little; apart: none overlap
+    # ring: towards the centre; row: neighbours overlap slightly; apart: no overlap
     layout: Layout = "ring"
-    row_m: Annotated[float, Meta(ge=1, le=6)] = ROW_M  # [m] between cameras in a row
+    row_m: Annotated[float, Meta(ge=1, le=6)] = ROW_M  # [m] distance of cameras in a row
     clocks: Clocks = "alike"  # free: each with its own offset, drift and rate
     robot: bool = False  # the last camera drives
 
     def __post_init__(self) -> None:
-        """Check that a robot has a fixed camera beside it."""
+        """Check that a scene with a robot has a fixed camera."""
         super().__post_init__()
         if self.robot and self.cameras < 2:
             raise ValueError("robot: expected two cameras or more")
 
 
 def is_random(name: str) -> bool:
-    """Check that the name of a scenario is that of a random scene."""
+    """Check for the name of a random scene."""
     return name == NAME or name.startswith(f"{NAME}?")
 
 
@@ -94,7 +94,7 @@ def read_options(name: str, seed: int | None = None) -> RandomScene:
 
 
 def random_scenario(name: str, seed: int | None = None) -> Scenario:
-    """Return the scene of a name; another seed draws another.
+    """Return the scene of a name and seed.
 
     Raises:
         ConfigError: An option is unknown or out of range, paths cannot be read, or there is no
@@ -168,7 +168,7 @@ def _several(options: RandomScene, rng: np.random.Generator) -> Scenario:
 def _people(
     options: RandomScene, rng: np.random.Generator, floor: FreeFloor, count: int
 ) -> tuple[PersonPlan, ...]:
-    """Return people who walk about on a floor, each from a free start."""
+    """Return people with random paths on a floor, each from a free start."""
     starts: list[Position] = []
     people = []
     for number in range(min(count, MAX_PEOPLE)):
@@ -264,7 +264,7 @@ def _focal_px(options: RandomScene) -> float:
 def _furniture(
     rng: np.random.Generator, low: Position, high: Position, camera: CameraPlan
 ) -> tuple[FurniturePlan, ...]:
-    """Return desks with chairs on both sides of an aisle, and a partition before the camera."""
+    """Return desks and chairs on both sides of an aisle, and a partition near the camera."""
     pieces = []
     aisle = rng.uniform(0.9, 1.3)
     for x in np.arange(low[0] + 2.0, high[0] - 0.6, 1.9):
@@ -289,7 +289,7 @@ def _furniture(
 
 
 def _name(options: RandomScene) -> str:
-    """Return the name of a scene's files: its options that are not the default, less the seed."""
+    """Return the name of a scene's files: options that differ from the default, without seed."""
     usual = RandomScene()
     values = {
         field: value
@@ -303,7 +303,7 @@ def _name(options: RandomScene) -> str:
 
 
 def absolute(name: str, seed: int | None) -> str:
-    """Return the name of a scene with an absolute path of its recorded paths, and its seed."""
+    """Return the name of a scene with seed and the absolute path of recorded paths."""
     options = read_options(name, seed)
     paths = str(Path(options.paths).absolute()) if options.paths else ""
     values = msgspec.structs.asdict(msgspec.structs.replace(options, paths=paths))

@@ -38,7 +38,7 @@ class TransformEstimate:
 
     @property
     def is_uncertain(self) -> bool:
-        """Whether it is extrapolated, or interpolated over a gap."""
+        """True: extrapolated, or interpolated over a gap."""
         return self.sigma_m > 0 or self.sigma_rad > 0
 
 

@@ -79,7 +79,7 @@ class DepthSensorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
 
     @property
     def sees_surfaces(self) -> bool:
-        """Whether readings depend on more than depth in the view of the colour camera."""
+        """True: readings depend on more than depth in the view of the colour camera."""
         return self.colour_offset_m != 0.0 or self.signal_least > 0.0
 
 

@@ -66,7 +66,7 @@ class RenderJob:
 
     @property
     def is_measured(self) -> bool:
-        """Whether the sensor is applied now.
+        """True: the sensor is applied now.
 
         A sensor that depends on surfaces, or several sensors, cannot be applied during playback.
         """

@@ -83,10 +83,10 @@ def test_position_inside_furniture_is_refused(tmp_path: Path) -> None:
 
 def test_trajectory_of_some_and_not_of_all_is_refused(tmp_path: Path) -> None:
     other = '[[people]]\nbody = "bea"\nstart = [1.0, 0.0]\ntrajectory = [[0, 1, 0], [2, 2, 0]]'
-    with pytest.raises(ConfigError, match="expected a trajectory of all or of none"):
+    with pytest.raises(ConfigError, match="expected a trajectory of each person"):
         world(tmp_path, other)
 
 
 def test_trajectory_whose_times_fall_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="expected times that rise"):
+    with pytest.raises(ConfigError, match="expected rising times"):
         world(tmp_path, "", "trajectory = [[0, 3.4, 0], [0, 2, 0]]")

@@ -119,7 +119,7 @@ def test_source_is_the_camera_that_is_named() -> None:
 
 def test_cameras_of_one_name_are_refused() -> None:
     first = scene().cameras[0]
-    with pytest.raises(ValueError, match="a name each, got c2, c2"):
+    with pytest.raises(ValueError, match="different names, got c2, c2"):
         msgspec.convert({**msgspec.to_builtins(scene(cameras=2)), "camera": first}, Scenario)
 
 
