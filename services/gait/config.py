@@ -1,6 +1,6 @@
 """Configuration of the gait service.
 
-Sections are those of docs/method.md. "Published" is the value of [Liu 2018]; values without a
+Sections refer to docs/method.md. "Published" is the value of [Liu 2018]; values without a
 source are this project's. All other constants stand beside their equations.
 """
 

@@ -90,7 +90,7 @@ def test_standing_person_has_no_step() -> None:
 
 
 def test_two_people_in_step_side_by_side_have_the_same_measures() -> None:
-    # Both take steps of 0.65 s at the same times, the feet of one 0.8 m from those of the other.
+    # Both take steps of 0.65 s at the same times, 0.8 m apart.
     people = [
         PersonPlan(body="carlos", start=(6.4, y_m), path=(Waypoint(to=(2.9, y_m)),))
         for y_m in (0.5, -0.5)

@@ -134,7 +134,7 @@ def test_order_of_arrival_does_not_change_the_points(order: tuple[int, ...]) -> 
 
 
 def test_left_and_right_follow_from_the_yaw_of_the_track() -> None:
-    # The camera looks along x. Of a person who heads there, too, left is at its left, at +y.
+    # The camera looks along x. If the person has the same heading, left is at +y.
     for yaw_rad, side in ((0.0, 1.0), (math.pi, -1.0)):
         node, found = calibrated(), []
         one = msgspec.structs.replace(track(), yaw_rad=yaw_rad)

@@ -79,7 +79,7 @@ def test_walking_person_is_mostly_tracked_with_published_constants(fields: dict[
 
 
 def success_before_a_shelf(**fields: Any) -> float:
-    """Return the success for a person who walks past a board of all their colours, upside down."""
+    """Return the success for a person in front of a board with the same colours, upside down."""
 
     def frame(number: int) -> U8:
         image = frame_of(np.array([[150.0, 10.0, 200.0, 130.0]]))

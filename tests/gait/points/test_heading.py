@@ -1,4 +1,4 @@
-"""Heading of people who walk or stand, and left and right exchanged."""
+"""Heading of walking and standing people, and exchanged left and right."""
 
 import numpy as np
 import pytest

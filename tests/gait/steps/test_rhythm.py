@@ -53,7 +53,7 @@ def test_without_a_rhythm_landings_count(times_s: F64, swing_m: float) -> None:
 
 
 def test_rhythm_far_from_the_landings_does_not_count() -> None:
-    """It may be that of strides, of shadows, or of a turn."""
+    """It may come from strides, shadows, or a turn."""
     feet = walk(np.arange(0, 8, 1 / 30))
     assert with_rhythm(0.7, 0.05, [feet]) == 0.7
 

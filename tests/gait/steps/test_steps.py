@@ -122,7 +122,7 @@ def test_noise_gaps_and_exchanged_feet_change_measures_little() -> None:
 
 def test_missed_footprint_gives_no_long_step() -> None:
     # The right foot comes down at 0.5, 1.5, ... s; where it stands from 2.5 to 3.0 s nothing sees
-    # it. Its step there is not known; those of the left foot have half a stride as length.
+    # it. Its step there is not known; steps of the left foot have half a stride as length.
     times_s = np.arange(0, 6, 1 / 30)
     left, right = feet(times_s)
     visible = (times_s < 2.3) | (times_s > 3.2)
@@ -133,7 +133,7 @@ def test_missed_footprint_gives_no_long_step() -> None:
 
 
 def test_one_foot_alone_gives_no_measures() -> None:
-    """Its footprints count as those of both feet, at half the rate."""
+    """Its footprints count for both feet, at half the rate."""
     times_s = np.arange(0, 6, 1 / 30)
     left, _ = feet(times_s)
     nothing = np.zeros((0, 3))
