@@ -37,7 +37,7 @@ def test_rejected_frames_are_a_problem_with_what_is_wrong(heard: Heard) -> None:
     heard.fields["camera-1"] = {"state": "starting", "reason": FAULT}
     found = heard.found("frames")
     assert (found.level, found.what) == ("problem", f"frames of camera-1 are rejected: {FAULT}")
-    assert "1000 * depth_m" in found.hint
+    assert "depth_in_metres = True" in found.hint
 
 
 def test_slow_source_is_reported_with_the_busiest_processes(heard: Heard) -> None:
