@@ -39,6 +39,8 @@ from services.detector.position.torso import LayeredTorso
 
 log = logging.getLogger("people4d")
 
+PEOPLE_MIN = 10  # detected people, none with a position, that degrade the service
+
 
 class DetectorNode(Node):
     """Detects people in each frame and estimates their positions and headings from depth.
@@ -96,8 +98,13 @@ class DetectorNode(Node):
     def status(self) -> Status:
         """Return counters, and as the reason the faults of the newest frames."""
         with self._lock:
-            reason = "; ".join(f"camera {name}: {fault}" for name, fault in self._faults.items())
+            faults = [f"camera {name}: {fault}" for name, fault in self._faults.items()]
             counters = dict(self._counters)
+        people = counters.get("people", 0)
+        if people >= PEOPLE_MIN and not counters["with_position"] and not faults:
+            hint = "is depth in the right unit, and aligned to colour?"
+            faults.append(f"none of {people} people has a position: {hint}")
+        reason = "; ".join(faults)
         return Status(state="degraded" if reason else "ready", reason=reason, counters=counters)
 
     def _calibration(self, frame: RgbdFrame) -> CameraInfo | None:

@@ -18,7 +18,7 @@ from people4d.messages.base import MAX_CAMERAS
 from services.detector.build import build
 from services.detector.config import DetectorConfig
 from services.detector.models.base import DetectedPerson, InstanceMask
-from services.detector.node import DetectorNode
+from services.detector.node import PEOPLE_MIN, DetectorNode
 from tests import builders
 from tests.detector.cameras import INFO, lab_info
 
@@ -211,6 +211,15 @@ def test_without_depth_people_have_no_positions() -> None:
         "with_heading": 0,
     }
     assert (status.state, "depth image is empty" in status.reason) == ("degraded", True)
+
+
+def test_depth_in_another_unit_is_reported() -> None:
+    detector = node(person(), position="torso")
+    detector.handle(INFO, 0)
+    for sequence in range(PEOPLE_MIN):
+        assert detector.status().state == "ready"
+        detector.handle(frame(sequence, depth_mm=60_000), 0)
+    assert detector.status().reason.startswith("none of 10 people has a position")
 
 
 def test_a_failing_model_gives_an_empty_frame_and_recovers() -> None:
