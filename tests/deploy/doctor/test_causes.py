@@ -18,7 +18,7 @@ from common.runtime.node import Node
 from common.transport.trace import ProcessId
 from people4d.client import Client
 from people4d.codec import encode
-from people4d.messages import U8, Message, RgbdFrame, StaticTransform
+from people4d.messages import U8, Detections, Message, RgbdFrame
 from people4d.topics import BY_MESSAGE
 from services.detector.config import DetectorConfig
 from services.detector.models.base import DetectedPerson
@@ -26,6 +26,7 @@ from services.detector.node import DetectorNode
 from services.tracker.build import build
 from services.tracker.config import TrackerConfig
 from tests import builders
+from tests.contract.examples import BY_NAME
 from tests.detector.cameras import INFO
 from tests.detector.test_node import FixedModel, frame, person
 from tests.network import WAIT_S, Network
@@ -144,10 +145,11 @@ def test_good_system_wrong_robot_and_other_release(network: Network) -> None:
         assert "of up to 1 people" in next(f.what for f in diagnostics if f.check == "output")
         # Asked under another name, the doctor knows the right one.
         assert system.examine("robot", "other").hint == f"Add --robot {system.robot}."
-        # Words of another release.
-        good = msgspec.structs.replace(POSE, stamp_ns=1)
-        other = encode(good).replace(b"\xa7version\x01", b"\xa7version\x02")
-        key = BY_MESSAGE[StaticTransform].key_of(good, system.robot)
+        # Detections of another release: their topic has no owner, whose messages alone are read.
+        good = BY_NAME["Detections"]
+        version = bytes([Detections.VERSION])
+        other = encode(good).replace(b"\xa7version" + version, b"\xa7version\x7f")
+        key = BY_MESSAGE[Detections].key_of(good, system.robot)
         with network.open(system.robot, timeout_s=WAIT_S)._session.declare_publisher(key) as saying:
             stop = threading.Event()
 
@@ -158,7 +160,10 @@ def test_good_system_wrong_robot_and_other_release(network: Network) -> None:
             speaker = threading.Thread(target=say)
             speaker.start()
             try:
-                assert "expected version 1, got 2" in system.examine("release").what
+                assert (
+                    f"expected version {Detections.VERSION}, got 127"
+                    in system.examine("release").what
+                )
             finally:
                 stop.set()
                 speaker.join()
