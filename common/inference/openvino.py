@@ -1,4 +1,4 @@
-"""Sessions of OpenVINO, an engine for Intel's processors; the extra people4d[openvino]."""
+"""Sessions of OpenVINO, an engine for Intel's processors; the extra openvino."""
 
 from collections.abc import Mapping
 from pathlib import Path
