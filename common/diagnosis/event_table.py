@@ -33,7 +33,7 @@ EVENTS: tuple[tuple[str, Level, str, str, str, str], ...] = (
         "Calibrate at the size that is streamed, or stream at the size calibrated.",
     ),
     (
-        *("frames", "warning", "tracker", "not_extrapolated"),
+        *("frames", "warning", "tracker", "people_unknown"),
         "frames stop for more than 0.5 s, and people are unknown meanwhile",
         "Look at the camera, its disk or cable, and at the load: people4d top.",
     ),

@@ -23,6 +23,7 @@ PROGRESS = {
     "viewers_served",
     "history_mb",
     "predictions",
+    "people_unknown",
 }
 PROGRESS_PREFIXES = ("received_", "sent_", "left_", "taken_over_")  # left: to a replica
 

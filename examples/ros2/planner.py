@@ -11,6 +11,9 @@ from pathlib import Path
 import zenoh
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+if len(sys.argv) < 2:
+    sys.exit(__doc__)
+
 store = get_typestore(Stores.ROS2_JAZZY)
 folder = Path(__file__).parents[2] / "common/ros2/definitions/people_msgs"  # or your own copy
 for name in ("Person", "People"):

@@ -36,7 +36,7 @@ class PredictionSchedule:
         self._last: PendingFrame | None = None  # the last frame tracked
         self._intervals_ns: deque[int] = deque(maxlen=9)
         self._published = 0  # tracks in the last message
-        self.counters = Counter(not_extrapolated=0)
+        self.counters = Counter(people_unknown=0)
         self.wake_ns: int | None = None  # [ns] arrival time at which the next one is due
 
     def time_ns(self, now_ns: int) -> int | None:
@@ -69,7 +69,7 @@ class PredictionSchedule:
     def ends(self, now_ns: int) -> bool:
         """Check that people are not predicted any longer, and count them."""
         ended = self._last is not None and now_ns - self._last.arrived_ns > EXTRAPOLATION_MAX_NS
-        self.counters["not_extrapolated"] += self._published if ended else 0
+        self.counters["people_unknown"] += self._published if ended else 0
         return ended
 
     def publishes(self, tracks: Tracks, now_ns: int) -> bool:

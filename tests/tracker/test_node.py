@@ -321,7 +321,7 @@ def test_predictions_go_on_for_half_a_second_while_no_detections_come() -> None:
     np.testing.assert_allclose(steps, people[0].velocity_mps[1] * 0.1, atol=1e-9)
     assert np.all(np.diff([p.covariance[0, 0] for p in people]) > 0)
     assert results[-1].tracks == ()  # one empty message tells that nothing is known
-    assert target.status().counters["not_extrapolated"] == 1
+    assert target.status().counters["people_unknown"] == 1
 
 
 def test_track_that_ends_while_no_detections_come_is_not_counted() -> None:
@@ -332,7 +332,7 @@ def test_track_that_ends_while_no_detections_come_is_not_counted() -> None:
     while (wake_ns := target.wake_ns()) is not None:
         results += tracks(target.tick(wake_ns))
     assert [len(t.tracks) for t in results] == [1, 0]
-    assert target.status().counters["not_extrapolated"] == 0
+    assert target.status().counters["people_unknown"] == 0
 
 
 def test_predictions_end_where_stamps_end() -> None:

@@ -264,7 +264,7 @@ def test_people_that_are_not_sent_to_ros_are_reported_with_the_reason(heard: Hea
 
 
 def test_frames_that_stop_are_reported(heard: Heard) -> None:
-    heard.count("tracker-1", not_extrapolated=2)
+    heard.count("tracker-1", people_unknown=2)
     assert heard.found("frames").what.startswith("frames stop for more than 0.5 s")
 
 
