@@ -14,7 +14,7 @@ REJECTED = {  # counter of rejected frames: what to do
     "wrong_stamp": "Give the acquisition time as an int: round(seconds * 1e9).",
 }
 STAMPS_MAX_S = 60.0  # by which stamps of a live camera may differ from its host's clock
-OFF_CENTRE = 0.25  # largest distance of the principal point from the centre, share of the side
+OFF_CENTRE = 0.2  # largest distance of the principal point from the centre, share of the side
 HEIGHTS_M = (0.9, 2.3)  # median apparent heights of people that can be
 FEWEST = 10  # people for a median
 MIN_CONFIDENCE = 0.5  # confidence of a keypoint
@@ -65,18 +65,19 @@ def live_stamps(evidence: Evidence) -> Iterator[Diagnostic]:
 def principal_points(evidence: Evidence) -> Iterator[Diagnostic]:
     """Check that calibrations are of the size of the images."""
     for info in evidence.infos.values():
-        if _is_off_centre(info):
-            what = (
-                f"calibration of {info.camera}: the principal point {info.cx:.0f}, {info.cy:.0f} "
-                f"is far from the centre of {info.width}x{info.height}"
-            )
+        if off := off_centre(info):
+            what = f"calibration of {info.camera}: {off}"
             hint = "Is the calibration of another image size? Scale fx, fy, cx and cy by the ratio."
             yield warning("calibration", what, hint)
 
 
-def _is_off_centre(info: CameraInfo) -> bool:
+def off_centre(info: CameraInfo) -> str:
+    """Return what is wrong with a principal point far from the centre; empty: nothing."""
     parts = info.cx / info.width - 0.5, info.cy / info.height - 0.5
-    return max(map(abs, parts)) > OFF_CENTRE
+    if max(map(abs, parts)) <= OFF_CENTRE:
+        return ""
+    where = f"{info.cx:.0f}, {info.cy:.0f}"
+    return f"the principal point {where} is far from the centre of {info.width}x{info.height}"
 
 
 def body_heights(evidence: Evidence) -> Iterator[Diagnostic]:

@@ -9,7 +9,8 @@ from common.io.recording import RecordingWriter
 from deploy.cli.data.info import camera_text, odometry_text
 from people4d.errors import SourceError
 from services.camera.calibration import Intrinsics, camera_info
-from services.camera.describe import describe
+from services.camera.describe import Description, describe
+from tests import builders
 from tests.builders import rgbd_frame
 from tests.camera.folder.test_folder import numbered
 from tests.camera.memory import SIZE
@@ -122,3 +123,9 @@ def test_camera_upside_down_is_described_as_turned(tmp_path: Path) -> None:
     found = describe(ros.write(tmp_path / "a_mcap", entries))
     assert found.turned_deg == 180
     assert "turned by 180 degrees" in camera_text(found)
+
+
+def test_calibration_of_another_image_size_is_named() -> None:
+    halved = builders.camera_info(cx=160.0, cy=120.0)
+    found = Description(path="x", kind="folder", calibration=halved)
+    assert "160, 120 is far from the centre of 640x480" in camera_text(found)

@@ -7,6 +7,7 @@ import msgspec
 import typer
 from rich.table import Table
 
+from common.diagnosis.camera_checks import off_centre
 from common.io.recording import open_recording
 from deploy.cli.options import Json
 from deploy.cli.terminal import console, plain_table, print_json, shown
@@ -100,6 +101,8 @@ def camera_text(description: Description) -> str:
     moved = ", depth is moved into the view of colour" if description.registered else ""
     if description.turned_deg:
         moved += f", images are turned by {description.turned_deg} degrees to be upright"
+    if off := off_centre(info):
+        moved += f"; {off}: is it of another image size?"
     return (
         f"{info.width}x{info.height}, fx {info.fx:.1f} fy {info.fy:.1f} cx {info.cx:.1f} "
         f"cy {info.cy:.1f}, distortion {info.distortion_model}{moved}"
