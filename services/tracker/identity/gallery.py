@@ -61,21 +61,20 @@ class Gallery:
         return [i for i, entry in self._known().items() if i not in present and entry.views]
 
     def decide(
-        self, embeddings: Sequence[F64], candidates: Sequence[int], limit: float
+        self, embedding: F64 | None, candidates: Sequence[int], limit: float
     ) -> IdentityDecision:
-        """Return the candidate that a new track with these embeddings is, or why it is none.
+        """Return the candidate that a new track with this embedding is, or why it is none.
 
-        The longer an embedding, the more it counts. The distance of a candidate is that of their
-        mean to the candidate's two nearest views, on average; that of an unknown person is `limit`,
-        the largest of the same person. A possibility at distance d has the weight
+        The distance of a candidate is the mean to its two nearest views; an unknown person is at
+        `limit`, the largest distance of the same person. A possibility at distance d has the weight
         exp(-d / temperature), and its part of the sum is the confidence.
         """
         if not candidates:
             return IdentityDecision("new", 1.0, "no known person is absent")
-        if not embeddings:
+        if embedding is None:
             return IdentityDecision("new", 0.5, "no embedding")
-        mean, known = mean_direction(embeddings), self._known()
-        distances = [view_distance(mean, known[k].views, NEAREST_VIEWS) for k in candidates]
+        known = self._known()
+        distances = [view_distance(embedding, known[k].views, NEAREST_VIEWS) for k in candidates]
         order = sorted(range(len(candidates)), key=lambda k: (distances[k], candidates[k]))
         best = order[0]
         weights = np.exp(
@@ -100,12 +99,6 @@ class Gallery:
                 views = [*own.views, *entry.views]
                 known[identity] = GalleryEntry(entry.position_m, entry.matched_ns, views)
         return known
-
-
-def mean_direction(embeddings: Sequence[F64]) -> F64:
-    """Return the direction, at unit length, of the mean of embeddings."""
-    mean: F64 = np.mean(embeddings, axis=0)
-    return mean / max(float(np.linalg.norm(mean)), 1e-6)
 
 
 def view_distance(embedding: F64, views: Sequence[F64], count: int = 1) -> float:

@@ -1,13 +1,13 @@
 """Identity policy: re-identification of people who return."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from people4d.messages import F64
 from services.tracker.identity.gallery import Gallery
-from services.tracker.interface import GalleryEntry, Measurement, Observation
+from services.tracker.interface import GalleryEntry, Observation
 from services.tracker.motion.track_record import BOOL, IdentityDecision, TrackRecord
 from services.tracker.motion.track_set import TrackSet
 from services.tracker.sort3d.association import distances, match_probabilities
@@ -31,34 +31,18 @@ class _MatchQuality:
     probability: float  # of the match
 
 
-@dataclass(slots=True)
-class _PendingIdentity:
-    """A track whose identity is undecided."""
-
-    since_ns: int  # [ns] stamp of the second match
-    # Embeddings of uncut crops and of others, times the areas of the boxes
-    uncut: list[F64] = field(default_factory=list)
-    others: list[F64] = field(default_factory=list)
-
-
 class Reidentification(IdentityPolicy):
-    """Decide the identity of each new track before it is confirmed.
-
-    A track that could be of an absent person stays tentative until one of its crops is uncut, some
-    if the decision is uncertain, or until a timeout.
-    """
+    """Decide the identity of each new track by the crop that confirms it."""
 
     recognises = True
 
     def __init__(self, config: IdentityConfig) -> None:
         self._config = config
         self._gallery = Gallery(config)
-        self._pending: dict[int, _PendingIdentity] = {}
 
     def clear(self) -> None:
         """Drop all embeddings."""
         self._gallery.entries.clear()
-        self._pending.clear()
 
     def entries(self) -> list[tuple[int, GalleryEntry]]:
         """Return the gallery for a checkpoint."""
@@ -113,10 +97,8 @@ class Reidentification(IdentityPolicy):
                 )
                 self._add(match, quality, stamp_ns)
         for match, quality in zip(result.matches, qualities, strict=True):
-            if match[0].identity.identity is None:
+            if match[0].confirmed and match[0].identity.identity is None:
                 self._decide(tracks, match, quality, result.frame)
-        ids = {record.id for record in tracks.records}
-        self._pending = {id_: p for id_, p in self._pending.items() if id_ in ids}
 
     def _qualities(self, result: AssociationResult) -> list[_MatchQuality]:
         first = result.by_appearance
@@ -142,44 +124,24 @@ class Reidentification(IdentityPolicy):
     def _decide(
         self, tracks: TrackSet, match: Match, quality: _MatchQuality, frame: FrameContext
     ) -> None:
-        """Decide the identity of a new track, or keep it tentative."""
-        (record, measurement), stamp_ns, config = match, match[0].matched_ns, self._config
-        pending = self._pending.setdefault(record.id, _PendingIdentity(stamp_ns))
-        if measurement.embedding is not None:
-            crops = pending.uncut if quality.uncut else pending.others
-            crops.append(_area_px2(measurement) * measurement.embedding)
-        if not record.confirmed:
-            return
-        # Cut off crops are worse than uncut ones, but better than few.
-        enough = len(pending.uncut) >= config.crops_min
-        embeddings = pending.uncut if enough else pending.uncut + pending.others
+        """Decide the identity of a new track."""
+        record, measurement = match
         present = {t.id for t in tracks.records if t.detection is not None or _beside(t, record)}
+        limit = self._config.limit(frame.observation.embedder, frame.cosine_distance_max)
         candidates = self._gallery.absent(present)
-        waits = stamp_ns - pending.since_ns < config.wait_s * 1e9
-        limit = config.limit(frame.observation.embedder, frame.cosine_distance_max)
-        decision = self._gallery.decide(embeddings, candidates, limit)
-        certain = (decision.confidence or 0.0) >= config.confidence_min
-        if candidates and waits and len(pending.uncut) < (1 if certain else config.crops_min):
-            record.confirmed = False
-            return
-        del self._pending[record.id]
+        decision = self._gallery.decide(measurement.embedding, candidates, limit)
         record.identity = decision
         if decision.id is not None:
             # The lost track of the same person ends here.
             tracks.end({decision.id})
             record.id = decision.id
-        self._add(match, quality, stamp_ns)
+        self._add(match, quality, record.matched_ns)
 
     def _add(self, match: Match, quality: _MatchQuality, stamp_ns: int) -> None:
         record, measurement = match
         self._gallery.add(
             record.id, record.x[:3], stamp_ns, measurement.embedding, not quality.uncut
         )
-
-
-def _area_px2(measurement: Measurement) -> float:
-    left, top, right, bottom = measurement.box_xyxy_px
-    return float((right - left) * (bottom - top))
 
 
 def _beside(record: TrackRecord, new: TrackRecord) -> bool:

@@ -13,7 +13,6 @@ from common.config import Config
 from people4d.messages.base import (
     Positive,
     PositiveInt,
-    Ratio,
 )
 
 CosineDistance = Annotated[float, Meta(gt=0, le=2)]
@@ -37,12 +36,6 @@ class IdentityConfig(Config, frozen=True, kw_only=True):
     retention_s: Positive = 600.0  # [s] since the last match
     # [s] time without frames after which people are re-identified unless they stand apart
     absent_s: Seconds = 1.0
-    # Time of the decision
-    # [s] a new track waits for uncut crops for so long, while an absent person could be back: for
-    # one if the decision is of this confidence, else for so many
-    wait_s: Seconds = 0.3
-    confidence_min: Ratio = 0.7
-    crops_min: PositiveInt = 3
     # Rule of the decision
     # Largest cosine distance of the same person; absent: of REIDENTIFICATION_MAX, else C_cos
     match_max: CosineDistance | None = None

@@ -26,32 +26,20 @@ def gallery(**people_deg: float) -> Gallery:
     return people
 
 
-def embeddings(*angles_deg: float) -> list[F64]:
-    """Embeddings of a new track."""
-    return [embedding(a) for a in angles_deg]
-
-
 def test_known_person_is_reidentified() -> None:
     # 10 degrees from person 1: 1 - cos 10 = 0.0152; 80 degrees from person 2: 0.8264. Of the
     # weights exp(-0.0152 / 0.07), exp(-0.25 / 0.07) and that of person 2 the first is
     # 1 / (1 + exp(-3.354) + exp(-11.6)) = 0.9662.
     people = gallery(red=0, blue=90)
-    decision = people.decide(embeddings(10), [1, 2], 0.25)
+    decision = people.decide(embedding(10), [1, 2], 0.25)
     assert (decision.identity, decision.id) == ("reidentified", 1)
     assert decision.confidence == pytest.approx(0.9662, abs=1e-4)
     assert decision.reason == "cosine distance 0.02 to 1, 0.83 to 2"
 
 
-def test_several_embeddings_are_averaged() -> None:
-    # One of three pictures is 60 degrees off; the mean of 0, 0 and 60 is at 19.1: 0.055.
-    decision = gallery(red=0, blue=90).decide(embeddings(0, 0, 60), [1, 2], 0.25)
-    assert (decision.identity, decision.id) == ("reidentified", 1)
-    assert "0.06 to 1" in decision.reason
-
-
 def test_person_above_the_limit_is_new() -> None:
     # 1 - cos 45 = 0.2929 from both, more than 0.25.
-    decision = gallery(red=0, blue=90).decide(embeddings(45), [1, 2], 0.25)
+    decision = gallery(red=0, blue=90).decide(embedding(45), [1, 2], 0.25)
     assert (decision.identity, decision.id) == ("new", None)
     assert decision.reason.endswith("above 0.25")
 
@@ -59,7 +47,7 @@ def test_person_above_the_limit_is_new() -> None:
 def test_nearer_of_two_similar_candidates_is_chosen_with_a_low_confidence() -> None:
     # 0.0005 from person 1 and 0.0016 from person 2: weights 0.993 and 0.978 of
     # 0.993 + 0.978 + exp(-0.25 / 0.07) = 1.999, so that 0.497 are of person 1.
-    decision = gallery(twin_a=0, twin_b=5).decide(embeddings(1.8), [1, 2], 0.25)
+    decision = gallery(twin_a=0, twin_b=5).decide(embedding(1.8), [1, 2], 0.25)
     assert (decision.identity, decision.id) == ("reidentified", 1)
     assert decision.confidence == pytest.approx(0.497, abs=0.002)
 
@@ -68,7 +56,7 @@ def test_of_two_similar_candidates_the_absent_one_is_chosen() -> None:
     people = gallery(twin_a=0, twin_b=5)
     candidates = people.absent(present={1})
     assert candidates == [2]
-    assert people.decide(embeddings(1.8), candidates, 0.25).id == 2
+    assert people.decide(embedding(1.8), candidates, 0.25).id == 2
 
 
 def test_similar_views_are_dropped_and_their_number_is_bounded() -> None:
