@@ -1,6 +1,7 @@
 """Fixtures of several folders of tests."""
 
 import tempfile
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,6 +11,14 @@ from tests import SHARED
 from tests.network import Network
 
 RERUNS = 2
+
+
+@pytest.fixture(autouse=True)
+def thread_hook() -> Iterator[None]:
+    """Undo what a test sets for threads that fail: a process ends then, here the tests' own."""
+    before = threading.excepthook
+    yield
+    threading.excepthook = before
 
 
 @pytest.fixture(scope="session")

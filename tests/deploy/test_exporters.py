@@ -1,7 +1,6 @@
 """Metrics for Prometheus and traces for OpenTelemetry, read by their own libraries."""
 
 import socket
-import sys
 import threading
 import time
 import urllib.request
@@ -23,13 +22,13 @@ from common.runtime.latency import end_to_end, segments
 from common.runtime.monitor import FramePath, clocks_of
 from common.transport.clock import HostOffset
 from deploy.cli import app
-from deploy.cli.live.export import feed, otlp_exporter, prometheus_exporter
+from deploy.cli.live.export import feed, otlp_exporter
 from deploy.exporters.measures import CAMERAS_MAX, SAMPLES_MAX, STAGES_MAX, Exporter
 from deploy.exporters.metrics_server import CONNECTIONS_MAX
 from deploy.exporters.otel import OtelExporter
 from deploy.exporters.prometheus import PrometheusExporter
 from people4d.client import Client
-from people4d.errors import ConfigError, People4dError
+from people4d.errors import People4dError
 from people4d.messages import Span
 from tests.deploy.cli.test_top import talking
 from tests.deploy.traces import BEGIN_NS, MS, healths, span, trace_of, tracks
@@ -276,27 +275,6 @@ def test_metrics_of_a_running_system_are_served(
         thread.join(0.05)
     client.close()
     assert count > 0
-
-
-@pytest.mark.parametrize(
-    ("make", "package", "extra"),
-    [
-        (lambda: prometheus_exporter("127.0.0.1", 0), "prometheus_client", "prometheus"),
-        (lambda: otlp_exporter("robot", "http://127.0.0.1:1"), "opentelemetry", "otel"),
-    ],
-)
-def test_a_library_that_is_missing_is_named_with_its_extra(
-    make: object, package: str, extra: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for name in [name for name in sys.modules if name.split(".")[0] == package]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setitem(sys.modules, package, None)
-    for name in ("deploy.exporters.prometheus", "deploy.exporters.otel"):
-        monkeypatch.delitem(sys.modules, name, raising=False)
-    assert callable(make)
-    with pytest.raises(ConfigError) as caught:
-        make()
-    assert f"pip install 'people4d[{extra}]'" in str(caught.value)
 
 
 def test_export_without_a_target_is_rejected() -> None:

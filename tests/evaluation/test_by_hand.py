@@ -23,7 +23,7 @@ def quiet(what: str, share: float) -> None:
 
 def plan(path: Path, folder: Path, *settings: str) -> EvaluationPlan:
     """Plan the first method of [PIC4SeR], in which one person needs no distance gate."""
-    rules = ("tracker.sort3d.distance_gate=false", "tracker.sort3d.t_lost=10", *settings)
+    rules = ("tracker.sort3d.distance_gate_floor_m=100", "tracker.sort3d.t_lost=10", *settings)
     return EvaluationPlan(
         methods=(read_method("seg-sort", rules),),
         recordings=tuple(plan_recordings([str(path)], [], "geometry", folder)),

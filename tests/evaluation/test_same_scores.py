@@ -23,7 +23,7 @@ from tests.evaluation import builders
 
 FRAMES = 80
 RULES = (
-    *("tracker.sort3d.distance_gate=false", "tracker.sort3d.t_lost=10"),
+    *("tracker.sort3d.distance_gate_floor_m=100", "tracker.sort3d.t_lost=10"),
     "tracker.publish_lost=true",
 )
 

@@ -4,7 +4,6 @@ import json
 import re
 import socketserver
 import struct
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -24,7 +23,7 @@ from services.events.build import build
 from services.events.config import EventsConfig
 from services.events.delivery import Delivery
 from services.events.journal import JOURNAL
-from services.events.mqtt import PASSWORD, MqttBroker
+from services.events.mqtt import PASSWORD
 from tests.builders import tracks
 from tests.events.test_node import see, start
 
@@ -347,9 +346,3 @@ def test_receiver_without_a_state_folder_is_an_error() -> None:
     node = build(EventsConfig(mqtt="mqtt://host"))
     with pytest.raises(ConfigError, match="state folder"):
         node.attach(LoopCallbacks(robot="robby"))
-
-
-def test_broker_without_the_library_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "paho.mqtt", None)
-    with pytest.raises(ConfigError, match="paho-mqtt"):
-        MqttBroker("mqtt://host", "robby")

@@ -31,5 +31,5 @@ def test_absent_library_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(sys.modules, "common.ros2.dds", raising=False)
     monkeypatch.setitem(sys.modules, "cyclonedds", None)
     monkeypatch.setitem(sys.modules, "cyclonedds.builtin", None)
-    with pytest.raises(ConfigError, match=r"people4d\[dds\]"):
+    with pytest.raises(ConfigError, match=r"people4d-robot\[dds\]"):
         check_outputs(Ros2BridgeConfig(ros2=Ros2Config(transport="dds")))
