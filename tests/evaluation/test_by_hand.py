@@ -139,5 +139,5 @@ def test_truth_and_tracks_must_share_a_frame(frame_id: str, tmp_path: Path) -> N
 
 def test_a_recording_without_truth_is_refused(tmp_path: Path) -> None:
     path = builders.write(tmp_path / "none.mcap", [builders.detections(0, (0.0, 0.0, 2.0))])
-    with pytest.raises(SourceError, match=r"none.mcap has no truth"):
+    with pytest.raises(SourceError, match=r"none.mcap holds no truth"):
         evaluate(plan(path, tmp_path), quiet)
