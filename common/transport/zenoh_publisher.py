@@ -67,10 +67,10 @@ class Publisher:
             self._declared.put(self._last)
 
     def _declare(self) -> Any:
-        # A slow link must not hold up live frames, and nothing a heartbeat but the last one;
-        # everything else is small enough to wait for.
+        # A slow link must not hold up live frames, nor a subscriber that hangs the heartbeat;
+        # latched messages are repeated; everything else is small enough to wait for.
         topic = self.topic
-        wait = self._lossless or (topic.delivery != "newest" and topic.message is not Health)
+        wait = self._lossless or (topic.delivery == "queue" and topic.message is not Health)
         control = zenoh.CongestionControl.BLOCK if wait else zenoh.CongestionControl.DROP
         if topic.delivery == "latched":
             return zenoh.ext.declare_advanced_publisher(

@@ -3,7 +3,7 @@
 import contextlib
 import threading
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -176,7 +176,7 @@ def test_good_system_wrong_robot_and_other_release(network: Network) -> None:
         ("calibration", Filming(first=(POSE,)), None, "no CameraInfo comes"),
         (
             "calibration",
-            Filming(first=(msgspec.structs.replace(INFO, width=80), POSE)),
+            Filming(first=(builders.camera_info(width=80, height=60, fx=50.0), POSE)),
             None,
             "expected 80x60 as in its CameraInfo, got 40x60",
         ),
@@ -188,7 +188,8 @@ def test_good_system_wrong_robot_and_other_release(network: Network) -> None:
 def test_each_fault_at_the_detector_is_found(
     network: Network, check: str, camera: Filming, model: FixedModel | None, says: str
 ) -> None:
-    with running(network, ("camera-1", camera), ("detector-1", detector(model))) as system:
+    nodes = ("camera-1", replace(camera)), ("detector-1", detector(model))  # a camera of each try
+    with running(network, *nodes) as system:
         assert says in system.examine(check).what
 
 
