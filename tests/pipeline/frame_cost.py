@@ -1,0 +1,185 @@
+"""Cost of a frame in each node, counted so that no noise of the machine changes it.
+
+Each node gets what it got in a run over the shipped recording. Cost is counted in calls of Python
+functions, calls of compiled functions of NumPy and OpenCV, executed lines of this project, and
+bytes allocated at once; on the bus in messages and bytes. Budgets are written by
+`python -m tests.pipeline.frame_cost`.
+"""
+
+import json
+import sys
+import tracemalloc
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from common.runtime.node import Node
+from evaluation.pipeline import pipeline, play
+from people4d.codec import decode, encode
+from people4d.messages import Message
+from services.camera.config import CameraConfig
+from services.detector.config import DetectorConfig
+from services.gait.build import build as build_gait
+from services.gait.config import GaitConfig
+from services.predictor.build import build as build_predictor
+from services.predictor.config import PredictorConfig
+from services.skeleton.build import build as build_skeleton
+from services.skeleton.config import SkeletonConfig
+from tests import DEMO, ROOT
+
+BUDGETS = Path(__file__).with_name("budgets.json")
+WARM, COUNTED = 20, 10  # frames before those that are counted, and the number of these
+TOLERANCE = 0.03  # share of a budget
+PLACES = 5  # files that are named
+MODEL = "movenet-multipose"  # float: of the same output on every processor
+KINDS = ("calls", "array_calls", "lines")
+FOLDERS = ("people4d", "common", "services")
+OWN = tuple(str(ROOT / folder) for folder in FOLDERS)
+
+Costs = dict[str, dict[str, float]]  # by kind of cost and file, for one frame
+
+
+class Counting:
+    """Counts by kind and file what runs in this thread while the context is entered."""
+
+    def __init__(self) -> None:
+        self.counts: dict[str, Counter[str]] = {kind: Counter() for kind in KINDS}
+
+    def __enter__(self) -> "Counting":
+        sys.settrace(self._trace)
+        sys.setprofile(self._profile)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        sys.setprofile(None)
+        sys.settrace(None)
+
+    def _profile(self, frame: FrameType, event: str, function: Any) -> None:
+        if event == "call" and frame.f_code.co_filename != __file__:
+            self.counts["calls"][place(frame)] += 1
+        elif event == "c_call" and is_of_arrays(function):
+            self.counts["array_calls"][place(frame)] += 1
+
+    def _trace(self, frame: FrameType, event: str, _: object) -> Any:
+        if not frame.f_code.co_filename.startswith(OWN):
+            return None
+        if event == "line":
+            self.counts["lines"][place(frame)] += 1
+        return self._trace
+
+
+def place(frame: FrameType) -> str:
+    """Return the file of this project that a call belongs to: its own or the nearest caller's."""
+    at: FrameType | None = frame
+    while at is not None and not at.f_code.co_filename.startswith(OWN):
+        at = at.f_back
+    return str(Path(at.f_code.co_filename).relative_to(ROOT)) if at else "elsewhere"
+
+
+def is_of_arrays(function: Any) -> bool:
+    """Check whether a compiled function is of NumPy or OpenCV."""
+    module = getattr(function, "__module__", None) or type(function.__self__).__module__
+    return str(module).partition(".")[0] in {"numpy", "cv2"}
+
+
+def cost(steps: Sequence[Sequence[Message]], handle: Callable[[Message], object]) -> Costs:
+    """Return the cost of a frame whose inputs are handled one after another.
+
+    Args:
+        steps: Inputs of each frame.
+        handle: Handles one input.
+    """
+    counting, kilobytes = Counting(), 0
+    for number, step in enumerate(steps):
+        if number < WARM:
+            run(step, handle)
+        elif number < WARM + COUNTED:
+            with counting:
+                run(step, handle)
+        else:  # apart, since counting allocates
+            tracemalloc.start()
+            run(step, handle)
+            kilobytes += tracemalloc.get_traced_memory()[1] // 1000
+            tracemalloc.stop()
+    return {
+        kind: {file: round(count / COUNTED, 2) for file, count in sorted(counts.items())}
+        for kind, counts in counting.counts.items()
+    } | {"kilobytes": {"at once": kilobytes / COUNTED}}
+
+
+def run(step: Sequence[Message], handle: Callable[[Message], object]) -> None:
+    """Handle the inputs of a frame."""
+    for message in step:
+        handle(message)
+
+
+def make_nodes() -> dict[str, Node]:
+    """Build the nodes whose cost is counted."""
+    detector, reid, tracker = pipeline(DetectorConfig(model=MODEL))
+    return {
+        "detector": detector,
+        "reid": reid,
+        "tracker": tracker,
+        "predictor": build_predictor(PredictorConfig()),
+        "skeleton": build_skeleton(SkeletonConfig()),
+        "gait": build_gait(GaitConfig()),
+    }
+
+
+def measure() -> dict[str, Costs]:
+    """Return the cost of a frame in each node, in the codec, and on the bus."""
+    frames = WARM + 2 * COUNTED
+    camera = CameraConfig(
+        source=str(DEMO), playback="lockstep", start_delay_s=0.0, max_frames=frames
+    )
+    steps = [step.messages for step in play(camera, list(make_nodes().values()))]
+    costs = {}
+    for name, node in make_nodes().items():
+        inputs = [[one for one in step if isinstance(one, node.inputs)] for step in steps]
+        costs[name] = cost(inputs, partial(node.handle, now_ns=0))
+    costs["codec"] = cost(steps, lambda message: decode(encode(message)))
+    return costs | {"bus": bus(steps[WARM : WARM + COUNTED])}
+
+
+def bus(steps: Sequence[Sequence[Message]]) -> Costs:
+    """Return messages and bytes of a frame by type of message."""
+    messages, size = Counter[str](), Counter[str]()
+    for message in (message for step in steps for message in step):
+        messages[type(message).__name__] += 1
+        size[type(message).__name__] += len(encode(message))
+    counts = {"messages": messages, "bytes": size}
+    return {
+        kind: {name: count / len(steps) for name, count in sorted(of.items())}
+        for kind, of in counts.items()
+    }
+
+
+def excess(costs: Mapping[str, Costs], budgets: Mapping[str, Costs]) -> Iterator[str]:
+    """Yield where a cost is over its budget, with the places that grew most."""
+    for name, of_name in costs.items():
+        for kind, now in of_name.items():
+            before = budgets[name][kind]
+            total, budget = sum(now.values()), sum(before.values())
+            if total > (1 + TOLERANCE) * budget:
+                growth = {at: count - before.get(at, 0.0) for at, count in now.items()}
+                most = sorted(growth, key=lambda at: -growth[at])[:PLACES]
+                listing = ", ".join(f"{at} +{growth[at]:.4g}" for at in most if growth[at] > 0)
+                yield f"{name}: {total:.6g} {kind} a frame, budget {budget:.6g}: {listing}"
+
+
+def write_budgets() -> None:
+    """Write the costs of now as the budgets."""
+    lines = [
+        f'  "{node}": {{\n'
+        + ",\n".join(f'    "{kind}": {json.dumps(of)}' for kind, of in costs.items())
+        + "\n  }"
+        for node, costs in measure().items()
+    ]
+    BUDGETS.write_text("{\n" + ",\n".join(lines) + "\n}\n")
+
+
+if __name__ == "__main__":
+    write_budgets()
