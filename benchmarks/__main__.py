@@ -5,23 +5,21 @@ import sys
 
 GROUPS = {
     "accuracy": {
-        "real_people": "identity, position and orientation of annotated people, beside peers",
+        "real_people": "identity, position and yaw of annotated people, beside other packages",
         "thesis": "the methods of [PIC4SeR] and `best` on its seven scenarios in the lab",
         "ablation": "`best` without each of its parts, with intervals",
         "real_variations": "annotated people in augmented images, other orders and half the rate",
-        "lab_people": "`best` on random scenes of the lab, test seeds",
-        "trackers": "SORT in the image beside other packages on MOT15; time of an update",
+        "trackers": "SORT in the image beside other packages on MOT15",
     },
     "speed": {
         "together": "services in one process and apart, beside the bare network",
-        "own_work": "time of a frame in detector, re-ID and tracker without the networks",
-        "latency": "time of a frame by stage, and the cost of tracing",
         "peers": "the pipeline beside other packages, from image to tracks",
+        "latency": "time of a frame by stage",
         "load": "rate and latency with 1 to 20 people and 1 to 6 cameras",
         "tracker_cost": "time of the tracker with 3 to 200 people",
     },
     "cameras": {
-        "cameras": "four cameras in one tracker: hand-overs, double people, faults",
+        "cameras": "four cameras in one tracker, and in two areas: hand-overs, faults",
     },
     "motion": {
         "moving_base": "tracks from a driving robot, with its odometry and without",
@@ -31,7 +29,7 @@ GROUPS = {
     "gait": {
         "gait": "points, steps and colours in the lab, beside the figures of [Liu 2018]",
         "gait_bodies": "points and steps of people of a second simulator",
-        "gait_real": "steps of real people beside steps counted by eye",
+        "gait_real": "steps of real people beside steps counted by hand",
     },
     "faults": {
         "faults": "every service killed and hung: time to recovery, lost frames, identities",
@@ -40,7 +38,7 @@ GROUPS = {
 
 
 def main() -> None:
-    """Run the benchmark that is named, with the other arguments, or list all."""
+    """Run the named benchmark with the other arguments, or list all."""
     names = {name for group in GROUPS.values() for name in group}
     if len(sys.argv) < 2 or sys.argv[1] not in names:
         for group, benchmarks in GROUPS.items():

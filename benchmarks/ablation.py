@@ -15,24 +15,22 @@ import cv2
 import msgspec
 import numpy as np
 
-from benchmarks.lab_people import GROUPS, TESTING, report_progress, try_out
 from benchmarks.lib import options
 from benchmarks.lib.gait.drawn_scenes import drawn_scenes
 from benchmarks.lib.intervals import Difference, Figure, compare, pool
+from benchmarks.lib.marks.annotations import read_frames
+from benchmarks.lib.marks.crossing import crossing_camera
 from benchmarks.lib.marks.methods import DEFAULT, HALVES, MARKS, variants
 from benchmarks.lib.marks.recording import MarkedRecording, marked
-from benchmarks.lib.marks.variations import IMAGES, VariedDetections, detect, vary
+from benchmarks.lib.marks.scores import MarkOutcome, figures
+from benchmarks.lib.marks.variations import IMAGES, Cache, VariedDetections, detect, vary
 from benchmarks.lib.table import markdown, write
 from benchmarks.real_variations import VariationScores, score_detected
 from evaluation.methods import Method, read_method
 from evaluation.pool import Pool
-from evaluation.recordings.detection_cache import DetectionCache
-from evaluation.recordings.hand_annotations import crossing_camera
-from evaluation.recordings.hand_marks import read_frames
-from evaluation.recordings.mark_scores import MarkOutcome, figures
 from evaluation.recordings.recordings import EvaluationRecording, plan_recordings
 from evaluation.run.preparation import EvaluationPlan, check_models, render_all, runs_of
-from evaluation.run.run import RunScores
+from evaluation.run.run import EvaluationRun, RunScores, execute, score_run
 from people4d.messages import F64
 from services.camera.source import SourceFrame
 from services.tracker.strongsort3d.config import COSINE_DISTANCE_MAX
@@ -87,7 +85,14 @@ REAL = (
 )
 DETECTORS = {"MoveNet": DEFAULT, "YOLO": "YOLOv8n-pose, OSNet"}
 EVENT_FRAMES = 20  # two seconds
-TUNING_SEEDS = range(900, 905)  # of the lab
+TUNING_SEEDS, TEST_SEEDS = range(900, 905), range(906, 1000)  # of the lab
+SIZE = "duration_s=12&width=320&height=240"
+LAB_GROUPS = (
+    f"random?people=2&{SIZE}",
+    f"random?people=4&{SIZE}",
+    f"random?people=6&outfit=dark&{SIZE}",
+    f"random?people=2&plain=true&depth_sensor=d435i&outfit=own&{SIZE}",
+)
 SPLITS = dict(zip(("tuning", "test"), HALVES.values(), strict=True))  # frames of real people
 NOTE = """
 `best`, and the difference without one part, with its 95 % interval from a paired bootstrap over
@@ -100,6 +105,16 @@ first half of the recording, the test split the second. `False tracks`: seconds 
 person in view.
 """.strip().replace("\n", " ")
 Units = dict[str, F64]  # sums of each method, NxFx2 with N scenes or events
+
+
+def report_progress(stage: str, share: float) -> None:
+    """Print the share of a stage that is done."""
+    print(f"{stage} {share:.0%}", flush=True)
+
+
+def score_scene(run: EvaluationRun) -> RunScores:
+    """Return the metrics of one method on one scene."""
+    return score_run(run, execute(run))
 
 
 def scene_sums(run: RunScores) -> F64:
@@ -152,7 +167,7 @@ class RealPeople:
     recording: MarkedRecording
     images: Sequence[SourceFrame]
     shared: Path
-    networks: dict[str, list[DetectionCache]] = field(default_factory=dict)
+    networks: dict[str, list[Cache]] = field(default_factory=dict)
     found: dict[bytes, list[VariedDetections]] = field(default_factory=dict)
 
     def results(self, detector: str, settings: Sequence[str]) -> list[VariationScores]:
@@ -169,7 +184,7 @@ class RealPeople:
         ]
 
     def _detect(self, method: Method) -> list[VariedDetections]:
-        empty = [DetectionCache() for _ in IMAGES]
+        empty: list[Cache] = [{} for _ in IMAGES]
         caches = self.networks.setdefault(method.detector.model, empty)
         return [
             detect(method, vary(self.recording, variation).view, self.images, variation, cache)
@@ -187,8 +202,8 @@ def recordings(
         names = [str(path) for path in paths if path.exists()]
         found["test", "second simulator"] = plan_recordings(names, (), "colour", cache)
     if lab_scenes:
-        names = [f"lab:{group}" for group in GROUPS.values()]
-        for split, seeds in (("test", TESTING), ("tuning", TUNING_SEEDS)):
+        names = [f"lab:{group}" for group in LAB_GROUPS]
+        for split, seeds in (("test", TEST_SEEDS), ("tuning", TUNING_SEEDS)):
             found[split, "lab"] = plan_recordings(names, seeds[:lab_scenes], "colour", cache)
     return found
 
@@ -207,7 +222,7 @@ def simulated_units(
     check_models(plan)
     render_all(plan, report_progress)
     with Pool(jobs, report_progress) as pool_:
-        results = pool_.do("tracking", try_out, runs_of(plan, pool_))
+        results = pool_.do("tracking", score_scene, runs_of(plan, pool_))
     names = [method.name for method in plan.methods]
     return {n: np.array([scene_sums(one) for one in results if one.method == n]) for n in names}
 

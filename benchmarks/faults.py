@@ -1,11 +1,11 @@
 """Cost of a fault: each service killed, and hung, while three people are tracked.
 
 The system runs as `people4d up` starts it, with frames at 15 Hz of three people who stand. A
-service is killed (SIGKILL) or made to hang (SIGSTOP) again and again; beside, somebody listens
-through the router. Back: from the signal to the first heartbeat of the service's next process that
-works. Silence: the longest pause between two messages that tell people seen in a frame. Lost:
-frames without an answer in that pause, and beside it. Kept: in how many cases everyone had the same
-identity afterwards.
+service is killed (SIGKILL) or made to hang (SIGSTOP) repeatedly, while a client listens through the
+router. Back: from the signal to the first heartbeat of the service's next process that works.
+Silence: the longest pause between two messages with confirmed tracks. Lost: frames without an
+answer in that pause, and outside it. Kept: cases in which all people had the same identity
+afterwards.
 """
 
 import os
@@ -51,13 +51,13 @@ class ReceivedTracks:
 
     @property
     def current_m(self) -> dict[int, np.ndarray]:
-        """Positions by identity of those who were seen in the frame."""
+        """Positions of confirmed tracks by identity."""
         people = self.tracks.tracks
         return {p.id: p.position_m[:2] for p in people if p.state == "confirmed"}
 
 
 class Ear:
-    """Hears a system through its router, in a thread of its own."""
+    """Receives messages of a system through its router, in a thread of its own."""
 
     def __init__(self, connect: str, robot: str = ROBOT) -> None:
         self.received: list[ReceivedTracks] = []
@@ -67,12 +67,12 @@ class Ear:
         threading.Thread(target=self._listen, daemon=True).start()
 
     def wait(self, want: Callable[[], bool], longest_s: float = LONGEST_S) -> float | None:
-        """Wait for something; return when it was so, None if it was not in time."""
+        """Wait for a condition; return the time at which it held, None after the timeout."""
         with self._arrived:
             return time.monotonic() if self._arrived.wait_for(want, longest_s) else None
 
     def works_again(self, service: str, pid: int) -> bool:
-        """Return whether another process than `pid` tells that it works."""
+        """Check that another process than `pid` reports that it works."""
         health = self._health.get(service)
         return health is not None and works(health) and health.pid != pid
 
@@ -111,8 +111,8 @@ class Ledger:
     positions_m: dict[int, np.ndarray] = field(default_factory=dict)
     twice: set[int] = field(default_factory=set)
 
-    def note(self, current_m: dict[int, np.ndarray]) -> None:
-        """Note identities; one at another place than before was given twice."""
+    def add_identities(self, current_m: dict[int, np.ndarray]) -> None:
+        """Add identities; one at another place than before was given twice."""
         for identity, position_m in current_m.items():
             before = self.positions_m.setdefault(identity, position_m)
             if np.linalg.norm(before - position_m) > NEAR_M:
@@ -127,7 +127,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory(prefix="p4d") as folder:
         faults, ledger = measure(Path(folder), times)
     table = rows(faults)
-    header = ("service", "fault", "back [s]", "silence [s]", "lost in it", "lost beside", "kept")
+    header = ("service", "fault", "back [s]", "silence [s]", "lost in it", "lost outside", "kept")
     ids = (
         f"{len(ledger.positions_m)} identities were given in all, {len(ledger.twice)} of them to "
         "more than one person."
@@ -137,11 +137,11 @@ def main() -> None:
         print(markdown(header, table), ids, sep="\n\n")
     else:
         note = f"Medians with minimum and maximum of {times} faults each."
-        write(__file__, "What a fault costs", text.strip(), note, markdown(header, table), ids)
+        write(__file__, "Effects of faults", text.strip(), note, markdown(header, table), ids)
 
 
 def measure(folder: Path, times: int) -> tuple[dict[tuple[str, str], list[Fault]], Ledger]:
-    """Start the system, break it again and again, and stop it."""
+    """Start the system, break it repeatedly, and stop it."""
     state, port = State(folder / ROBOT), free_port()
     command = [sys.executable, "-m", "deploy.cli", "up", "--detach", "--robot", ROBOT]
     command += ["--port", str(port), "--source", "benchmarks.lib.system.standing:Standing"]
@@ -166,7 +166,7 @@ def measure(folder: Path, times: int) -> tuple[dict[tuple[str, str], list[Fault]
 def once(
     ear: Ear, ledger: Ledger, supervisor: Supervisor, service: str, number: signal.Signals
 ) -> Fault:
-    """Break a service once, when people are followed well, and wait until they are again."""
+    """Break a service once while all people are tracked, and wait until they are again."""
     wait_for_people(ear)
     before = ear.received[-1].current_m
     pid = supervisor.processes()[f"{service}-1"].pid
@@ -176,7 +176,7 @@ def once(
     wait_for_people(ear, since_s=time.monotonic())
     received = [t for t in ear.received[start:] if t.current_m]
     for one in received:
-        ledger.note(one.current_m)
+        ledger.add_identities(one.current_m)
     pauses = [(b.at_s - a.at_s, unanswered(a, b)) for a, b in pairwise(received)]
     silence_s, lost = max(pauses, default=(0.0, 0))
     return Fault(
@@ -189,7 +189,7 @@ def once(
 
 
 def wait_for_people(ear: Ear, since_s: float = 0.0) -> None:
-    """Wait until everyone was seen in every message for a while after some moment."""
+    """Wait until all people were in every message for SETTLE_S, from a time on."""
 
     def well() -> bool:
         begin_s = time.monotonic() - SETTLE_S
@@ -198,19 +198,19 @@ def wait_for_people(ear: Ear, since_s: float = 0.0) -> None:
         return complete and begin_s >= since_s
 
     if ear.wait(well) is None:
-        raise TimeoutError("people are not followed any more")
+        raise TimeoutError("people are not tracked any more")
 
 
 def unanswered(a: ReceivedTracks, b: ReceivedTracks) -> int:
-    """Return how many frames between two messages have no answer; a new camera begins at 0."""
+    """Return the number of frames without an answer between two messages."""
     step = b.tracks.sequence - a.tracks.sequence
-    if step < 0:  # as many as it would have sent meanwhile
+    if step < 0:  # a new camera counts from 0: the frames that it would have sent
         step = round((b.at_s - a.at_s) * RATE_HZ)
     return max(step - 1, 0)
 
 
 def same(before: dict[int, np.ndarray], after: dict[int, np.ndarray]) -> bool:
-    """Return whether the same identities are at the same places."""
+    """Check that the same identities are at the same places."""
     return before.keys() == after.keys() and all(
         np.linalg.norm(before[i] - after[i]) < NEAR_M for i in before
     )

@@ -1,9 +1,9 @@
-"""People from a robot that drives: 3D tracking with its odometry and without, and standing still.
+"""3D tracking from a robot that drives, with its odometry and without, and from one that stands.
 
 The six scenarios of [Park 2021] in the virtual lab: first with detections from geometry, without
-appearance, so that only the motion differs; then four, rendered, with all of the system. "stands":
-the same people before a robot that does not drive. "no odometry": the robot drives and the tracker
-believes that it stands.
+appearance, so that only the motion differs; then four, rendered, with the whole pipeline. "stands":
+the same people before a robot that does not drive. "no odometry": the robot drives, and odometry
+reports that it stands.
 """
 
 import math
@@ -33,20 +33,20 @@ from people4d.messages import F64, Message, Odometry
 
 SCENARIOS = ("psrm", "pmrr", "pmrm1", "pmrm2", "port1", "port2")
 FOLDER = Path(__file__).parents[1] / "lab" / "scenarios"
-RENDERED = ("psrm", "pmrr", "pmrm1", "pmrm2")  # the others take longer
-SMALL = "width = 320\nheight = 240\nfocal_px = 307.5\n"  # half of what the scenarios have
-STANDING_MPS = 0.05  # [m/s] people who are truly slower stand
-WALKING_MPS = 0.3  # [m/s] and those who are faster walk
+RENDERED = ("psrm", "pmrr", "pmrm1", "pmrm2")  # the fastest to render
+SMALL = "width = 320\nheight = 240\nfocal_px = 307.5\n"  # half of the scenarios' size
+STANDING_MPS = 0.05  # [m/s] speed below which a person stands
+WALKING_MPS = 0.3  # [m/s] speed from which a person walks
 HEADER = [
     *("scenario", "robot", "standing people: speed p50 m/s", "p95 m/s"),
-    *("walking people: velocity RMSE m/s", "position RMSE m", "across m", "along m"),
+    *("walking people: velocity RMSE m/s", "position RMSE m"),
     *("measured m", "ID switches a min", "covered %"),
 ]
 
 
 @dataclass(frozen=True)
 class Case:
-    """One way to look at a scenario."""
+    """One scenario with one motion of the robot."""
 
     scenario: str
     name: str
@@ -54,7 +54,7 @@ class Case:
 
 
 def main() -> None:
-    """Track, judge and write the table."""
+    """Track, score and write the tables."""
     parser = options.parser(__doc__)
     parser.add_argument("--seeds", type=int, nargs="+", default=[73, 74, 75])
     parser.add_argument(
@@ -73,18 +73,16 @@ def main() -> None:
     rendered = _table(method, arguments.rendered, arguments.rendered_seeds, "colour")
     parts = [
         f"Preset {arguments.preset}, seeds {', '.join(map(str, arguments.seeds))}; median "
-        "over seeds with least and most. Positions are judged as seen from the camera "
-        "(docs/methods/evaluation.md); `measured`: of tracks with a detection in the frame. The "
-        "others are predictions of people who were occluded or out of view and are not detected "
-        "yet.",
+        "over seeds with minimum and maximum. Positions are relative to the camera "
+        "(docs/methods/evaluation.md); `measured`: of tracks with a detection in the frame.",
         "## Detections from geometry, without appearance",
         geometry,
         f"## Rendered, seed {', '.join(map(str, arguments.rendered_seeds))}",
-        "320x240 pixels, blurred by the motion of people and robot, and measured depth; people are "
-        "detected, re-identified and tracked by the models that ship.",
+        "320x240 pixels with motion blur and measured depth; the shipped models detect and "
+        "re-identify people.",
         rendered,
     ]
-    write(__file__, "People from a robot that drives", *parts)
+    write(__file__, "Tracking from a robot that drives", *parts)
 
 
 def _table(
@@ -126,7 +124,7 @@ def _render(recordings: Sequence[EvaluationRecording]) -> None:
 
 
 def _without_odometry(take: EvaluationRecording, scratch: Path) -> EvaluationRecording:
-    """Return the take of a robot whose odometry says that it stands."""
+    """Return the recording with odometry that reports a standing robot."""
     path = scratch / f"{take.name}_none.mcap"
     with RecordingWriter(path) as writer:
         for stamp_ns, message in open_recording(take.path).messages():
@@ -171,8 +169,6 @@ def _row(case: Case, matchings: Sequence[Matching]) -> list[str]:
         spread([float(np.percentile(s, 95)) for s in speeds], "{:.3f}") if speeds else "-",
         spread(walking, "{:.3f}") if walking else "-",
         spread([_position_m(figure) for figure in figures], "{:.3f}"),
-        of("position_rmse_across_m"),
-        of("position_rmse_along_m"),
         spread([_position_m(figure) for figure in measured], "{:.3f}"),
         of("id_switches_per_min", "{:.1f}"),
         of("coverage", "{:.1f}", 100),
@@ -193,7 +189,7 @@ def _lengths(vectors: F64) -> F64:
 
 
 def velocities(matching: Matching) -> tuple[F64, F64]:
-    """Return the true and the told velocities [m/s] of people in view, Nx2 each."""
+    """Return the true and the estimated velocities [m/s] of people in view, Nx2 each."""
     pairs = list[tuple[F64, F64]]()
     for frame, step in zip(matching.sequence.frames, matching.frame_matches, strict=True):
         true, estimated = frame.truth.velocities_mps, frame.hypotheses.velocities_mps

@@ -1,8 +1,8 @@
-"""The whole pipeline beside others who track people, from image to tracks, in the same run.
+"""The pipeline beside other packages who track people, from image to tracks, in the same run.
 
 Ultralytics' `track`, and trackers of other packages on boxes from onnxruntime, on the same network
 file; ours with the default network, too. `--peers` names the interpreter of their environment, see
-`lib/peers/video.py`; `--integers` the file that `people4d models quantize` made of the network.
+`lib/peers/video.py`; `--int8` names the network quantised by `people4d models quantize`.
 """
 
 import json
@@ -62,20 +62,20 @@ def peers(python: str, model: Path, frames: int) -> dict[str, tuple[str, list[fl
     return {f"{name} {one['version']}": (name, one["times_s"]) for name, one in found.items()}
 
 
-def ours(model: Path, integers: Path) -> dict[str, tuple[Arrangement, list[str]]]:
+def ours(model: Path, int8: Path) -> dict[str, tuple[Arrangement, list[str]]]:
     """Return arrangements and settings of the detector by name."""
-    yolo, yolo_integers = [f"model={model}"], [f"model={integers}"]
+    yolo, yolo_int8 = [f"model={model}"], [f"model={int8}"]
     openvino = "engine=openvino"
-    movenet_integers = ["model=movenet-multipose-int8"]
+    movenet_int8 = ["model=movenet-multipose-int8"]
     return {
         "ours, the same network": (APART, yolo),
         "ours, the same network, together": (TOGETHER, yolo),
         "ours, the same network, OpenVINO": (APART, [*yolo, openvino]),
-        "ours, of integers": (APART, yolo_integers),
-        "ours, of integers, OpenVINO": (APART, [*yolo_integers, openvino]),
-        "ours, MoveNet in float": (APART, ["model=movenet-multipose"]),
-        "ours, MoveNet of integers (default here)": (APART, movenet_integers),
-        "ours, MoveNet of integers, together": (TOGETHER, movenet_integers),
+        "ours, int8": (APART, yolo_int8),
+        "ours, int8, OpenVINO": (APART, [*yolo_int8, openvino]),
+        "ours, MoveNet float32": (APART, ["model=movenet-multipose"]),
+        "ours, MoveNet int8 (default here)": (APART, movenet_int8),
+        "ours, MoveNet int8, together": (TOGETHER, movenet_int8),
     }
 
 
@@ -83,7 +83,7 @@ def main() -> None:
     """Measure by turns and write the table."""
     parser = options.parser(__doc__, "shared")
     parser.add_argument("--peers", required=True, help="Python interpreter of their environment")
-    parser.add_argument("--integers", type=Path, required=True, help="the network in 8 bits")
+    parser.add_argument("--int8", type=Path, required=True, help="the network in 8 bits")
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--frames", type=int, default=100)
     flags = parser.parse_args()
@@ -98,7 +98,7 @@ def main() -> None:
             age_ms[words] += [1e3 * s for s in times_s]
             if name == REFERENCE:
                 reference_hz.append(rates_hz[words][-1])
-        for words, (one, settings) in ours(model, flags.integers.resolve()).items():
+        for words, (one, settings) in ours(model, flags.int8.resolve()).items():
             print(words, flush=True)
             run = play(lockstep(flags.frames), flags.frames, settings, one)
             rates_hz[words].append(run.rate_hz)
@@ -112,13 +112,13 @@ def main() -> None:
         rows.append([words, spread(found, "{:.1f}"), spread(ratios, "{:.2f}"), latency])
     write(
         __file__,
-        "The whole pipeline beside others",
+        "The pipeline beside other packages",
         "Frames of the shipped recording (640x480, three people) from memory, one network thread; "
-        f"median (least to most) of {flags.rounds} rounds by turns, on two cores. The network is "
-        "YOLOv8n-pose at 640x640; of integers: made of it by `people4d models quantize`. "
-        "Others call one function after the other, and give boxes and identities in the image. "
-        "Ours are processes (or one, together) with positions, velocities and yaws in 3D and "
-        "re-identification, to a subscriber through the router: rate in "
-        f"lock-step, latency from a live camera at {RATE_SHARE:.0%} of it.",
+        f"median (least to most) of {flags.rounds} rounds in turns, on two cores. The network is "
+        "YOLOv8n-pose at 640x640; int8: quantised by `people4d models quantize`. Other packages "
+        "call one function after the other, and give boxes and identities in the image. Ours are "
+        "processes (or one, together) that give positions, velocities and yaws in 3D with "
+        "re-identification to a subscriber through the router: rate in lock-step, latency from a "
+        f"live camera at {RATE_SHARE:.0%} of it.",
         markdown(["", "frames a second", f"of {REFERENCE}", "latency p50, p99 [ms]"], rows),
     )

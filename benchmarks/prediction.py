@@ -15,19 +15,19 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from benchmarks.lib import options
-from benchmarks.lib.table import markdown, write
-from common.io.recording import open_recording
-from evaluation.cache import default_folder
-from evaluation.methods import read_method
-from evaluation.pipeline import track_again
-from evaluation.prediction.score import (
+from benchmarks.lib.prediction.score import (
     GroupScores,
     PredictionPairs,
     predict_tracks,
     predict_walks,
     score_groups,
 )
-from evaluation.prediction.walks import SCENES, read_walks
+from benchmarks.lib.prediction.walks import SCENES, read_walks
+from benchmarks.lib.table import markdown, write
+from common.io.recording import open_recording
+from evaluation.cache import default_folder
+from evaluation.methods import read_method
+from evaluation.pipeline import track_again
 from evaluation.recordings.recordings import plan_recordings, render_recording
 from people4d.codec import decode, encode
 from people4d.messages import F64, Track, Tracks, Truth

@@ -1,9 +1,8 @@
-"""People in recordings of real people, against marks made by hand: identity, position, facing.
+"""Identity, position and yaw of annotated real people, beside other packages.
 
-The marks are in `real_people_marks/`; the recordings show identifiable people and are not part of
-the repository: `--shared` names the folder that holds them. Sheets with marks and tracks go to
-out/real_people/ and stay there. `--peers` names Python interpreters of environments that have the
-packages to compare with; `lib/peers/mot.py` says how to make one.
+The annotations are in `real_people_marks/`. The recordings show identifiable people and are not
+published: `--shared` names their folder. `--peers` names Python interpreters of environments with
+other packages, see `lib/peers/mot.py`.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,35 +12,32 @@ import cv2
 import numpy as np
 
 from benchmarks.lib import options
+from benchmarks.lib.marks.annotations import HIDDEN, read_files, read_frames
+from benchmarks.lib.marks.crossing import FPS, crossing_camera
 from benchmarks.lib.marks.methods import HALF_FRAME, HALVES, MARKS, ROOT, variants
 from benchmarks.lib.marks.recording import FrameOutput, MarkedRecording, marked, run
 from benchmarks.lib.marks.results import (
-    HALF_COLUMNS,
     HIDDEN_COLUMNS,
+    HIDDEN_TITLES,
     SUMMARY_HEADER,
     Result,
     detections_alone,
-    half_row,
     hidden_row,
-    in_frames,
     known,
     result,
     summary_row,
 )
-from benchmarks.lib.marks.sheets import write_sheet
-from benchmarks.lib.peers.run import PeerRun, PeerSequence, run_peers
-from benchmarks.lib.table import markdown, write
-from common.geometry.boxes import iou_xyxy
-from evaluation.methods import read_method
-from evaluation.recordings.hand_annotations import FPS, crossing_camera
-from evaluation.recordings.hand_marks import HIDDEN, read_files, read_frames
-from evaluation.recordings.mark_scores import (
+from benchmarks.lib.marks.scores import (
     INVENTED_FRAMES,
     MarkOutcome,
     MarkScores,
     TrackedPerson,
     figures,
 )
+from benchmarks.lib.peers.run import PeerRun, PeerSequence, run_peers
+from benchmarks.lib.table import markdown, write
+from common.geometry.boxes import iou_xyxy
+from evaluation.methods import read_method
 from people4d.messages import F64
 from services.camera.config import CameraConfig
 from services.detector.config import shipped_model
@@ -53,7 +49,10 @@ SAME_BOX = 0.5  # least overlap of a track's box with that of its detection
 def peer_results(
     python: str, name: str, recording: MarkedRecording, outputs: Sequence[FrameOutput]
 ) -> Iterator[Result]:
-    """Yield trackers of boxes on the same detections, with own settings and with chosen ones."""
+    """Yield each tracker of boxes on the same detections, with the best settings.
+
+    Settings are chosen by the correct identities in the tuning split.
+    """
     rows = [
         (number, *map(float, d.box_xyxy_px), d.score)
         for number, one in enumerate(outputs, 1)
@@ -62,18 +61,14 @@ def peer_results(
     sequence = PeerSequence(np.array(rows, np.float64), len(outputs), FPS)
     detected = recording.detected(outputs)
     for tracker, runs in run_peers(python, {"filinha": sequence}, {}).items():
-        results = {}
+        results = []
         for number, one in runs.items():
             tracks = boxes_by_frame(one, detected)
             settings = "own settings" if number == 0 else one.settings.partition(": ")[2]
             label = f"{name}, {tracker}: {settings}"
-            results[number] = Result(
-                label, MarkScores(recording.truth, tracks, FPS), tracks, is_peer=True
-            )
-        yield results[0]
-        best = max(results, key=lambda number: first_half_owned(results[number]))
-        if best:
-            yield results[best]
+            scores = MarkScores(recording.truth, tracks, FPS)
+            results.append(Result(label, scores, is_peer=True))
+        yield max(results, key=tuning_owned)
 
 
 def boxes_by_frame(
@@ -99,9 +94,10 @@ def position_in(box_xyxy_px: F64, detected: Sequence[TrackedPerson]) -> F64 | No
     return detected[best].position_m if overlaps[best] >= SAME_BOX else None
 
 
-def first_half_owned(one: Result) -> int:
-    """Return the marks of the first half with the right identity, by which settings are chosen."""
-    return figures(in_frames(one, HALVES["first half"])).owned.part
+def tuning_owned(one: Result) -> int:
+    """Return the correct identities in the tuning split."""
+    tuning = [o for o in one.scores.outcomes if o.frame in HALVES["first half"]]
+    return figures(tuning).owned.part
 
 
 def bag_rows(shared: Path) -> Iterator[list[str]]:
@@ -128,36 +124,24 @@ def bag_rows(shared: Path) -> Iterator[list[str]]:
             ]
 
 
-BAG_HEADER = ("model", "hidden", "found", "position > 0.5 m off", "facing within 45 deg")
+BAG_HEADER = ("model", "hidden", "found", "position > 0.5 m off", "yaw within 45 deg")
 SUMMARY_NOTE = (
-    "108 RGB-D frames of six people who walk a loop through a room and hide each other; 10 frames "
-    "a second are assumed. In {frames} of them all people are marked by eye in the images alone: "
-    "{marks} marks, {no} of people who are not hidden, {partly} partly and {mostly} mostly. A "
-    "track is on a mark if its box holds the mark or its position is within 0.5 m of the surface "
-    "there, one to one; tracks with a detection come first, then the nearest on the ground (tracks "
-    "of boxes count as where the detection in the box is), without depth in the image. "
-    "`Right identity`: each person has one track over the recording, for the most marks. `First "
-    "identity right`: the track is the person's first, and was no other's before. `Identity "
-    "changes`: of people to another track; `taken over`: of tracks to another person. `Invented`: "
-    "tracks with a detection on no marked person in more than {invented} frames. `Ghosts`: "
-    "predicted tracks in the image on no marked person, over all frames. Marks have no extent: for "
-    "IDF1 and HOTA a track is on a mark or not. Positions are compared on the ground with the "
-    "surface at the mark, where depths around it are of one body; yaws relative to the line of "
-    "sight, of found people. Percentages are of the marks to which "
-    "the figure applies. Trackers of other packages get the same boxes and "
-    "scores, and publish boxes only; their chosen settings (all of PEERS in peers/mot.py were "
-    "run) have the most right identities in the first half. The thresholds of some are "
-    "above most of MoveNet's scores. All others run as shipped. MoveNet is {movenet}, the default "
-    "on this processor."
-)
-HALF_NOTE = (
-    "Frames before {split} ({first} marks) are for choosing, the others ({second} marks) for "
-    "testing. Identities are assigned over the joint recording. `Less hidden`: right identities of "
-    "people who are not mostly hidden."
-)
-OTHER_NOTE = (
-    "56 people in 19 of the frames, marked by another person; tracks between these frames count "
-    "for nothing."
+    "108 RGB-D frames of six people who walk a loop through a room and occlude each other, taken "
+    "as 10 frames a second. {frames} frames are annotated by hand in the images alone: {marks} "
+    "annotations, {no} of people without occlusion, {partly} partly and {mostly} heavily "
+    "occluded. A track matches an annotation if its box contains it or its position is within "
+    "0.5 m of the surface there, one to one. Tracks with a detection come first, then the nearest "
+    "on the ground, without depth the nearest in the image. `Correct identity`: each person has "
+    "one track over the recording, the one with the most annotations. `First identity correct`: "
+    "the track is the person's first, and was no other person's before. `Switches`: a person gets "
+    "another track; `taken over`: a track goes to another person. `Invented`: tracks with a "
+    "detection on no annotated person in more than {invented} frames. `Ghosts`: predicted tracks "
+    "in the image on no annotated person, over all frames. Positions are compared with the "
+    "surface at the annotation, yaws relative to the line of sight. Percentages are of the "
+    "annotations to which the figure applies. Trackers of other packages get the same boxes and "
+    "scores, and publish boxes only; each has the settings, of those in peers/mot.py, with the "
+    "most correct identities before frame {split}. All other methods run as shipped. MoveNet is "
+    "{movenet}, the default on this processor."
 )
 BAG_NOTE = (
     "Five frames of single images (TUE), most people behind a desk in the background. Detections "
@@ -165,65 +149,40 @@ BAG_NOTE = (
 )
 
 
-def report(
-    results: Sequence[Result],
-    compared: Sequence[Sequence[str]],
-    bags: Sequence[Sequence[str]],
-    recording: MarkedRecording,
-) -> None:
-    """Print and write all tables."""
-    marks = [truth.mark for people in recording.truth.values() for truth in people]
-    counts = {hidden: sum(m.visibility == hidden for m in marks) for hidden in HIDDEN}
-    by_half = [
-        sum(len(recording.truth[f]) for f in recording.truth if f in h) for h in HALVES.values()
-    ]
-    tracked = [one for one in results if one.has_identity]
-    halves = [f"{name}: {column}" for name in HALVES for column in HALF_COLUMNS]
-    classes = [f"{name}, {hidden} hidden" for name in HIDDEN_COLUMNS for hidden in HIDDEN]
-    numbers = SUMMARY_NOTE.format(
-        movenet=shipped_model(),
-        frames=len(recording.truth),
-        marks=len(marks),
-        invented=INVENTED_FRAMES,
-        **counts,
-    )
-    write(
-        __file__,
-        "Real people against marks made by hand",
-        numbers,
-        markdown(SUMMARY_HEADER, [summary_row(one) for one in results]),
-        "## By half\n\n" + HALF_NOTE.format(split=HALF_FRAME, first=by_half[0], second=by_half[1]),
-        markdown(["method", *halves], [half_row(one) for one in tracked]),
-        "## By how much is hidden",
-        markdown(["method", *classes], [hidden_row(one) for one in results if not one.is_peer]),
-        "## Other marks\n\n" + OTHER_NOTE,
-        markdown(SUMMARY_HEADER, compared),
-        "## Single images\n\n" + BAG_NOTE,
-        markdown(BAG_HEADER, bags),
-    )
-
-
 def main() -> None:
-    """Measure, write the tables, draw the sheets."""
+    """Measure and write the tables."""
     parser = options.parser(__doc__, "shared")
     parser.add_argument("--peers", nargs="*", default=[], help="interpreters with other packages")
     arguments = parser.parse_args()
     cv2.setNumThreads(1)
     camera = crossing_camera(arguments.shared)
-    recording, images = marked(camera, read_frames(MARKS / "filinha.json"))
-    other, _ = marked(camera, read_frames(Path(camera.source) / "marks.json"))
-    results, compared = list[Result](), list[list[str]]()
+    recording, _ = marked(camera, read_frames(MARKS / "filinha.json"))
+    results = list[Result]()
     for variant in variants(arguments.shared):
         outputs = run(variant.method(), camera, OUT)
-        one = result(variant.name, recording, outputs)
-        results.append(one)
-        compared.append(summary_row(result(variant.name, other, outputs)))
-        print(*summary_row(one), sep=" | ", flush=True)
-        if variant.draws:
-            write_sheet(OUT / f"{variant.name}.png", images, one.hypotheses, one.scores)
+        results.append(result(variant.name, recording, outputs))
         if variant.detector:
             alone = f"{variant.detector}, detections alone"
             results.append(detections_alone(alone, recording, outputs))
             for python in arguments.peers:
                 results += peer_results(python, variant.detector, recording, outputs)
-    report(results, compared, list(bag_rows(arguments.shared)), recording)
+    marks = [truth.mark for people in recording.truth.values() for truth in people]
+    note = SUMMARY_NOTE.format(
+        movenet=shipped_model(),
+        frames=len(recording.truth),
+        marks=len(marks),
+        invented=INVENTED_FRAMES,
+        split=HALF_FRAME,
+        **{hidden: sum(m.visibility == hidden for m in marks) for hidden in HIDDEN},
+    )
+    classes = [f"{name}, {hidden} occluded" for name in HIDDEN_COLUMNS for hidden in HIDDEN_TITLES]
+    write(
+        __file__,
+        "Annotated real people",
+        note,
+        markdown(SUMMARY_HEADER, [summary_row(one) for one in results]),
+        "## By occlusion",
+        markdown(["method", *classes], [hidden_row(one) for one in results if not one.is_peer]),
+        "## Single images\n\n" + BAG_NOTE,
+        markdown(BAG_HEADER, list(bag_rows(arguments.shared))),
+    )

@@ -13,7 +13,6 @@ from msgspec.structs import replace
 
 from benchmarks.lib import options
 from benchmarks.lib.table import markdown, spread, write
-from benchmarks.trackers import SIZE_PX, WARM_UP, observations
 from common.geometry.transforms import LINK_FROM_OPTICAL, invert, transform_from
 from evaluation.methods import read_method
 from people4d import codec
@@ -23,9 +22,53 @@ from services.tracker.interface import Measurement, Observation
 from services.tracker.node import TrackerNode
 
 PEOPLE = (3, 10, 20, 200)
+WARM_UP = 15  # frames
+DIMENSION = 512  # of an embedding, as OSNet's
+FRAME_NS = 33_333_333
+SIZE_PX = (640, 480)
 PRESETS = ("best", "pose-strongsort-movenet")
 CAMERA = "camera_optical_frame"
 MAP_FROM_OPTICAL = transform_from((0.0, 0.0, 1.0), LINK_FROM_OPTICAL[:3, :3])
+
+
+def observations(people: int, frames: int, seed: int) -> list[Observation]:
+    """Return frames of people who walk back and forth across the image, with noise."""
+    rng = np.random.default_rng(seed)
+    appearances = rng.normal(size=(people, DIMENSION))
+    phase, forward_m = rng.uniform(0, 2 * np.pi, people), np.linspace(2.0, 5.0, people)
+    tracks = []
+    for number in range(frames):
+        stamp_ns = number * FRAME_NS
+        side_m = 1.5 * np.sin(phase + 0.7 * stamp_ns / 1e9)
+        measurements = []
+        for k in range(people):
+            position = np.array([forward_m[k], side_m[k], 1.0]) + rng.normal(0, 0.03, 3)
+            u, half = 320 - 600 * side_m[k] / forward_m[k], 150 / forward_m[k]
+            appearance = appearances[k] + rng.normal(0, 0.1, DIMENSION)
+            measurements.append(
+                Measurement(
+                    index=k,
+                    box_xyxy_px=np.array([u - half, 240 - 3 * half, u + half, 240 + 3 * half]),
+                    score=0.9,
+                    position_m=position,
+                    forward_m=float(position[0]),
+                    covariance_m2=np.diag([0.01, 0.001, 0.001]),
+                    embedding=appearance / np.linalg.norm(appearance),
+                    yaw_rad=float(rng.normal(0, 0.3)),
+                    yaw_sigma_rad=0.3,
+                )
+            )
+        camera = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 1], [0, 0, 0, 1]])
+        tracks.append(
+            Observation(
+                stamp_ns,
+                tuple(measurements),
+                embedder="osnet",
+                map_from_camera=camera,
+                size_px=SIZE_PX,
+            )
+        )
+    return tracks
 
 
 def payloads(observation: Observation, sequence: int) -> list[bytes]:

@@ -16,7 +16,9 @@ def quantiles(values_ms: Sequence[float]) -> list[str]:
 
 
 def spread(values: Sequence[float], form: str = "{:.2f}") -> str:
-    """Return the median with minimum and maximum over rounds, as text."""
+    """Return the median, with minimum and maximum of several rounds, as text."""
+    if len(values) == 1:
+        return form.format(values[0])
     low, middle, high = min(values), float(np.median(values)), max(values)
     return f"{form.format(middle)} ({form.format(low)} to {form.format(high)})"
 
@@ -28,7 +30,7 @@ def markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def machine() -> str:
-    """Return what the figures were measured on, in one line."""
+    """Return the machine and the version of the code, in one line."""
     model = platform.machine()
     cpuinfo = Path("/proc/cpuinfo")
     if cpuinfo.exists():
@@ -38,7 +40,7 @@ def machine() -> str:
 
 
 def commit() -> str:
-    """Return the commit and today's date; a tree with changes says so."""
+    """Return the commit, marked if the tree has changes, and today's date."""
     folder = Path(__file__).parent
     git = ("git", "-C", str(folder), "describe", "--always", "--dirty", "--abbrev=7")
     done = subprocess.run(git, check=False, capture_output=True, text=True)

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.lib.marks.crossing import CROSSING, TORSO_MM, crossing_camera, match
 from common.geometry.transforms import apply
 from evaluation.pipeline import pipeline, play
-from evaluation.recordings.hand_annotations import CROSSING, TORSO_MM, crossing_camera, match
 from people4d.messages import Detections, RgbdFrame, StaticTransform, Tracks
 from services.camera.config import CameraConfig
 from services.detector.config import DetectorConfig

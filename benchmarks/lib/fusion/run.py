@@ -8,7 +8,6 @@ import numpy as np
 from msgspec.structs import replace
 
 from benchmarks.lib.fusion.changes import Change
-from benchmarks.lib.fusion.delays import Delays, in_time, key_of
 from benchmarks.lib.fusion.scene import FusionScene
 from common.diagnosis.clock_checks import clocks
 from common.diagnosis.evidence import Evidence
@@ -28,7 +27,6 @@ class TimedTracks:
 
     time_ns: int
     tracks: Sequence[Track]
-    published_ns: int = 0  # [ns] true time
 
 
 @dataclass(frozen=True)
@@ -41,15 +39,9 @@ class Statement:
 
 
 def track(
-    scene: FusionScene,
-    change: Change,
-    cameras: Sequence[str] = (),
-    delays: Delays = in_time,
+    scene: FusionScene, change: Change, cameras: Sequence[str] = ()
 ) -> tuple[list[TimedTracks], list[Statement]]:
-    """Return the tracks of one tracker of some cameras, all by default, and what was reported.
-
-    Messages come later by their delays.
-    """
+    """Return the tracks of one tracker of some cameras, all by default, and what was reported."""
     node = build(TrackerConfig(require_transform=True))
     times = {
         (m.camera, m.stamp_ns): time_ns
@@ -59,39 +51,21 @@ def track(
     }
     found = []
     reported = dict[str, Statement]()
-    for arrived_ns, time_ns, original in _in_order(scene, delays):
+    for time_ns, original in scene.messages:
+        arrived_ns = time_ns + ARRIVAL_NS
         message = change(time_ns, original)
         if message is None or not _is_of(message, cameras):
             continue
         for output in _handle(node, message, arrived_ns):
             key = (output.camera, output.stamp_ns)
             if key in times:
-                found.append(TimedTracks(times[key], output.tracks, arrived_ns))
+                found.append(TimedTracks(times[key], output.tracks))
         if isinstance(message, Detections) and message.sequence % 50 == 0:
             for text in _sentences(node.status(), time_ns):
                 pattern = re.sub(r"\d+", "#", text)
                 before = reported.get(pattern, Statement(time_ns, text, 0))
                 reported[pattern] = Statement(before.first_ns, text, before.count + 1)
     return found, sorted(reported.values(), key=lambda statement: statement.first_ns)
-
-
-def age_ms(found: Sequence[TimedTracks]) -> float:
-    """Return the age of the newest tracks when tracks are published, 95th percentile [ms]."""
-    newest_ns, ages_ns = 0, list[int]()
-    for timed in sorted(found, key=lambda timed: timed.published_ns):
-        newest_ns = max(newest_ns, timed.time_ns)
-        ages_ns.append(timed.published_ns - newest_ns)
-    return float(np.percentile(ages_ns, 95)) / 1e6
-
-
-def _in_order(scene: FusionScene, delays: Delays) -> list[tuple[int, int, Message]]:
-    """Return arrival, true time and message, in the order of arrival."""
-    late_ns = delays(scene)
-    arrivals = [
-        (time_ns + ARRIVAL_NS + late_ns.get(key_of(message), 0), time_ns, message)
-        for time_ns, message in scene.messages
-    ]
-    return sorted(arrivals, key=lambda arrival: arrival[0])
 
 
 def _sentences(status: Status, time_ns: int) -> list[str]:

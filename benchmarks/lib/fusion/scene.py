@@ -1,7 +1,7 @@
 """A recorded scene of the lab with several cameras, and embeddings of its people."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +21,7 @@ from people4d.messages import (
 )
 
 BINS = 48  # of the synthetic embeddings
+GAIN_SIGMA = 0.15  # of the logarithm of a camera's factors
 SAME_M = 0.4  # from a detection to the person that it is of
 
 
@@ -49,11 +50,11 @@ class FusionScene:
         }
 
 
-def read_fusion_scene(path: Path, seed: int, gain_sigma: float = 0.15) -> FusionScene:
+def read_fusion_scene(path: Path, seed: int) -> FusionScene:
     """Read a recording of detections, and make embeddings of its people.
 
-    An embedding is a histogram of the person with noise, its bins scaled by the camera: by
-    lognormal factors of `gain_sigma`.
+    An embedding is a histogram of the person with noise, its bins scaled by lognormal factors of
+    the camera.
     """
     recorded = list(open_recording(path).messages())
     truths = [m for _, m in recorded if isinstance(m, Truth)]
@@ -70,7 +71,7 @@ def read_fusion_scene(path: Path, seed: int, gain_sigma: float = 0.15) -> Fusion
     )
     rng = np.random.default_rng([seed, 0xE3B])
     appearances = rng.random((scene.people_m.shape[1], BINS)) ** 3
-    gains = {name: rng.lognormal(0, gain_sigma, BINS) for name in sorted(scene.infos)}
+    gains = {name: rng.lognormal(0, GAIN_SIGMA, BINS) for name in sorted(scene.infos)}
     messages: list[tuple[int, Message]] = []
     for time_ns, message in recorded:
         if isinstance(message, Detections):
@@ -84,12 +85,7 @@ def read_fusion_scene(path: Path, seed: int, gain_sigma: float = 0.15) -> Fusion
             )
         if not isinstance(message, Truth):
             messages.append((time_ns, message))
-    return replace_messages(scene, messages)
-
-
-def replace_messages(scene: FusionScene, messages: Sequence[tuple[int, Message]]) -> FusionScene:
-    """Return a scene with other messages."""
-    return FusionScene(messages, scene.infos, scene.poses, scene.times_ns, scene.people_m)
+    return replace(scene, messages=messages)
 
 
 def _embeddings(

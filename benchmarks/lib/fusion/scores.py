@@ -1,13 +1,13 @@
 """Scores of tracks of several cameras against the ground truth of the lab."""
 
-from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from benchmarks.lib.fusion.run import TimedTracks
 from benchmarks.lib.fusion.scene import FusionScene
+from common.metrics.counts import Counts
 from common.metrics.matching import Matching, match
 from common.metrics.record import EvaluationFrame, EvaluationSequence, GroundTruth, Hypotheses
 from common.metrics.scores import score_matching
@@ -78,21 +78,13 @@ def double_share(matching: Matching) -> float:
 
 
 @dataclass(frozen=True)
-class HandOvers:
+class HandOvers(Counts):
     """Numbers of hand-overs from camera to camera, and of those with the same identity."""
 
-    overlapping: int
-    overlapping_same: int
-    apart: int
-    apart_same: int
-
-    def __add__(self, other: "HandOvers") -> "HandOvers":
-        return HandOvers(
-            self.overlapping + other.overlapping,
-            self.overlapping_same + other.overlapping_same,
-            self.apart + other.apart,
-            self.apart_same + other.apart_same,
-        )
+    overlapping: int = 0
+    overlapping_same: int = 0
+    apart: int = 0
+    apart_same: int = 0
 
 
 @dataclass(frozen=True)
@@ -106,15 +98,11 @@ class FusionScore:
     double: float
     switches_per_min: float
     hand_overs: HandOvers
-    gap_causes: Counter[str]  # what became of identities after a gap
 
 
 def hand_overs(scene: FusionScene, matching: Matching) -> HandOvers:
     """Count people who leave the view of a camera for that of another, with and without a gap."""
-    totals = HandOvers(0, 0, 0, 0)
-    for in_views, tracked in _by_person(scene, matching):
-        totals += _of_person(in_views, tracked)
-    return totals
+    return sum((_of_person(*one) for one in _by_person(scene, matching)), HandOvers())
 
 
 def _by_person(scene: FusionScene, matching: Matching) -> Iterator[tuple[F64, F64]]:
@@ -172,36 +160,6 @@ def gaps(in_views: F64) -> Iterator[tuple[int, int]]:
         last_camera, gone = int(np.flatnonzero(in_views[k])[0]), 0
 
 
-def gap_causes(scene: FusionScene, matching: Matching) -> Counter[str]:
-    """Count what became of the identities of people who come back after a gap."""
-    causes = Counter[str]()
-    for in_views, tracked in _by_person(scene, matching):
-        for left, returned in gaps(in_views):
-            causes[_gap_cause(in_views, tracked, left, returned)] += 1
-    return causes
-
-
-def _gap_cause(in_views: F64, tracked: F64, left: int, returned: int) -> str:
-    before = tracked[max(left - 10, 0) : left]
-    later = slice(returned + LATER.start, returned + LATER.stop)
-    if _is_same(tracked, left, returned):
-        return "the same"
-    if not in_views[later].any():
-        cause = "gone again before 0.8 s"
-    elif (before < 0).all():
-        cause = "no track in the last second before"
-    elif (tracked[later] < 0).all():
-        cause = "no track 0.8 to 2 s after"
-    else:
-        return "another"
-    earlier, after = tracked[:left], tracked[returned : returned + LATER.stop]
-    earlier, after = earlier[earlier >= 0], after[after >= 0]
-    if not len(earlier) or not len(after):
-        return cause
-    is_same = earlier[-1] == np.bincount(after).argmax()
-    return f"{cause}, yet {'that' if is_same else 'not that'} of their last track"
-
-
 def _is_same(tracked: F64, left: int, returned: int) -> bool:
     before = tracked[max(left - 10, 0) : left]
     after = tracked[returned + LATER.start : returned + LATER.stop]
@@ -217,40 +175,30 @@ def score_of(scene: FusionScene, matching: Matching) -> FusionScore:
         mota=row["mota"] or 0.0,
         idf1=row["idf1"] or 0.0,
         hota=row["hota"] or 0.0,
-        rmse_m=rms_m(errors_m(matching).values()),
+        rmse_m=position_rmse_m(matching),
         double=double_share(matching),
         switches_per_min=scores.id_switches_per_min,
         hand_overs=hand_overs(scene, matching),
-        gap_causes=gap_causes(scene, matching),
     )
 
 
-def errors_m(matching: Matching) -> dict[tuple[int, int], float]:
-    """Return the errors on the ground by tenth of a second and person, of measured tracks."""
-    errors = dict[tuple[int, int], float]()
+def position_rmse_m(matching: Matching) -> float:
+    """Return the RMSE on the ground of measured tracks; NaN of nothing."""
+    squares = [np.zeros(0)]
     for frame, matches in zip(matching.sequence.frames, matching.frame_matches, strict=True):
         truth, tracks = frame.truth.positions_m, frame.hypotheses.positions_m
         assert truth is not None
         assert tracks is not None
-        apart_m = np.linalg.norm((truth[matches.rows] - tracks[matches.columns])[:, :2], axis=1)
+        apart_m = (truth[matches.rows] - tracks[matches.columns])[:, :2]
         measured = ~frame.hypotheses.was_predicted[matches.columns]
-        persons = matches.persons[matches.rows]
-        for person, error_m in zip(persons[measured], apart_m[measured], strict=True):
-            key = frame.stamp_ns // SLOT_NS, int(matching.persons[int(person)])
-            errors[key] = float(error_m)
-    return errors
-
-
-def rms_m(errors: Iterable[float]) -> float:
-    """Return the root of the mean square, NaN of nothing."""
-    found = np.fromiter(errors, np.float64)
-    return float(np.sqrt((found**2).mean())) if len(found) else float("nan")
+        squares.append((apart_m[measured] ** 2).sum(axis=1))
+    found = np.concatenate(squares)
+    return float(np.sqrt(found.mean())) if len(found) else float("nan")
 
 
 def score_row(start: Sequence[str], scored: Sequence[FusionScore]) -> list[str]:
-    total = HandOvers(0, 0, 0, 0)
-    for one in scored:
-        total += one.hand_overs
+    """Return a row of means over scenes."""
+    total = sum((one.hand_overs for one in scored), HandOvers())
 
     def mean(field: str) -> float:
         return float(np.mean([getattr(one, field) for one in scored]))

@@ -10,12 +10,6 @@ MARKS = ROOT / "benchmarks" / "real_people_marks"
 HALF_FRAME = 54  # frames before it choose, the others test
 HALVES = {"first half": range(HALF_FRAME), "second half": range(HALF_FRAME, 10_000)}
 DEFAULT = "MoveNet, appearance (default)"
-SWITCHES = {
-    "visibility": "tracker.strongsort3d.visibility=false",
-    "identity": "tracker.strongsort3d.identity.enabled=false",
-    "standing model": "tracker.strongsort3d.standing_model=false",
-    "yaw density": "tracker.yaw=kalman",
-}
 
 
 @dataclass(frozen=True)
@@ -26,7 +20,6 @@ class Variant:
     preset: str
     settings: tuple[str, ...] = ()
     detector: str = ""  # name of its detections, which peers get, too; empty: they do not
-    draws: bool = False  # True: a sheet is drawn
 
     def method(self) -> Method:
         """Return its configuration."""
@@ -41,17 +34,12 @@ def variants(shared: Path) -> list[Variant]:
     osnet = f"reid.model={folder / 'osnet_x0_25_msmt17.onnx'}"
     embedder = "reid.embedder=osnet"
     best = [
-        Variant(DEFAULT, "best", (), "MoveNet", draws=True),
+        Variant(DEFAULT, "best", (), "MoveNet"),
         Variant("MoveNet, histogram", "best", ("reid.embedder=histogram",)),
-        Variant("MoveNet, OSNet", "best", (embedder, osnet), draws=True),
-        Variant("YOLOv8n-pose, appearance", "best", (yolo,), "YOLOv8n-pose", draws=True),
+        Variant("MoveNet, OSNet", "best", (embedder, osnet)),
+        Variant("YOLOv8n-pose, appearance", "best", (yolo,), "YOLOv8n-pose"),
         Variant("YOLOv8n-pose, histogram", "best", (yolo, "reid.embedder=histogram")),
-        Variant("YOLOv8n-pose, OSNet", "best", (yolo, embedder, osnet), draws=True),
-    ]
-    switched = [
-        Variant(f"{one.name}: no {part}", "best", (*one.settings, switch))
-        for one in (best[0], best[-1])
-        for part, switch in SWITCHES.items()
+        Variant("YOLOv8n-pose, OSNet", "best", (yolo, embedder, osnet)),
     ]
     published = {
         "seg-sort": (yolo_seg,),
@@ -62,4 +50,4 @@ def variants(shared: Path) -> list[Variant]:
         **dict.fromkeys(("image-sort", "image-sort-dynamic"), (yolo,)),
     }
     presets = [Variant(f"preset {name}", name, settings) for name, settings in published.items()]
-    return [*best, *switched, *presets]
+    return [*best, *presets]

@@ -7,11 +7,11 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from benchmarks.lib.marks.annotations import Mark, MarkView
+from benchmarks.lib.marks.scores import MarkTruth, TrackedPerson
 from common.geometry.transforms import apply, invert, project
 from evaluation.methods import Method
 from evaluation.recordings.detections import DetectionJob, detect, read_tracker_input
-from evaluation.recordings.hand_marks import Mark, MarkView
-from evaluation.recordings.mark_scores import MarkTruth, TrackedPerson
 from people4d.messages import (
     F64,
     CameraInfo,

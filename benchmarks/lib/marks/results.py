@@ -1,31 +1,25 @@
 """Results of methods on marked real people, and their rows in tables."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from benchmarks.lib.marks.methods import HALVES
+from benchmarks.lib.marks.annotations import HIDDEN
+from benchmarks.lib.marks.crossing import FPS
 from benchmarks.lib.marks.recording import FrameOutput, MarkedRecording
-from evaluation.recordings.hand_annotations import FPS
-from evaluation.recordings.hand_marks import HIDDEN
-from evaluation.recordings.mark_scores import (
+from benchmarks.lib.marks.scores import (
     Figures,
-    MarkOutcome,
     MarkScores,
     Share,
-    TrackedPerson,
     figures,
 )
 
 SUMMARY_HEADER = (
-    *("method", "found", "right identity", "first identity right", "identity changes"),
+    *("method", "found", "correct identity", "first identity correct", "switches"),
     *("taken over", "invented", "ghosts", "IDF1 %", "HOTA %"),
-    *("position > 0.5 m off", "facing within 45 deg"),
+    *("position > 0.5 m off", "yaw within 45 deg"),
 )
-HIDDEN_COLUMNS = ("found", "right identity", "position off", "facing")
-HALF_COLUMNS = (
-    *("found", "right identity", "less hidden", "IDF1 %", "HOTA %"),
-    *("position off", "facing"),
-)
+HIDDEN_COLUMNS = ("found", "correct identity", "position off", "yaw")
+HIDDEN_TITLES = ("not", "partly", "heavily")
 
 
 @dataclass(frozen=True)
@@ -34,7 +28,6 @@ class Result:
 
     name: str
     scores: MarkScores
-    hypotheses: Mapping[int, Sequence[TrackedPerson]]
     has_identity: bool = True  # False: detections alone
     is_peer: bool = False  # True: a tracker of another package
 
@@ -42,7 +35,7 @@ class Result:
 def result(name: str, recording: MarkedRecording, outputs: Sequence[FrameOutput]) -> Result:
     """Score the tracks of a method."""
     tracks = recording.hypotheses(outputs)
-    return Result(name, MarkScores(recording.truth, tracks, FPS), tracks)
+    return Result(name, MarkScores(recording.truth, tracks, FPS))
 
 
 def detections_alone(
@@ -50,12 +43,7 @@ def detections_alone(
 ) -> Result:
     """Score the detections of a method without a tracker."""
     tracks = recording.detected(outputs)
-    return Result(name, MarkScores(recording.truth, tracks, FPS), tracks, has_identity=False)
-
-
-def in_frames(one: Result, frames: range) -> list[MarkOutcome]:
-    """Return the outcomes of some frames."""
-    return [outcome for outcome in one.scores.outcomes if outcome.frame in frames]
+    return Result(name, MarkScores(recording.truth, tracks, FPS), has_identity=False)
 
 
 def summary_row(one: Result) -> list[str]:
@@ -74,20 +62,6 @@ def summary_row(one: Result) -> list[str]:
 def known(share: Share) -> str:
     """Return a share as text, "-" of nothing."""
     return str(share) if share.total else "-"
-
-
-def half_row(one: Result) -> list[str]:
-    """Return found, right identities, IDF1, HOTA, position and facing of each half."""
-    row = [one.name]
-    for frames in HALVES.values():
-        half = figures(in_frames(one, frames))
-        idf1, hota = one.scores.idf1_hota(frames)
-        row += [str(half.found.part)]
-        shown = [o for o in in_frames(one, frames) if o.truth.mark.visibility != "mostly"]
-        row += [str(half.owned.part), str(figures(shown).owned)]
-        row += [f"{100 * idf1:.1f}", f"{100 * hota:.1f}"]
-        row += [known(half.far), known(half.facing)]
-    return row
 
 
 def hidden_row(one: Result) -> list[str]:

@@ -1,5 +1,6 @@
 """Frames of a recording made unlike it: mirrored, dark, blurred, in another light or order."""
 
+import hashlib
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -8,11 +9,10 @@ import cv2
 import msgspec
 import numpy as np
 
+from benchmarks.lib.marks.annotations import MarkView
 from benchmarks.lib.marks.recording import FrameOutput, MarkedRecording
+from benchmarks.lib.marks.scores import MarkTruth
 from evaluation.methods import Method
-from evaluation.recordings.detection_cache import CachingModel, DetectionCache
-from evaluation.recordings.hand_marks import MarkView
-from evaluation.recordings.mark_scores import MarkTruth
 from people4d.messages import (
     F64,
     U8,
@@ -29,6 +29,7 @@ from people4d.messages import (
 from services.camera.source import SourceFrame
 from services.detector.build import build as build_detector
 from services.detector.config import DetectorConfig
+from services.detector.models.base import DetectedPerson, PersonModel
 from services.detector.models.registry import load_model
 from services.reid.build import build as build_reid
 from services.tracker.build import build as build_tracker
@@ -39,6 +40,7 @@ STEP_NS = 100_000_000  # [ns] from frame to frame
 BLOCK_PX = 8  # of depth that a blurred image lacks
 LOST_BLOCKS = 0.1  # share of these
 
+Cache = dict[bytes, list[DetectedPerson]]  # output of one network, by digest of the image
 Images = Callable[[U8, U16, np.random.Generator], tuple[U8, U16]]
 Order = Callable[[int], range]  # frames in order, of their number
 
@@ -135,6 +137,20 @@ def _mirrored(one: MarkTruth, view: MarkView) -> MarkTruth:
     return MarkTruth(mark, point_m, view.yaw_rad(mark))
 
 
+class CachingModel:
+    """A model that runs once on each image."""
+
+    def __init__(self, model: PersonModel, cache: Cache) -> None:
+        self.name, self._model, self._cache = model.name, model, cache
+
+    def detect(self, rgb: U8) -> list[DetectedPerson]:
+        """Find people, see `PersonModel.detect`."""
+        key = hashlib.blake2b(np.ascontiguousarray(rgb).data, digest_size=8).digest()
+        if key not in self._cache:
+            self._cache[key] = self._model.detect(rgb)
+        return list(self._cache[key])
+
+
 @dataclass(frozen=True)
 class VariedDetections:
     """Detections and embeddings of varied images, by frame."""
@@ -149,7 +165,7 @@ def detect(
     view: MarkView,
     images: Sequence[SourceFrame],
     variation: ImageVariation,
-    cache: DetectionCache,
+    cache: Cache,
 ) -> VariedDetections:
     """Detect and embed the people of varied images; `cache` is of the method's network."""
     names = {"camera": CAMERA, "frame_id": OPTICAL, "stamp_ns": 0, "sequence": 0}

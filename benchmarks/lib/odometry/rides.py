@@ -1,6 +1,5 @@
 """Boxes from a camera that moves, with ground truth and odometry."""
 
-import itertools
 import math
 from collections import Counter
 from collections.abc import Sequence
@@ -13,16 +12,12 @@ from common.geometry.transform_buffer import transform_from_odometry
 from common.geometry.transform_history import COUNTERS, TransformHistory
 from common.geometry.transforms import LINK_FROM_OPTICAL
 from common.metrics.record import BOOL, EvaluationFrame, EvaluationSequence, GroundTruth, Hypotheses
-from evaluation.recordings.detections import DetectionJob, detect, read_tracker_input
-from evaluation.recordings.recordings import plan_recordings, render_recording
 from lab.camera.frames import odometry as lab_odometry
 from lab.camera.synthetic_detections import SyntheticDetections, SyntheticDetectionsConfig
 from lab.catalogue import load_scenario
 from lab.truth.silhouette import silhouettes
 from lab.world import World
 from people4d.messages import F64, Detections, Odometry
-from services.camera.config import CameraConfig
-from services.detector.config import DetectorConfig
 from services.tracker.image_sort.camera_turn import camera_direction, turn_between
 from services.tracker.image_sort.image_sort import BoxFrame, BoxTracks
 
@@ -79,28 +74,9 @@ class Ride:
         ]
         return EvaluationSequence(self.name, tuple(frames))
 
-    def faultless(self, gone: int) -> list[BoxTracks]:
-        """Return what a tracker would tell that errs nowhere, but identifies no person again.
-
-        Args:
-            gone: Frames out of sight after which a person is somebody new.
-        """
-        last, ids, numbers, published = dict[int, int](), dict[int, int](), itertools.count(1), []
-        for number, truth in enumerate(self.truth):
-            hidden = np.zeros(len(truth.ids), bool) if truth.occluded is None else truth.occluded
-            rows = np.flatnonzero(~hidden)
-            for person in (int(truth.ids[row]) for row in rows):
-                if number - last.get(person, -gone - 2) > gone + 1:
-                    ids[person] = next(numbers)
-                last[person] = number
-            found = np.array([ids[int(truth.ids[row])] for row in rows], np.int64)
-            boxes = np.asarray(truth.boxes_xyxy_px)[rows].reshape(-1, 4)
-            published.append(BoxTracks(found, boxes, np.ones(len(rows)), np.arange(len(rows))))
-        return published
-
 
 def lab_ride(scenario: str, seed: int, errors: SyntheticDetectionsConfig) -> Ride:
-    """Return a scenario of the virtual lab as a detector sees it, without pictures."""
+    """Return a scenario of the virtual lab with synthetic detections, without images."""
     world = World(load_scenario(scenario), seed)
     synthetic = SyntheticDetections(errors, world.info, seed)
     frames, truth = [], []
@@ -119,43 +95,6 @@ def lab_ride(scenario: str, seed: int, errors: SyntheticDetectionsConfig) -> Rid
         _prompt(lab_odometry(world)),
         _fov_deg(world.info.width, world.info.fx),
     )
-
-
-def rendered_recordings(scenarios: Sequence[str], seed: int, cache: Path) -> list[Path]:
-    """Return what was filmed of some scenarios, newest first of each; empty if one is wanting."""
-    found = []
-    for scenario in scenarios:
-        recordings = (cache / "scenes").glob(f"{scenario}@{seed}-colour-*.mcap")
-        drawn = [take for take in recordings if take.with_suffix(".truth.npz").exists()]
-        found += sorted(drawn, key=lambda take: take.stat().st_mtime)[-1:]
-    return found if len(found) == len(scenarios) else []
-
-
-def draw(scenarios: Sequence[str], seed: int, cache: Path) -> list[Path]:
-    """Render some scenarios, unless they were rendered before."""
-    recordings = plan_recordings(
-        [f"lab:{scenario}" for scenario in scenarios], [seed], "colour", cache
-    )
-    for take in recordings:
-        render_recording(take, 2, lambda what, share: print(f"{what}: {100 * share:.0f} %"))
-    return [take.path for take in recordings]
-
-
-def rendered_ride(take: Path, detector: DetectorConfig, cache: Path) -> Ride:
-    """Return a film as a network sees its pictures, which it looks at but once."""
-    detected = detect(DetectionJob(take, CameraConfig(), detector, (), cache))
-    frames, samples = list[BoxFrame](), list[Odometry]()
-    for message in read_tracker_input(detected.detections, None):
-        if isinstance(message, Detections):
-            frames.append(_boxes(message))
-        elif isinstance(message, Odometry):
-            samples.append(message)
-    with np.load(take.with_suffix(".truth.npz")) as file:
-        boxes, shares, lens = file["bbox"].astype(np.float64), file["vis"], file["K"]
-    people = list(range(boxes.shape[1]))
-    truth = [_truth(people, b, s, frames[0].size_px) for b, s in zip(boxes, shares, strict=True)]
-    fov_deg = _fov_deg(frames[0].size_px[0], float(lens[0]))
-    return Ride(take.stem, tuple(frames), tuple(truth), _prompt(samples), fov_deg)
 
 
 def kitti_ride(folder: Path, seed: int) -> Ride:

@@ -10,8 +10,8 @@ import msgspec
 import numpy as np
 
 from benchmarks.lib.odometry.faults import FAULTS
-from benchmarks.lib.odometry.rides import Ride, lab_ride
-from benchmarks.lib.table import markdown, spread
+from benchmarks.lib.odometry.rides import Ride
+from benchmarks.lib.table import markdown
 from common.metrics.matching import match
 from common.metrics.scores import Scores, combine, score_matching
 from common.metrics.similarity import box_overlap
@@ -20,16 +20,10 @@ from services.tracker.config import ImageSortConfig
 from services.tracker.image_sort.image_sort import BoxTracks, ImageSort
 
 SORT = ImageSortConfig()
-# Beyond [Park 2021]: confirmed once and for all, weak detections only go on with who is there.
-OWN = ImageSortConfig(
-    confirm="once", min_hits=1, score_high=0.6, score_new=0.6, projection="pinhole"
-)
-# The lab's detector finds nearly everybody; [Park 2021]'s, small and blurred, only about half.
+# The detector of [Park 2021], on small and blurred images, finds about half of the people.
 WEAK = SyntheticDetectionsConfig(recall=0.7, miss_s=0.1, box_share=0.02, false_alarms=0.02)
-LONG_MISSES = msgspec.structs.replace(WEAK, miss_s=1.0)
 STATED = 0.5  # [points of MOTA and IDF1] that broken odometry may be worse than no correction
 TURNS_DEG = (0.1, 0.25, 0.5)  # [deg] turns of a frame that part KITTI's
-GONE = 5  # frames out of view after which no person is identified again
 Settings = dict[str, ImageSortConfig]
 
 
@@ -88,30 +82,20 @@ def figures(runs: Sequence[Run]) -> list[float]:
 def table4(rides: dict[int, list[Ride]], settings: Settings) -> str:
     """Return [Park 2021]'s Table 4: all rides of a seed together, mean and spread over seeds."""
     names = ["MOTA", "MOTP", "FP", "FN", "IDF1", "IDP", "IDR", "IDsw", "Hz"]
-    forms = [
-        "{:.1f}",
-        "{:.1f}",
-        "{:.0f}",
-        "{:.0f}",
-        "{:.1f}",
-        "{:.1f}",
-        "{:.1f}",
-        "{:.0f}",
-        "{:.0f}",
-    ]
+    digits = (1, 1, 0, 0, 1, 1, 1, 0, 0)
     rows = []
     for name, config in settings.items():
         by_seed = np.array([figures([run(config, r) for r in rides[seed]]) for seed in rides])
         cells = [
-            f"{form.format(mean)} ± {form.format(deviation)}"
-            for form, mean, deviation in zip(forms, by_seed.mean(0), by_seed.std(0), strict=True)
+            f"{mean:.{n}f} ± {deviation:.{n}f}"
+            for n, mean, deviation in zip(digits, by_seed.mean(0), by_seed.std(0), strict=True)
         ]
         rows.append([name, *cells])
     return markdown(["method", *names], rows)
 
 
 def table2(rides: dict[int, list[Ride]], dynamic: ImageSortConfig) -> str:
-    """Return [Park 2021]'s Table 2: how long the lost are waited for, without odometry and with."""
+    """Return [Park 2021]'s Table 2: survival of lost tracks, without odometry and with."""
     waits = {f"T_lost {n}": msgspec.structs.replace(SORT, t_lost=float(n)) for n in (1, 2, 3, 4)}
     waits["Dynamic"] = variants(SORT, dynamic)["SORT+Dynamic"]
     rows = []
@@ -128,7 +112,7 @@ def table2(rides: dict[int, list[Ride]], dynamic: ImageSortConfig) -> str:
 
 
 def by_turn(rides: Sequence[Ride], settings: Settings) -> str:
-    """Return ID switches of KITTI by how fast the car turned."""
+    """Return ID switches of KITTI by the rotation of the car."""
     edges = [0.0, *TURNS_DEG, math.inf]
     header = ["method", "MOTA", "IDF1"]
     header += [f"{low:g} to {high:g} °/frame" for low, high in pairwise(edges)]
@@ -150,29 +134,8 @@ def by_turn(rides: Sequence[Ride], settings: Settings) -> str:
     return markdown(header, rows)
 
 
-def cost(ride: Ride, settings: Settings, rounds: int) -> str:
-    """Return microseconds of a frame of each variant, and of keeping the odometry."""
-    rows = []
-    for name, config in settings.items():
-        medians = [run(config, ride).mean_us for _ in range(rounds)]
-        rows.append([name, spread(medians, "{:.1f}")])
-    chosen_rows = []
-    for _ in range(rounds):
-        start_ns = time.perf_counter_ns()
-        ride.turned()
-        chosen_rows.append((time.perf_counter_ns() - start_ns) / 1e3 / len(ride.frames))
-    per_frame = len(ride.samples) / len(ride.frames)
-    rows.append(
-        [
-            f"odometry stored and read ({per_frame:.1f} samples a frame)",
-            spread(chosen_rows, "{:.1f}"),
-        ]
-    )
-    return markdown(["what", "us a frame"], rows)
-
-
 def faults(rides: dict[int, list[Ride]], settings: Settings) -> str:
-    """Return what broken odometry costs, and whether that is within what is stated."""
+    """Return the figures with faults of odometry, beside the stated bound."""
     config, plain = settings["SORT+Odom+Dynamic"], settings["SORT+Dynamic"]
     cases = [("no correction", plain, FAULTS["none"])]
     cases += [(name, config, fault) for name, fault in FAULTS.items()]
@@ -198,32 +161,3 @@ def faults(rides: dict[int, list[Ride]], settings: Settings) -> str:
     )
     header = ["odometry", "MOTA (beside none)", "IDF1 (beside none)", "IDsw"]
     return f"{tracks}\n\n{markdown(header, rows)}"
-
-
-def easier(scenarios: Sequence[str], seed: int, dynamic: ImageSortConfig) -> str:
-    """Return what makes the weak detector's data hard: one thing changed at a time."""
-    weak, long_misses = (
-        [lab_ride(n, seed, errors) for n in scenarios] for errors in (WEAK, LONG_MISSES)
-    )
-    once = msgspec.structs.replace(SORT, confirm="once")
-    at_once = msgspec.structs.replace(SORT, min_hits=0)
-    rows = []
-    for name, rides, base in (
-        ("as above", weak, SORT),
-        ("published at once, not after three matches", weak, at_once),
-        ("confirmed once, not after each miss anew", weak, once),
-        ("a miss lasts 1 s in the mean, not 0.1 s", long_misses, SORT),
-        ("both of these", long_misses, once),
-    ):
-        row, chosen = [name], variants(base, dynamic)
-        for variant in ("SORT", "SORT+Odom+Dynamic"):
-            tracks = figures([run(chosen[variant], ride) for ride in rides])
-            row += [f"{tracks[0]:.1f}", f"{tracks[3]:.0f}", f"{tracks[4]:.1f}", f"{tracks[7]:.0f}"]
-        rows.append(row)
-    best = combine(score_matching(match(r.scored(r.faultless(GONE)), box_overlap)) for r in weak)
-    row_ = best.row()
-    cells = [f"{100 * float(row_['mota'] or 0):.1f}", str(row_["misses"])]
-    cells += [f"{100 * float(row_['idf1'] or 0):.1f}", str(row_["id_switches"])]
-    rows.append(["no error, but no person is identified again", *cells, *[""] * 4])
-    header = ["MOTA", "FN", "IDF1", "IDsw"]
-    return markdown(["data or setting", *header, *(f"{name}, both" for name in header)], rows)

@@ -20,6 +20,7 @@ import logging
 import sys
 import time
 import warnings
+from collections import ChainMap
 from collections.abc import Callable
 from itertools import pairwise, product
 from typing import Any
@@ -32,7 +33,7 @@ Options = dict[str, Any]
 
 
 def norfair(_rate_hz: float, gate: float, matched_only: bool, **options: Any) -> Update:
-    """Norfair with the overlap of boxes as distance; `seen` tells only who was matched."""
+    """Norfair with the overlap of boxes as distance; `matched_only` as in `motrackers`."""
     package = importlib.import_module("norfair")
     tracker = package.Tracker(distance_function="iou", **options)
 
@@ -51,11 +52,9 @@ def norfair(_rate_hz: float, gate: float, matched_only: bool, **options: Any) ->
     return update
 
 
-def motrackers(
-    _rate_hz: float, kind: str, gate: float, matched_only: bool, **options: Any
-) -> Update:
-    """One of motrackers; `seen` tells only who was matched."""
-    tracker = getattr(importlib.import_module("motrackers"), kind)(**options)
+def motrackers(_rate_hz: float, gate: float, matched_only: bool, max_lost: int) -> Update:
+    """SORT of motrackers; `matched_only` leaves out tracks that were not matched."""
+    tracker = importlib.import_module("motrackers").SORT(max_lost=max_lost)
 
     def update(boxes: Rows, scores: Rows) -> tuple[Any, Rows]:
         accepted = scores >= gate
@@ -115,167 +114,99 @@ def boxmot(_rate_hz: float, kind: str, gate: float, **options: Any) -> Update:
     return update
 
 
-def combinations(**choices: list[Any]) -> list[Options]:
-    """Return all combinations, the first values of all first."""
-    return [dict(zip(choices, values, strict=True)) for values in product(*choices.values())]
+Peer = tuple[str, Callable[..., Update], list[Options]]  # package, function, settings
 
 
-# Name: package, function, settings; the first setting is the package's own.
-PEERS: dict[str, tuple[str, Callable[..., Update], list[Options]]] = {
-    "norfair": (
+def peer(package: str, make: Callable[..., Update], *parts: dict[str, list[Any]]) -> Peer:
+    """Return a peer with all combinations of settings, its own ones first."""
+    choices = dict(ChainMap(*reversed(parts)))
+    settings = [dict(zip(choices, values, strict=True)) for values in product(*choices.values())]
+    return package, make, settings
+
+
+BUFFERS: dict[str, list[Any]] = {"gate": [0.0], "lost_track_buffer": [30, 5]}
+ACTIVATION = [0.7, 0.9]
+PEERS: dict[str, Peer] = {
+    "norfair": peer(
         "norfair",
         norfair,
-        combinations(
-            matched_only=[False, True],
-            gate=[0.0, 0.8],
-            distance_threshold=[0.7],
-            hit_counter_max=[15, 5],
-        ),
+        {"matched_only": [False, True], "gate": [0.0, 0.8]},
+        {"distance_threshold": [0.7], "hit_counter_max": [15, 5]},
     ),
-    "motrackers SORT": (
+    "motrackers SORT": peer(
         "motrackers",
         motrackers,
-        combinations(
-            kind=["SORT"], matched_only=[False, True], gate=[0.0, 0.8], max_lost=[0, 1, 5]
-        ),
+        {"matched_only": [False, True], "gate": [0.0, 0.8], "max_lost": [0, 1, 5]},
     ),
-    "motrackers IOUTracker": (
-        "motrackers",
-        motrackers,
-        combinations(
-            kind=["IOUTracker"],
-            matched_only=[False, True],
-            gate=[0.0, 0.8],
-            max_lost=[2],
-            iou_threshold=[0.5, 0.3],
-        ),
-    ),
-    "motrackers CentroidKF": (
-        "motrackers",
-        motrackers,
-        combinations(
-            kind=["CentroidKF_Tracker"], matched_only=[False, True], gate=[0.0], max_lost=[1, 5]
-        ),
-    ),
-    "trackers SORT": (
+    "trackers SORT": peer(
         "trackers",
         roboflow,
-        combinations(
-            kind=["SORTTracker"],
-            gate=[0.0],
-            minimum_consecutive_frames=[3, 1],
-            lost_track_buffer=[30, 5],
-            track_activation_threshold=[0.25, 0.9],
-        ),
+        {"kind": ["SORTTracker"], "minimum_consecutive_frames": [3, 1]},
+        {"track_activation_threshold": [0.25, 0.9]},
+        BUFFERS,
     ),
-    "trackers ByteTrack": (
+    "trackers ByteTrack": peer(
         "trackers",
         roboflow,
-        combinations(
-            kind=["ByteTrackTracker"],
-            gate=[0.0],
-            minimum_consecutive_frames=[2, 1],
-            lost_track_buffer=[30, 5],
-            track_activation_threshold=[0.7, 0.9],
-            high_conf_det_threshold=[0.6, 0.8],
-        ),
+        {"kind": ["ByteTrackTracker"], "minimum_consecutive_frames": [2, 1]},
+        BUFFERS,
+        {"track_activation_threshold": ACTIVATION, "high_conf_det_threshold": [0.6, 0.8]},
     ),
-    "trackers OC-SORT": (
+    "trackers OC-SORT": peer(
         "trackers",
         roboflow,
-        combinations(
-            kind=["OCSORTTracker"],
-            gate=[0.0],
-            minimum_consecutive_frames=[3, 1],
-            lost_track_buffer=[30, 5],
-            high_conf_det_threshold=[0.6, 0.8, 0.9],
-        ),
+        {"kind": ["OCSORTTracker"], "minimum_consecutive_frames": [3, 1]},
+        BUFFERS,
+        {"high_conf_det_threshold": [0.6, 0.8, 0.9]},
     ),
-    "trackers C-BIoU": (
+    "trackers C-BIoU": peer(
         "trackers",
         roboflow,
-        combinations(
-            kind=["CBIoUTracker"],
-            gate=[0.0],
-            minimum_consecutive_frames=[2, 1],
-            lost_track_buffer=[30, 5],
-            track_activation_threshold=[0.7, 0.9],
-            high_conf_det_threshold=[0.6, 0.8],
-        ),
+        {"kind": ["CBIoUTracker"], "minimum_consecutive_frames": [2, 1]},
+        BUFFERS,
+        {"track_activation_threshold": ACTIVATION, "high_conf_det_threshold": [0.6, 0.8]},
     ),
-    "ioutrack-rs SORT": (
+    "ioutrack-rs SORT": peer(
         "ioutrack-rs",
         ioutrack,
-        combinations(
-            kind=["Sort"],
-            gate=[0.0],
-            min_hits=[3, 1],
-            max_age=[1, 5],
-            init_tracker_min_score=[0.0, 0.9],
-        ),
+        {"kind": ["Sort"], "gate": [0.0], "min_hits": [3, 1], "max_age": [1, 5]},
+        {"init_tracker_min_score": [0.0, 0.9]},
     ),
-    "ioutrack-rs ByteTrack": (
+    "ioutrack-rs ByteTrack": peer(
         "ioutrack-rs",
         ioutrack,
-        combinations(
-            kind=["ByteTrack"],
-            gate=[0.0],
-            min_hits=[3, 1],
-            max_age=[1, 5, 15],
-            init_tracker_min_score=[0.8, 0.9],
-            high_score_threshold=[0.7],
-        ),
+        {"kind": ["ByteTrack"], "gate": [0.0], "min_hits": [3, 1], "max_age": [1, 5, 15]},
+        {"init_tracker_min_score": [0.8, 0.9], "high_score_threshold": [0.7]},
     ),
-    "BoxMOT ByteTrack": (
+    "BoxMOT ByteTrack": peer(
         "boxmot",
         boxmot,
-        combinations(
-            kind=["ByteTrack"],
-            gate=[0.0],
-            track_thresh=[0.45, 0.6],
-            match_thresh=[0.8, 0.9],
-            track_buffer=[25, 60],
-        ),
+        {"kind": ["ByteTrack"], "gate": [0.0], "track_thresh": [0.45, 0.6]},
+        {"match_thresh": [0.8, 0.9], "track_buffer": [25, 60]},
     ),
-    "BoxMOT OC-SORT": (
+    "BoxMOT OC-SORT": peer(
         "boxmot",
         boxmot,
-        combinations(
-            kind=["OcSort"],
-            gate=[0.0],
-            min_hits=[3, 1],
-            max_age=[30, 60],
-            use_byte=[False, True],
-        ),
+        {"kind": ["OcSort"], "gate": [0.0], "min_hits": [3, 1], "max_age": [30, 60]},
+        {"use_byte": [False, True]},
     ),
-    "BoxMOT SFSORT": (
+    "BoxMOT SFSORT": peer(
         "boxmot",
         boxmot,
-        combinations(
-            kind=["SFSORT"],
-            gate=[0.0],
-            central_timeout=[0, 30],
-            marginal_timeout=[0, 10],
-            high_th=[0.6, 0.5],
-        ),
+        {"kind": ["SFSORT"], "gate": [0.0], "central_timeout": [0, 30]},
+        {"marginal_timeout": [0, 10], "high_th": [0.6, 0.5]},
     ),
-    "BoxMOT BoT-SORT": (
+    "BoxMOT BoT-SORT": peer(
         "boxmot",
         boxmot,
-        combinations(
-            kind=["BotSort"],
-            gate=[0.0],
-            use_embeddings=[False],
-            use_cmc=[False],
-            track_buffer=[30, 60],
-            new_track_thresh=[0.6, 0.5],
-        ),
+        {"kind": ["BotSort"], "gate": [0.0], "use_embeddings": [False], "use_cmc": [False]},
+        {"track_buffer": [30, 60], "new_track_thresh": [0.6, 0.5]},
     ),
 }
 
 
 def run(update: Update, rows: Rows, frames: int) -> tuple[Rows, Rows]:
-    """Return what was told (frame, identity, corners), and the microseconds of each frame."""
+    """Return tracks (frame, identity, corners), and the microseconds of each frame."""
     edges = np.searchsorted(rows[:, 0], np.arange(1, frames + 2))
     tracks, times_us = [np.zeros((0, 6))], []
     for number, (start, end) in enumerate(pairwise(edges), 1):

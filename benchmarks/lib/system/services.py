@@ -11,41 +11,25 @@ from pathlib import Path
 
 from common.transport.ports import free_port
 from common.transport.trace import JOINED
-from common.transport.zenoh_bus import ZenohBus, read_config
 from people4d.client import Client
 from people4d.messages import Health
-from people4d.queue import MessageQueue
 
 READY_S = 60.0
 CONNECT_S = 20.0
 
 
-class Listener(Client):
-    """A client that the services send to directly: a router drops what it cannot hand on at once.
-
-    Args:
-        endpoint: Of the router.
-    """
-
-    def __init__(self, endpoint: str) -> None:
-        environment = {"PEOPLE4D_CONNECT": endpoint, "PEOPLE4D_LISTEN": "tcp/127.0.0.1:0"}
-        self.session = ZenohBus(read_config(None, "peer", environment), "robot", CONNECT_S)
-        self.queue = MessageQueue()
-
-
 class Cluster:
-    """A router and processes that are started, signalled and watched one by one.
+    """A router and processes that are started one by one.
 
     Args:
-        logs: Folder for what they print.
+        logs: Folder of their output.
     """
 
     def __init__(self, logs: Path) -> None:
         self.endpoint = f"tcp/127.0.0.1:{free_port()}"
-        self.processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._processes: list[subprocess.Popen[bytes]] = []
         self._logs = logs
         self._state = tempfile.TemporaryDirectory()  # no state of an earlier run
-        logs.mkdir(parents=True, exist_ok=True)
         self.start("router", "router", ())
 
     def start(self, service: str, instance: str, settings: Sequence[str]) -> None:
@@ -64,16 +48,12 @@ class Cluster:
         environment["PEOPLE4D_STATE"] = self._state.name
         listen = {"PEOPLE4D_LISTEN": self.endpoint} if service == "router" else {}
         with (self._logs / f"{instance}.log").open("wb") as log:
-            self.processes[instance] = subprocess.Popen(
-                command, stdout=log, stderr=log, env=environment | listen
+            self._processes.append(
+                subprocess.Popen(command, stdout=log, stderr=log, env=environment | listen)
             )
 
-    def signal(self, instance: str, number: signal.Signals) -> None:
-        """Send a signal to a process."""
-        self.processes[instance].send_signal(number)
-
     def wait_ready(self, client: Client, instances: set[str]) -> None:
-        """Wait until these processes say that they work.
+        """Wait until the heartbeats of these processes report that they work.
 
         Raises:
             TimeoutError: They do not in time.
@@ -88,10 +68,9 @@ class Cluster:
 
     def close(self) -> None:
         """End all processes, last started first."""
-        for process in reversed(self.processes.values()):
-            process.send_signal(signal.SIGCONT)
+        for process in reversed(self._processes):
             process.send_signal(signal.SIGTERM)
-        for process in self.processes.values():
+        for process in self._processes:
             try:
                 process.wait(10)
             except subprocess.TimeoutExpired:
@@ -101,30 +80,15 @@ class Cluster:
 
 
 @contextlib.contextmanager
-def cluster(logs: Path) -> Iterator[Cluster]:
-    """Run processes until the block ends."""
-    started = Cluster(logs)
-    try:
-        yield started
-    finally:
-        started.close()
-
-
-@contextlib.contextmanager
 def running(
-    services: Sequence[tuple[str, Sequence[str]]],
-    logs: Path,
-    direct: bool = False,
-    together: bool = False,
+    services: Sequence[tuple[str, Sequence[str]]], logs: Path, together: bool = False
 ) -> Iterator[Client]:
     """Run services until the block ends.
 
     Args:
-        services: Name and settings ("field=value") of each; the router comes by itself. A name
-            that is there n times gives n processes. The last one is started when the others are
-            ready.
-        logs: Folder for what they print.
-        direct: Whether the client is linked to the services, not only to the router.
+        services: Name and settings ("field=value") of each, without the router. A repeated name
+            gives several processes. The last service starts when the others are ready.
+        logs: Folder of their output.
         together: Whether they share one process.
 
     Yields:
@@ -138,12 +102,10 @@ def running(
         JOINED.join(f"{one}-{names[: k + 1].count(name)}" for one in name.split(JOINED))
         for k, name in enumerate(names)
     ]
-    with contextlib.ExitStack() as stack:
-        started = stack.enter_context(cluster(logs))
-        client = (
-            Listener(started.endpoint) if direct else Client(started.endpoint, timeout_s=CONNECT_S)
-        )
-        stack.enter_context(client)
+    with (
+        contextlib.closing(Cluster(logs)) as started,
+        Client(started.endpoint, timeout_s=CONNECT_S) as client,
+    ):
         for instance, (service, settings) in zip(instances[:-1], services[:-1], strict=True):
             started.start(service, instance, settings)
         started.wait_ready(client, set(instances[:-1]))

@@ -1,14 +1,8 @@
-"""A live camera before which people stand.
+"""A live camera before which three people stand."""
 
-Its source is `benchmarks.lib.system.standing:Standing`. Its clock is wrong by the seconds in the
-file that $BENCHMARK_CLOCK names, if it does.
-"""
-
-import os
 import time
 from collections.abc import Iterator
 from itertools import islice
-from pathlib import Path
 
 from common.io.images import decompress
 from common.io.recording import open_recording
@@ -20,11 +14,10 @@ from services.camera.source import MotionMessage, Source, SourceFrame
 RATE_HZ = 15.0
 FRAME = 84  # of the shipped recording: three people, apart
 PEOPLE = 3
-CLOCK_VARIABLE = "BENCHMARK_CLOCK"
 
 
 class Standing(Source):
-    """Shows one frame of the shipped recording for ever, with the stamps of now."""
+    """Shows one frame of the shipped recording without end, stamped with the present time."""
 
     live = True
     rate_hz = RATE_HZ
@@ -33,7 +26,7 @@ class Standing(Source):
         recording = RecordingSource(DEMO, RecordingOptions(depth_sensor="off"))
         self.info: CameraInfo = recording.info
         self.transforms = recording.transforms
-        # Only one frame is unpacked: a camera that is started again is not to wait for the others.
+        # Only one frame is decompressed, so that a restarted camera sends soon.
         frames = open_recording(DEMO).messages(CompressedRgbdFrame)
         _, shown = next(islice(frames, FRAME, None))
         assert isinstance(shown, CompressedRgbdFrame)
@@ -45,10 +38,4 @@ class Standing(Source):
         while True:
             due_s += 1 / self.rate_hz
             time.sleep(max(0.0, due_s - time.monotonic()))
-            stamp_ns = time.time_ns() + _clock_error_ns()
-            yield SourceFrame(self._shown.rgb, self._shown.depth_mm, stamp_ns)
-
-
-def _clock_error_ns() -> int:
-    file = os.environ.get(CLOCK_VARIABLE)
-    return round(float(Path(file).read_text()) * 1e9) if file else 0
+            yield SourceFrame(self._shown.rgb, self._shown.depth_mm, time.time_ns())

@@ -5,8 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evaluation.prediction.score import PredictionPairs, predict_tracks, predict_walks, score_groups
-from evaluation.prediction.walks import read_walks
+from benchmarks.lib.prediction.score import (
+    PredictionPairs,
+    predict_tracks,
+    predict_walks,
+    score_groups,
+)
+from benchmarks.lib.prediction.walks import read_walks
 from people4d.errors import SourceError
 from services.predictor.config import PredictorConfig
 from tests import ROOT

@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 
-from evaluation.prediction.walks import Walks
+from benchmarks.lib.prediction.walks import Walks
 from people4d.messages import F64, PersonPrediction, Predictions, Tracks
 from services.predictor.build import build
 from services.predictor.config import PredictorConfig

@@ -1,17 +1,14 @@
-"""Annotations, made by hand, of recordings of real people, and scores against them.
+"""Annotations of recordings of real people, which are not published.
 
-All pixels (u, v) were picked in the colour images. The recordings are not published.
+All pixels (u, v) were picked by hand in the colour images.
 """
 
-from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
-from people4d.messages import Detection, Detections, Tracks
+from people4d.messages import Detection
 from services.camera.config import CameraConfig
 from services.tracker.sort3d.association import assign
 
@@ -61,35 +58,6 @@ def crossing_camera(shared: Path, start_s: float = 0.0, max_frames: int = 0) -> 
     )
 
 
-@dataclass(frozen=True)
-class AnnotationScores:
-    """Detections and tracks in the frames of CROSSING."""
-
-    people: int  # annotated people over all frames
-    found: int  # those that were detected
-    false: int  # boxes without a person, or on a person with another box
-    identified: int  # tracked under their own identity, by the best one-to-one assignment
-
-
-def compare(detections: Sequence[Detections], tracks: Sequence[Tracks]) -> AnnotationScores:
-    """Compare a run, of one message of each kind a frame, with the annotations."""
-    boxes = found = 0
-    together: Counter[tuple[str, int]] = Counter()  # frames that a person had an identity
-    for frame, people in CROSSING.items():
-        pairs = match(list(people.values()), detections[frame].detections)
-        owners = {t.detection: t.id for t in tracks[frame].tracks}
-        boxes, found = boxes + len(detections[frame].detections), found + len(pairs)
-        for i, j in pairs:
-            if j in owners:
-                together[list(people)[i], owners[j]] += 1
-    return AnnotationScores(
-        people=sum(map(len, CROSSING.values())),
-        found=found,
-        false=boxes - found,
-        identified=_best_sum(together),
-    )
-
-
 def match(points: Sequence[Pixel], detections: Sequence[Detection]) -> list[tuple[int, int]]:
     """Return the pairs (point, detection) where a box holds a point, each at most once."""
     cost = np.full((len(points), len(detections)), np.inf)
@@ -99,11 +67,3 @@ def match(points: Sequence[Pixel], detections: Sequence[Detection]) -> list[tupl
             if left <= u <= right and top <= v <= bottom:
                 cost[i, j] = abs(2 * u - left - right) + abs(2 * v - top - bottom)
     return assign(cost)
-
-
-def _best_sum(together: Counter[tuple[str, int]]) -> int:
-    """Return the largest sum of counts when names and identities are paired one to one."""
-    names, identities = {name for name, _ in together}, {one for _, one in together}
-    counts = np.array([together[name, one] for name in names for one in identities])
-    counts = counts.reshape(len(names), len(identities))
-    return int(counts[linear_sum_assignment(counts, maximize=True)].sum())
