@@ -29,7 +29,10 @@ from tests.network import Network
 pytestmark = [pytest.mark.processes, pytest.mark.network]
 
 PACKAGES = ("people4d", "common", "services", "lab", "evaluation", "deploy", "models")
-FILES = ("pyproject.toml", "README.md", "LICENSE", "NOTICE", "people4d_command.py")
+FILES = (
+    *("pyproject.toml", "README.md", "LICENSE", "NOTICE"),
+    *("people4d_command.py", "people4d_robot.py"),
+)
 CONTRACT = ("zenoh", "msgpack", "msgspec", "numpy")
 SHADOWS = ("common", "services", "deploy", "lab")
 TIMEOUT_S = 100.0
@@ -170,6 +173,15 @@ def test_types_are_declared(planner: Path) -> None:
     program = "import people4d, pathlib; print(pathlib.Path(people4d.__file__).parent)"
     done = run(planner / "python", "-c", program, env=clean())
     assert (Path(done.stdout.strip()) / "py.typed").is_file()
+
+
+def test_pipeline_in_a_program_needs_the_wheels_alone(robot: Path, tmp_path: Path) -> None:
+    shutil.copy(ROOT / "examples" / "in_process" / "arrays.py", tmp_path)
+    (tmp_path / "deploy" / "demo").mkdir(parents=True)
+    shutil.copy(DEMO, tmp_path / "deploy" / "demo")
+    done = run(robot / "python", "arrays.py", cwd=tmp_path, env=clean())
+    assert done.returncode == 0, done.stderr
+    assert "#1 at" in done.stdout
 
 
 def test_pipeline_with_a_plug_in_runs_beside_modules_named_like_ours(

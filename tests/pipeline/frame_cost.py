@@ -33,7 +33,7 @@ from tests import DEMO, ROOT
 BUDGETS = Path(__file__).with_name("budgets.json")
 WARM, COUNTED = 20, 10  # frames before those that are counted, and the number of these
 TOLERANCE = 0.03  # share of a budget
-PLACES = 5  # files that are named
+SHOWN = 5  # files that are named
 MODEL = "movenet-multipose"  # float: of the same output on every processor
 KINDS = ("calls", "array_calls", "lines")
 FOLDERS = ("people4d", "common", "services")
@@ -59,19 +59,19 @@ class Counting:
 
     def _profile(self, frame: FrameType, event: str, function: Any) -> None:
         if event == "call" and frame.f_code.co_filename != __file__:
-            self.counts["calls"][place(frame)] += 1
+            self.counts["calls"][file_of(frame)] += 1
         elif event == "c_call" and is_of_arrays(function):
-            self.counts["array_calls"][place(frame)] += 1
+            self.counts["array_calls"][file_of(frame)] += 1
 
     def _trace(self, frame: FrameType, event: str, _: object) -> Any:
         if not frame.f_code.co_filename.startswith(OWN):
             return None
         if event == "line":
-            self.counts["lines"][place(frame)] += 1
+            self.counts["lines"][file_of(frame)] += 1
         return self._trace
 
 
-def place(frame: FrameType) -> str:
+def file_of(frame: FrameType) -> str:
     """Return the file of this project that a call belongs to: its own or the nearest caller's."""
     at: FrameType | None = frame
     while at is not None and not at.f_code.co_filename.startswith(OWN):
@@ -165,7 +165,7 @@ def excess(costs: Mapping[str, Costs], budgets: Mapping[str, Costs]) -> Iterator
             total, budget = sum(now.values()), sum(before.values())
             if total > (1 + TOLERANCE) * budget:
                 growth = {at: count - before.get(at, 0.0) for at, count in now.items()}
-                most = sorted(growth, key=lambda at: -growth[at])[:PLACES]
+                most = sorted(growth, key=lambda at: -growth[at])[:SHOWN]
                 listing = ", ".join(f"{at} +{growth[at]:.4g}" for at in most if growth[at] > 0)
                 yield f"{name}: {total:.6g} {kind} a frame, budget {budget:.6g}: {listing}"
 
