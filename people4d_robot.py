@@ -20,8 +20,8 @@ def check_names() -> None:
     """
     for name in ("common", "deploy", "evaluation", "lab", "services"):
         spec = find_spec(name)
-        file = Path(spec.origin) if spec and spec.origin else None
-        if file and file.parent.parent != Path(__file__).parent:
+        file = Path(spec.origin).resolve() if spec and spec.origin else None
+        if file and file.parent.parent != Path(__file__).resolve().parent:
             raise ImportError(f"{file} hides the package {name} of people4d-robot: rename it")
 
 

@@ -8,7 +8,7 @@ frames = [(one.rgb, one.depth_mm, one.stamp_ns / 1e9) for one in recording]
 lens = Intrinsics(fx=615.0, fy=615.0, cx=319.5, cy=239.5)
 
 with Pipeline() as pipeline:
-    pipeline.add_camera("front", lens, mount(z_m=1.15, rpy_rad=(0.0, -0.052, 0.0)))
+    pipeline.add_camera("front", lens, mount(z_m=1.15, rpy_rad=(0.0, 0.052, 0.0)))
     for rgb, depth_mm, stamp_s in frames[:60]:
         people = pipeline.process(rgb, depth_mm, stamp_s)
         for person in people.tracks if people else ():
