@@ -10,9 +10,9 @@ from common.geometry.transforms import apply, project
 from people4d.messages import F32, F64, U8, CameraInfo, Detection, Detections, Mask, Track, Tracks
 
 TINT = 0.38  # fraction of the colour in a mask
-CONFIDENCE_MIN = 0.3  # confidence from which a keypoint is drawn
-ARROW_M = 0.5  # length of the heading arrow
-NEAREST_M = 0.2  # points nearer to the camera, or behind it, are not drawn
+CONFIDENCE_MIN = 0.3  # minimum confidence of a drawn keypoint
+ARROW_M = 0.5  # length of the heading arrow [m]
+NEAREST_M = 0.2  # minimum depth of a drawn point [m]
 
 # COCO: nose, eyes, ears, shoulders, elbows, wrists, hips, knees, ankles; left before right.
 LIMBS = (
@@ -27,10 +27,10 @@ class CameraView:
     """Projection from the frame of the tracks into the image."""
 
     info: CameraInfo
-    optical_from_map: F64  # 4x4; from the frame that tracks are in
+    optical_from_map: F64  # 4x4, from the frame of the tracks
 
     def pixels(self, points_m: F64) -> F64 | None:
-        """Return the pixels (Nx2) of points (Nx3), None if one of them is not before the camera."""
+        """Return the pixels (Nx2) of points (Nx3), None if one is behind the camera."""
         points = apply(self.optical_from_map, points_m)
         return project(points, self.info) if np.all(points[:, 2] > NEAREST_M) else None
 
@@ -42,7 +42,7 @@ class CameraView:
 def annotate(
     rgb: U8, detections: Detections | None, tracks: Tracks | None, view: CameraView | None
 ) -> U8:
-    """Draw people into a copy of a frame (HxWx3, red first); what is None is unknown."""
+    """Draw people into a copy of a frame (HxWx3, red first); None is unknown."""
     image = rgb.copy()
     people = detections.detections if detections else ()
     owners = {t.detection: t for t in (tracks.tracks if tracks else ()) if t.detection is not None}
@@ -107,7 +107,7 @@ def _draw_track(image: U8, track: Track, view: CameraView | None) -> None:
             [np.cos(track.yaw_rad), np.sin(track.yaw_rad), 0.0]
         )
         ends = view.pixels(np.stack([track.position_m, tip]))
-        # Of a person close to the camera it would cross the image.
+        # The arrow of a person close to the camera would cross the image.
         if ends is not None and np.linalg.norm(ends[1] - ends[0]) < image.shape[1] / 3:
             _draw_arrow(image, ends, colour)
 
@@ -133,12 +133,12 @@ def _label(track: Track | None, person: Detection, view: CameraView | None) -> s
 
 
 def _line(image: U8) -> int:
-    """Return the width of lines that suits the image: 2 pixels at a width of 640."""
+    """Return the width of lines for the image: 2 pixels at a width of 640."""
     width: int = image.shape[1]
     return max(1, round(width / 320))
 
 
 def _text(image: U8) -> float:
-    """Return the height of text that suits the image: 13 pixels at a width of 640."""
+    """Return the height of text for the image: 13 pixels at a width of 640."""
     width: int = image.shape[1]
     return max(9.0, width / 49)

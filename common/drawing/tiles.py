@@ -9,8 +9,8 @@ import numpy as np
 from common.drawing.strokes import PAPER, Colour, put_label
 from people4d.messages import U8
 
-GAP = 8  # [px] between tiles
-TALLEST = 2  # times its width: a tile of a taller image is squeezed
+GAP = 8  # gap between tiles [px]
+TALLEST = 2  # maximum height over width; a tile of a taller image is squeezed
 EDGE: Colour = (60, 66, 74)
 
 
@@ -23,14 +23,14 @@ class Tile:
 
 
 def shrink(image: U8, width: int) -> U8:
-    """Return an image scaled to a width in pixels, its proportions kept."""
+    """Return an image scaled to a width in pixels, in proportion."""
     height = min(max(1, round(image.shape[0] * width / image.shape[1])), TALLEST * width)
     small = cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
     return np.asarray(small, np.uint8)
 
 
 def grid(tiles: Sequence[Tile], columns: int) -> U8:
-    """Lay tiles of one width out in rows on a page; the tallest sets the height of all."""
+    """Arrange tiles of one width in rows on a page; all have the height of the tallest."""
     columns = min(columns, len(tiles))
     rows = -(-len(tiles) // columns)
     height, width = max(t.image.shape[0] for t in tiles), tiles[0].image.shape[1]

@@ -10,9 +10,9 @@ from common.drawing.strokes import FAINT, GREY, PAPER, colour_of, put_label, put
 from people4d.messages import F64, U8
 
 MARGIN_M = 0.5
-LEAST_M = 3.0  # side of the smallest map
-MOST_M = 200.0  # farther points are not drawn
-WEDGE_M = 0.6  # length of a camera's field of view
+LEAST_M = 3.0  # side of the smallest map [m]
+MOST_M = 200.0  # maximum distance of a drawn point [m]
+WEDGE_M = 0.6  # length of the wedge of a camera [m]
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +84,7 @@ class _Scale:
 
 
 def _draw_grid(image: U8, scale: _Scale) -> None:
-    """Draw a line each metre, or fewer on a large map, with its x or y beside."""
+    """Draw a 1 m grid, coarser on a large map, with x and y."""
     low, high = scale.range_m()
     step = max(1, round(60 / scale.px_per_m))
     for axis in (0, 1):

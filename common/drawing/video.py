@@ -1,4 +1,4 @@
-"""Videos that every browser plays: VP9 in WebM, by PyAV.
+"""Videos for every browser: VP9 in WebM, by PyAV.
 
 The OpenCV wheels cannot encode H.264, and their VP8 takes 57 ms a frame of 640x480, since it cannot
 be set to real time; VP9 in real time takes 6 ms.

@@ -20,7 +20,7 @@ def iou_xyxy(a: npt.ArrayLike, b: npt.ArrayLike) -> F64:
 
 
 def nms(boxes: npt.ArrayLike, scores: npt.ArrayLike, iou_max: float) -> list[int]:
-    """Return the indices of boxes (Nx4) that overlap no better one by more, best score first."""
+    """Return the boxes (indices of Nx4) after non-maximum suppression, best score first."""
     overlap = iou_xyxy(boxes, boxes)
     selected: list[int] = []
     for index in np.argsort(-np.asarray(scores, np.float64), kind="stable"):

@@ -26,7 +26,7 @@ class FrameGraph:
 
     def __init__(self) -> None:
         self._neighbours: Neighbours = {}
-        self.changes = 0  # so often transforms were added or replaced
+        self.changes = 0  # number of added or replaced transforms
         self._count = 0
         self._with_links: Neighbours | None = None  # cache of _linked
         self._paths: dict[Edge, Edges | None] = {}  # cache of searches
@@ -88,7 +88,7 @@ class FrameGraph:
         return self._paths[target, source]
 
     def _linked(self) -> Neighbours:
-        """Return the transforms with those between optical frames and their links."""
+        """Return the transforms, including transforms between optical frames and their links."""
         neighbours = {source: dict(targets) for source, targets in self._neighbours.items()}
         for optical in sorted(name for name in self._neighbours if name.endswith(OPTICAL)):
             link = optical.removesuffix(OPTICAL) + LINK

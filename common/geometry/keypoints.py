@@ -1,12 +1,12 @@
-"""Keypoints of detections, lifted to 3D by the depth that was read at them."""
+"""Keypoints of detections, lifted to 3D by their depth."""
 
 import numpy as np
 
 from common.geometry.transforms import deproject
 from people4d.messages import F64, CameraInfo, Detection
 
-CONFIDENCE_MIN = 0.3  # of a keypoint that is lifted
-REACH_M = 1.0  # depth farther from the person's own is that of something else
+CONFIDENCE_MIN = 0.3  # minimum confidence of a lifted keypoint
+REACH_M = 1.0  # maximum difference of a keypoint's depth from the person's [m]
 
 
 def lift(person: Detection, info: CameraInfo) -> F64 | None:

@@ -1,4 +1,4 @@
-"""Uncertainty of the pose of a base that drives on a plane, as its odometry reports it."""
+"""Uncertainty of the pose of a base on a plane, as reported by its odometry."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from people4d.messages import F64
 
-ASYMMETRY_MAX = 1e-6  # of the largest element; also of negative eigenvalues
+ASYMMETRY_MAX = 1e-6  # maximum asymmetry and negative eigenvalue, relative to the largest element
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class PlanarCovariance:
         return growth
 
     def in_frame(self, target_from_frame: F64) -> "PlanarCovariance":
-        """Return it in another frame (4x4), both with z up."""
+        """Return the covariance in another frame (4x4), both with z up."""
         position_m = target_from_frame[:2, :2] @ self.position_m + target_from_frame[:2, 3]
         return PlanarCovariance(turned(self.matrix, target_from_frame), position_m)
 
@@ -46,7 +46,7 @@ def turned(covariance: F64, target_from_frame: F64) -> F64:
 
 
 def is_plausible(covariance: F64, sigma_max_m: float, sigma_max_rad: float) -> bool:
-    """Check that a covariance (3x3) of x, y and theta is one, and not a sign for an unknown pose.
+    """Check a covariance (3x3) of x, y and theta: it is valid, and no sign for an unknown pose.
 
     Drivers fill in zeros, negative numbers or huge ones where they know nothing.
     """

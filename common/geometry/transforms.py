@@ -28,7 +28,7 @@ def wrap(angle_rad: float) -> float:
 
 
 def wrap_each(angles_rad: F64) -> F64:
-    """Wrap angles to -pi to pi; either end may come out."""
+    """Wrap angles to [-pi, pi]; the result may be either end."""
     return angles_rad - 2 * math.pi * np.rint(angles_rad / (2 * math.pi))
 
 

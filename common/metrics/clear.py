@@ -9,19 +9,19 @@ from common.metrics.frame_scores import ScoreTotals
 from common.metrics.matching import Matching
 from common.metrics.record import FrameMatches
 
-MOSTLY_TRACKED = 0.8  # of the frames in which a person has to be tracked; more is mostly tracked
-MOSTLY_LOST = 0.2  # less is mostly lost
+MOSTLY_TRACKED = 0.8  # share of the frames with a track above which a person is mostly tracked
+MOSTLY_LOST = 0.2  # share of these frames below which a person is mostly lost
 
 
 @dataclass(frozen=True)
 class ClearCounts(ScoreTotals):
-    """Counts of CLEAR-MOT, beside those of every score."""
+    """Counts of CLEAR-MOT in addition to the counts of every score."""
 
-    fragmentations: int = 0  # times that a person was matched again after a miss
-    mostly_tracked: int = 0  # people
-    partly_tracked: int = 0  # people
-    mostly_lost: int = 0  # people
-    similarity: float = 0.0  # sum over the matches
+    fragmentations: int = 0  # matches of a person after a miss
+    mostly_tracked: int = 0  # number of people
+    partly_tracked: int = 0  # number of people
+    mostly_lost: int = 0  # number of people
+    similarity: float = 0.0  # sum over all matches
 
     @property
     def misses(self) -> int:
@@ -41,12 +41,12 @@ class ClearCounts(ScoreTotals):
 
     @property
     def recall(self) -> float:
-        """Share of the people to be tracked that are."""
+        """Share of the people in view who have a track."""
         return ratio(self.matches, self.truths)
 
     @property
     def precision(self) -> float:
-        """Share of the tracks that are people."""
+        """Share of the tracks that are matched to people."""
         return ratio(self.matches, self.matches + self.false_alarms)
 
 

@@ -17,10 +17,10 @@ class Counts:
 
 
 def ratio(part: float, total: float) -> float:
-    """Divide; 0 where there is nothing to divide by, as TrackEval has it."""
+    """Divide; 0 if the divisor is 0, as in TrackEval."""
     return float(part / total) if total else 0.0
 
 
 def ratios(part: F64, total: F64) -> F64:
-    """Divide elementwise; 0 where there is nothing to divide by."""
+    """Divide elementwise; 0 where the divisor is 0."""
     return np.divide(part, total, out=np.zeros_like(part), where=total > 0)

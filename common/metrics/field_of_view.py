@@ -10,8 +10,8 @@ from common.metrics.record import BOOL
 from people4d.messages import F64, CameraInfo
 from people4d.messages.base import MAX_CAMERAS
 
-NEAR_M = 1e-3  # [m] what is nearer along the axis, or behind, has no pixel
-MAX_REPROJECTION = 0.01  # [m] per metre of depth: so near a pixel must lead back to its point
+NEAR_M = 1e-3  # [m] minimum depth of a point with a pixel
+MAX_REPROJECTION = 0.01  # [m/m] maximum error of a point from its pixel, per metre of depth
 
 
 class CameraViews:
@@ -22,7 +22,7 @@ class CameraViews:
         self._infos: dict[str, CameraInfo] = {}
 
     def add(self, info: CameraInfo) -> None:
-        """Take the calibration of a camera."""
+        """Store the calibration of a camera."""
         if info.camera in self._infos or len(self._infos) < MAX_CAMERAS:
             self._infos[info.camera] = info
 
@@ -57,6 +57,6 @@ def in_view(points_m: F64, camera_from_map: F64, info: CameraInfo) -> BOOL:
 
 
 def _reprojects(pixels: F64, points: F64, info: CameraInfo) -> BOOL:
-    """Check that a pixel leads back to its point: lenses may bend rays from far outside inwards."""
+    """Check that a pixel reprojects to its point: lenses may bend rays from outside inwards."""
     apart_m = np.linalg.norm(deproject(pixels, points[:, 2], info) - points, axis=1)
     return np.asarray(apart_m <= MAX_REPROJECTION * points[:, 2])

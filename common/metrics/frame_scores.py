@@ -32,10 +32,10 @@ class ScoreTotals(Counts):
 
     frames: int = 0
     truths: int = 0  # people who have to be tracked, over all frames
-    matches: int = 0  # of them with a track
-    predicted: int = 0  # of the matches, by a track without a measurement in that frame
+    matches: int = 0  # truths with a track
+    predicted: int = 0  # matches to a track without a measurement in that frame
     outside: int = 0  # people out of view, over all frames; they are not in truths
-    false_alarms: int = 0  # tracks matched to none, over all frames
+    false_alarms: int = 0  # unmatched tracks, over all frames
     id_switches: int = 0  # matches to another track than that person's last one
     poses: int = 0  # matches with a position error
     position_m2: float = 0.0
@@ -69,7 +69,7 @@ class FrameScore:
 
     totals: ScoreTotals
     switches: tuple[IdSwitch, ...]
-    errors: PoseErrors  # of the pairs whose person is in view, in their order
+    errors: PoseErrors  # errors of the pairs whose person is in view, in order
 
 
 class FrameScorer:

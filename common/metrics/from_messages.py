@@ -8,7 +8,7 @@ import numpy as np
 from common.metrics.record import BOOL, GroundTruth, Hypotheses
 from people4d.messages import F64, Track, TruthPerson
 
-FAR = 1e5  # [m], [m/s]: no person is so far away or so fast
+FAR = 1e5  # maximum distance [m] and speed [m/s] of a plausible person
 P = TypeVar("P", Track, TruthPerson)
 
 
@@ -31,7 +31,7 @@ def hypotheses_of(tracks: Iterable[Track]) -> Hypotheses:
 
 
 def plausible(people: Iterable[P]) -> tuple[P, ...]:
-    """Return the people whose position and velocity are within reason."""
+    """Return the people with a plausible position and velocity."""
     return tuple(
         person
         for person in people

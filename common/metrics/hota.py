@@ -66,7 +66,7 @@ class HotaCounts(Counts):
 
     @property
     def loc_a(self) -> F64:
-        """Mean similarity over TP; 1 where there is none, as TrackEval has it."""
+        """Mean similarity over TP; 1 without TP, as in TrackEval."""
         return np.where(self.tp > 0, ratios(self.similarity, self.tp), 1.0)
 
 

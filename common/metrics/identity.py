@@ -14,7 +14,7 @@ class IdentityCounts(Counts):
     """Counts of the identity measures, under the best one-to-one assignment of tracks."""
 
     idtp: int = 0  # people in frames matched by their own track
-    idfn: int = 0  # people in frames without it
+    idfn: int = 0  # people in frames without their own track
     idfp: int = 0  # tracks in frames without their own person
 
     @property
@@ -42,6 +42,6 @@ def count_identity(matching: Matching) -> IdentityCounts:
         rows, columns = np.nonzero(similarity >= matching.threshold - ROUNDING)
         together[persons[rows], tracks[columns]] += 1
         truths, tracked = truths + len(persons), tracked + len(tracks)
-    # Fewest IDFN + IDFP is most IDTP: each frame together saves one of both.
+    # The minimum of IDFN + IDFP is the maximum of IDTP: each common frame lowers both by one.
     idtp = int(together[linear_sum_assignment(together, maximize=True)].sum())
     return IdentityCounts(idtp=idtp, idfn=truths - idtp, idfp=tracked - idtp)

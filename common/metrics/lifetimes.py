@@ -14,24 +14,24 @@ from common.metrics.matching import Matching, PersonHistory
 from common.metrics.record import I64, Id
 from people4d.messages import F64
 
-AWAY_S = 2.0  # [s] out of the view for a shorter time is no leaving
+AWAY_S = 2.0  # [s] minimum time out of view before a return
 
 
 @dataclass(frozen=True)
 class Lifetimes(Counts):
     """Sums over people; in view means that the person has to be tracked."""
 
-    duration_s: float = 0.0  # [s] of the sequence
+    duration_s: float = 0.0  # [s] duration of the sequence
     truths: int = 0  # people in view, over all frames
-    tracked: int = 0  # of them with a track
-    measured: int = 0  # of them with a track that has a measurement in the frame
+    tracked: int = 0  # truths with a track
+    measured: int = 0  # truths whose track has a measurement in the frame
     segments: int = 0  # runs of matches of one person to one track
-    segments_s: float = 0.0  # [s] matched in them
-    people: int = 0  # who were in view at all
-    people_found: int = 0  # of them who got a track
-    first_track_s: float = 0.0  # [s] from the first frame in view to the first match, over those
-    returns: int = 0  # times that a person came back into the view
-    reidentified: int = 0  # of them under the same track
+    segments_s: float = 0.0  # [s] matched time of all segments
+    people: int = 0  # people who were ever in view
+    people_found: int = 0  # people who ever had a track
+    first_track_s: float = 0.0  # [s] sum of times from the first frame in view to the first match
+    returns: int = 0  # returns of people into the view
+    reidentified: int = 0  # returns under the same track
 
     @property
     def coverage(self) -> float:
@@ -50,12 +50,12 @@ class Lifetimes(Counts):
 
     @property
     def mean_first_track_s(self) -> float | None:
-        """Mean time to the first track of those who got one; None if none did."""
+        """Mean time to the first track of all people with a track; None without any."""
         return self.first_track_s / self.people_found if self.people_found else None
 
     @property
     def share_reidentified(self) -> float | None:
-        """Share of the returns under the same track; None if none came back."""
+        """Share of the returns under the same track; None without returns."""
         return self.reidentified / self.returns if self.returns else None
 
 
@@ -95,13 +95,13 @@ def _lifetime(history: PersonHistory, periods_s: F64, stamps_s: F64) -> Lifetime
 
 @dataclass(frozen=True)
 class ReturnToView:
-    """One person who left the view with a track and came back."""
+    """Return of a person who left the view with a track."""
 
     person: Id
-    frame: int  # index of the frame in which they were back
+    frame: int  # index of the first frame after the return
     away_s: float  # [s] from the last frame in view to that frame
-    before: Id  # their last track before leaving
-    after: Id | None  # the track they had for the most frames of the next visit; None: never found
+    before: Id  # last track before leaving
+    after: Id | None  # track of most frames of the next visit; None: without a track
 
     @property
     def reidentified(self) -> bool:

@@ -19,26 +19,26 @@ from common.metrics.record import EvaluationFrame, FrameMatches
 from common.metrics.similarity import GroundDistance
 from people4d.messages import F64, Alignment, PersonScore, Score, Tally, Tracks, Truth
 
-MAX_WAITING = 64  # tracks that wait for truth: two seconds of a camera
-RESTART_NS = 10**9  # tracks from so long before the last ones begin a new playback
-MAX_IDENTITIES = 100_000  # after so many the count begins anew, so that memory is bounded
+MAX_WAITING = 64  # maximum number of Tracks waiting for truth: two seconds of a camera
+RESTART_NS = 10**9  # [ns] minimum step back of the stamps that begins a new playback
+MAX_IDENTITIES = 100_000  # number of identities after which counting restarts: bounds memory
 
 RECENT_NS = 10 * 10**9
-MAX_RECENT = 1024  # frames: 10 s at 100 frames a second
+MAX_RECENT = 1024  # maximum number of recent frames: 10 s at 100 Hz
 
 
 class TruthAlignment:
     """Correction of the truth's clock and frame; this base class corrects nothing."""
 
-    estimate: Alignment | None = None  # to be published
-    offset_ns: int = 0  # added to stamps of the truth
-    matrix: F64 | None = None  # 4x4, applied to the truth in the frame of the tracks
+    estimate: Alignment | None = None  # published estimate
+    offset_ns: int = 0  # [ns] offset added to stamps of the truth
+    matrix: F64 | None = None  # 4x4, applied to truth in the frame of the tracks
 
     def restart(self) -> None:
         """Forget all observations."""
 
     def observe(self, tracks: Tracks, truth: TruthBuffer) -> None:
-        """Take tracks for which there is truth."""
+        """Use tracks for which there is truth."""
 
 
 class LiveScorer:
@@ -82,7 +82,7 @@ class LiveScorer:
         self._truth.add(truth)
 
     def add_tracks(self, tracks: Tracks) -> None:
-        """Take tracks; they wait for the truth around them. Only those of frames count."""
+        """Queue tracks until the truth around them arrives; predicted messages do not count."""
         if tracks.predicted:
             return
         before_ns = [
@@ -95,14 +95,14 @@ class LiveScorer:
             self.restart()
         self._last_ns = tracks.stamp_ns
         if self._truth.newest_ns is None:
-            return  # no truth at all is no fault
+            return  # a system without truth has no fault
         self._waiting.append(tracks)
         if len(self._waiting) > MAX_WAITING:
             self._waiting.popleft()
             self._counters["without_truth"] += 1
 
     def due(self) -> list[Score]:
-        """Return the scores of all tracks whose truth has come."""
+        """Return the scores of all tracks whose truth has arrived."""
         scores = []
         while self._waiting and self._is_due(self._waiting[0]):
             tracks = self._waiting.popleft()

@@ -17,8 +17,8 @@ from common.metrics.record import BOOL, I64, EvaluationFrame, EvaluationSequence
 from common.metrics.similarity import Similarity
 from people4d.messages.base import check_finite, check_shape
 
-PERSISTENCE = 1000.0  # worth of a pair of the frame before: more than all similarities of a frame
-ROUNDING = 1e-12  # a similarity at the threshold is a match, however it was rounded
+PERSISTENCE = 1000.0  # bonus of a pair of the previous frame: above all similarities of a frame
+ROUNDING = 1e-12  # tolerance of the threshold, for rounded similarities
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Matching:
         return tuple(histories)
 
     def _entries(self, index: int) -> I64:
-        """Return person, frame, track and flag (4xL) of those who had to be tracked in a frame.
+        """Return person, frame, track and flag (4xL) of all people to be tracked in a frame.
 
         The track is -1 where they were missed, the flag 1 where it has a measurement.
         """
@@ -83,7 +83,7 @@ class Matching:
 
 
 class Matcher:
-    """Matches frame after frame, for sequences that are not over yet.
+    """Matcher of single frames, for sequences that have not ended.
 
     A match has a similarity of at least the threshold.
     """
@@ -110,7 +110,7 @@ class Matcher:
         last = np.array([self._previous.get(one, -1) for one in persons.tolist()], np.int64)
         persists = last[:, None] == tracks[None]
         # Two pairs are always worth more than one; of people in the view, those who are not hidden
-        # come first. Who is beside the view may be measured by the part that is in it.
+        # come first. A person partly outside the view may be measured by the visible part.
         first = required | ~frame.truth.in_view
         worth = np.where(admissible, PERSISTENCE * persists + similarity + first[:, None], 0.0)
         rows, columns = linear_sum_assignment(worth, maximize=True)

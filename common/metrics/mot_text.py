@@ -26,9 +26,9 @@ from common.metrics.record import (
 from people4d.errors import DecodeError
 from people4d.messages import F64
 
-MAX_BYTES = 256 * 2**20  # of a text: three hours of thirty people
-MAX_NUMBER = 2**53  # of a frame or an identity
-CLASSES_MAX = 1000  # number of a class
+MAX_BYTES = 256 * 2**20  # maximum size of a text: three hours of thirty people
+MAX_NUMBER = 2**53  # maximum number of a frame or an identity
+CLASSES_MAX = 1000  # maximum number of a class
 LAYOUT = "frame,id,left,top,width,height,confidence and up to three more numbers"
 
 
@@ -62,8 +62,8 @@ class MotInfo:
     name: str
     rate_hz: float
     frames: int
-    width: int  # [px] of the images
-    height: int  # [px] of the images
+    width: int  # [px] width of the images
+    height: int  # [px] height of the images
 
 
 def read_rows(path: Path) -> MotRows:
@@ -111,7 +111,7 @@ def read_info(path: Path) -> MotInfo:
     Raises:
         DecodeError: The file has no section [Sequence], or one of its values is absent or wrong.
     """
-    # Values that refer to others could grow without end.
+    # Values that refer to other values could grow without limit.
     parser = configparser.ConfigParser(interpolation=None)
     try:
         parser.read_string(_text(path, MAX_TEXT_BYTES))

@@ -15,7 +15,7 @@ YAW_LIMITS_DEG = (30, 45, 90)
 
 @dataclass(frozen=True)
 class PoseErrors:
-    """Estimate minus truth of K matches; what is unknown is NaN and left out of the figures."""
+    """Estimate minus truth of K matches; unknown values are NaN and ignored by the figures."""
 
     position_m: F64  # [m] Kx2: x, y
     velocity_mps: F64  # [m/s] Kx2: x, y
@@ -84,7 +84,7 @@ def within(errors: F64, limit: float) -> float | None:
 
 
 def pool(parts: Sequence[PoseErrors]) -> PoseErrors:
-    """Put the matches of several parts together; none gives an empty record."""
+    """Pool the matches of several parts; an empty list gives an empty record."""
     two, one, no = np.zeros((0, 2)), np.zeros(0), np.zeros(0, np.bool_)
     empty = PoseErrors(two, two, one, one, two, no, no)
     columns = [[getattr(p, f.name) for p in (empty, *parts)] for f in fields(PoseErrors)]

@@ -41,7 +41,7 @@ class PeopleColumns:
 
 @dataclass(frozen=True, kw_only=True)
 class GroundTruth(PeopleColumns):
-    """The people who were there.
+    """True people of one frame.
 
     A person out of view or occluded is neither miss nor match, and the track matched to them is no
     false alarm. Errors on the occluded are collected, but apart.

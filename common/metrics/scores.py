@@ -40,7 +40,7 @@ class Scores(Counts):
     identity: IdentityCounts
     hota: HotaCounts
     lifetimes: Lifetimes
-    errors: PoseErrors  # of all matches in view, the occluded too
+    errors: PoseErrors  # errors of all matches in view, including occluded people
 
     @property
     def pose(self) -> PoseErrors:
@@ -99,7 +99,7 @@ def score_matching(matching: Matching) -> Scores:
 
 
 def combine(scores: Iterable[Scores]) -> Scores:
-    """Pool sequences: counts and errors are put together before any ratio is taken."""
+    """Pool sequences: counts and errors are summed before ratios are computed."""
     empty = Scores(ClearCounts(), IdentityCounts(), HotaCounts(), Lifetimes(), pool([]))
     return reduce(add, scores, empty)
 
@@ -109,10 +109,10 @@ class SummaryStatistics:
     """One figure over several runs."""
 
     mean: float
-    std: float  # of the sample (n - 1); 0 for a single run
+    std: float  # sample standard deviation (n - 1); 0 for a single run
     least: float
     most: float
-    runs: int  # in which the figure was defined
+    runs: int  # number of runs with a defined figure
 
 
 def summarise(rows: Sequence[Row]) -> dict[str, SummaryStatistics | None]:
