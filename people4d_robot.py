@@ -27,7 +27,9 @@ def check_names() -> None:
 
 check_names()
 
-from deploy.in_process import Pipeline, mount  # noqa: E402 (only after the check)
+from deploy.program.images import mount  # noqa: E402 (only after the check)
+from deploy.program.pipeline import Pipeline  # noqa: E402
+from deploy.program.push import Camera  # noqa: E402
 from services.camera.calibration import Intrinsics  # noqa: E402
 
-__all__ = ["Intrinsics", "Pipeline", "mount"]
+__all__ = ["Camera", "Intrinsics", "Pipeline", "mount"]

@@ -3,9 +3,10 @@
 from common.runtime.node import Node
 from services.camera.config import CameraConfig
 from services.camera.node import CameraNode
+from services.camera.source import Source
 from services.camera.sources import open_source
 
 
-def build(config: CameraConfig) -> Node:
+def build(config: CameraConfig, source: Source | None = None) -> Node:
     """Make the camera; its source is opened here, so that a wrong one is reported at start."""
-    return CameraNode(config, open_source(config.source, config.kind, config.options))
+    return CameraNode(config, source or open_source(config.source, config.kind, config.options))

@@ -19,6 +19,7 @@ from services.gt_bridge.sources.registry import is_live
 from services.presets import preset_settings
 
 # A camera whose place its source does not know hangs on the base, not in the map.
+PUSHED = "push"  # source of frames that programs give, see people4d_robot.Camera
 ON_BASE = f"{CAMERA}.mount_parent=base_link"
 # Panels of the help, with NETWORK
 SOURCE, METHODS, EXTRAS = "Source", "Methods", "Extras"
@@ -184,7 +185,7 @@ def up(
         truth = truth or source
         set_ = [setting(f"{REPORT}.note", SIMULATED), *set_] if report else set_
     texts = {
-        f"{CAMERA}.source": _resolve(source),
+        f"{CAMERA}.source": "" if source == PUSHED else _resolve(source),
         "gt_bridge.truth": truth if is_live(truth) else _resolve(truth),
         "detector.model": model,
         "tracker.tracker": tracker,
@@ -222,7 +223,7 @@ def up(
         config=config,
         compose=compose,
         settings=[*settings, *set_],
-        scale=scale,
+        scale=[*scale, f"{CAMERA}=0"] if source == PUSHED else scale,
         report=report,
         profiles=profiles,
         together=[name for name in together.split(",") if name],

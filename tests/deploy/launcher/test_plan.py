@@ -83,7 +83,7 @@ def test_visual_odometry_runs_only_with_its_option() -> None:
         (LaunchRequest(settings=["tracker.field"]), "Write service.field=value"),
         *(
             (LaunchRequest(scale=[f"{name}=0"]), f"no people are tracked without {name}")
-            for name in ("router", "camera", "detector", "tracker")
+            for name in ("router", "detector", "tracker")
         ),
         (LaunchRequest(scale=["detector"]), "Write service=number"),
         (LaunchRequest(scale=["singer=2"]), "there is no service 'singer'"),

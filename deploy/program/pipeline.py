@@ -1,4 +1,4 @@
-"""The pipeline in memory, for programs that import it: see people4d_robot."""
+"""The pipeline in memory."""
 
 import json
 from collections import deque
@@ -7,54 +7,28 @@ from fractions import Fraction
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
-import msgspec
-import numpy as np
 import numpy.typing as npt
 
 from common.calibration.transforms_file import MAP
 from common.config import setting
-from common.diagnosis.camera_checks import REJECTED
 from common.drawing.people import annotate
-from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
+from deploy.program.images import CameraImages
 from evaluation.methods import read_method
 from evaluation.pipeline import pipeline
-from people4d.errors import ConfigError, SourceError
+from people4d.errors import ConfigError
 from people4d.messages import (
-    F64,
     U8,
-    CameraInfo,
     Detections,
     Message,
     MovingTransform,
     Odometry,
     RgbdFrame,
-    StaticTransform,
     Tracks,
 )
-from services.camera.calibration import Intrinsics, camera_info, static_transform, to_intrinsics
-from services.camera.frame_check import FrameCheck
-from services.camera.source import SourceFrame
+from services.camera.calibration import Intrinsics
 from services.camera.upright import turned_image, turned_info, turned_transforms, turns_of
 
 M = TypeVar("M", bound=Message)
-
-
-def mount(
-    x_m: float = 0.0,
-    y_m: float = 0.0,
-    z_m: float = 0.0,
-    rpy_rad: Sequence[float] = (0.0, 0.0, 0.0),
-) -> F64:
-    """Return the pose (4x4) of a camera from where its body is and how it is turned.
-
-    Args:
-        x_m: Forward in the parent frame [m].
-        y_m: To the left [m].
-        z_m: Upward [m].
-        rpy_rad: Roll, pitch and yaw [rad] of the body (x forward, y left, z up) about fixed axes;
-            a positive pitch looks down.
-    """
-    return transform_from((x_m, y_m, z_m), rotation_from_rpy(*rpy_rad)) @ LINK_FROM_OPTICAL
 
 
 class Pipeline:
@@ -104,11 +78,8 @@ class Pipeline:
         """
         if name in self._cameras:
             raise ConfigError(f"there is a camera {name!r} already", "Give it another name.")
-        if not isinstance(intrinsics, Intrinsics):
-            intrinsics = to_intrinsics(np.asarray(intrinsics, np.float64))
-        matrix = mount() if pose is None else np.asarray(pose, np.float64)
-        transform = static_transform(parent, f"{name}_optical_frame", matrix)
-        self._cameras[name] = _Camera(name, intrinsics, transform, max_depth_m)
+        images = CameraImages(name, intrinsics, pose, parent, max_depth_m)
+        self._cameras[name] = _Camera(images)
 
     def add_motion(self, message: Odometry | MovingTransform) -> None:
         """Take the motion of a base that carries cameras, before the frame of its time."""
@@ -133,9 +104,9 @@ class Pipeline:
             ConfigError: There is no such camera.
             SourceError: The images are not as they should be, or the stamp is not after the last.
         """
-        frame = SourceFrame(rgb, depth, round(stamp_s * 10**9))
-        outputs = self._pass_on(self._camera(camera).messages(frame), frame.stamp_ns)
-        outputs += self._nodes[-1].flush(frame.stamp_ns)  # nothing else comes for this time
+        stamp_ns = round(stamp_s * 10**9)
+        outputs = self._pass_on(self._camera(camera).messages(rgb, depth, stamp_ns), stamp_ns)
+        outputs += self._nodes[-1].flush(stamp_ns)  # nothing else comes for this time
         self.detections = _last(Detections, outputs)
         self.people = _last(Tracks, outputs)
         return self.people
@@ -187,60 +158,32 @@ def _last(kind: type[M], messages: Sequence[Message]) -> M | None:
 
 
 class _Camera:
-    """Makes the messages of a camera, whose size its first frame gives."""
+    """Messages of a camera."""
 
-    def __init__(
-        self, name: str, intrinsics: Intrinsics, transform: StaticTransform, max_depth_m: float
-    ) -> None:
-        self._name, self._intrinsics, self._transform = name, intrinsics, transform
-        self._max_depth_m = max_depth_m
-        self._turns = turns_of([transform], transform.child)
-        self._info: CameraInfo | None = None  # of its images as they come
+    def __init__(self, images: CameraImages) -> None:
+        self._images, self._turns = images, turns_of([images.transform], images.transform.child)
         self._sequence = 0
-        self._stamp_ns: int | None = None  # of the last frame
 
-    def messages(self, frame: SourceFrame) -> list[Message]:
-        """Return the message of a frame; before the first one calibration and pose.
-
-        Raises:
-            SourceError: The images are not as they should be.
-        """
-        info = self._info or self._calibration(frame)
-        check = FrameCheck(info, in_metres=_is_float(frame.depth_mm))
-        accepted = check.accept(frame)
-        if not isinstance(accepted, SourceFrame):
-            raise SourceError(f"camera {self._name}: {check.fault}", REJECTED[check.cause])
-        if self._stamp_ns is not None and frame.stamp_ns <= self._stamp_ns:
-            ago_s = (self._stamp_ns - frame.stamp_ns) / 1e9
-            problem = f"camera {self._name}: a frame is {ago_s:g} s older than the one before"
-            raise SourceError(problem, "Give the oldest first; another recording, a new Pipeline.")
-        self._stamp_ns = frame.stamp_ns
-        messages: list[Message] = []
-        if self._info is None:
-            turned = turned_info(info, self._turns)
-            poses = turned_transforms([self._transform], info.frame_id, turned, self._turns)
-            messages, self._info = [turned, *poses], info
+    def messages(self, rgb: U8, depth: npt.NDArray[Any], stamp_ns: int) -> list[Message]:
+        """Return the message of a frame; before the first one calibration and pose."""
+        first = self._images.info is None
+        frame = self._images.accept(rgb, depth, stamp_ns)
+        messages: list[Message] = self._calibration() if first else []
         message = RgbdFrame(
-            stamp_ns=frame.stamp_ns,
+            stamp_ns=stamp_ns,
             sequence=self._sequence,
-            camera=self._name,
-            # Copies, since velocities need the frame before.
-            rgb=turned_image(accepted.rgb.copy(), self._turns),
-            depth_mm=turned_image(accepted.depth_mm.copy(), self._turns),
+            camera=self._images.name,
+            rgb=turned_image(frame.rgb, self._turns),
+            depth_mm=turned_image(frame.depth_mm, self._turns),
         )
         self._sequence += 1
         return [*messages, message]
 
-    def _calibration(self, frame: SourceFrame) -> CameraInfo:
-        size = np.shape(frame.rgb)[:2]
-        if len(size) != 2:
-            raise SourceError(f"camera {self._name}: rgb is no image", "Give HxWx3, red first.")
-        info = camera_info(self._intrinsics, (size[0], size[1]), self._transform.child)
-        return msgspec.structs.replace(info, camera=self._name, max_depth_m=self._max_depth_m)
-
-
-def _is_float(image: object) -> bool:
-    return np.issubdtype(getattr(image, "dtype", np.uint16), np.floating)
+    def _calibration(self) -> list[Message]:
+        info, pose = self._images.info, self._images.transform
+        assert info is not None
+        turned = turned_info(info, self._turns)
+        return [turned, *turned_transforms([pose], info.frame_id, turned, self._turns)]
 
 
 def _setting(name: str, value: object) -> str:
