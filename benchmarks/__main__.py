@@ -27,7 +27,7 @@ GROUPS = {
         "prediction": "predicted positions beside constant velocity, and their calibration",
     },
     "gait": {
-        "gait": "points, steps and colours in the lab, beside the figures of [Liu 2018]",
+        "gait": "points and colours in the lab, beside the figures of [Liu 2018]",
         "gait_bodies": "points and steps of people of a second simulator",
         "gait_real": "steps of real people beside steps counted by hand",
     },

@@ -1,15 +1,14 @@
 """Published experiments on gait [Liu 2018], repeated on rendered recordings with ground truth.
 
-Recordings and detections are cached; making them takes about half an hour. With them all parts take
-about twelve minutes on two cores. `--part` repeats one part and leaves the others of the report as
-they are; times need a quiet machine.
+Recordings and detections are cached; rendering them takes about half an hour. `--part` repeats one
+part and keeps the others of the report.
 """
 
 import re
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -19,9 +18,6 @@ import numpy as np
 from benchmarks.lib import options
 from benchmarks.lib.gait import colour as gait_colour
 from benchmarks.lib.gait import points as gait_points
-from benchmarks.lib.gait import speed as gait_speed
-from benchmarks.lib.gait import steps as gait_steps
-from benchmarks.lib.gait.figure import draw
 from benchmarks.lib.gait.points import (
     CASES,
     FEATURES,
@@ -31,28 +27,22 @@ from benchmarks.lib.gait.points import (
     PointVariant,
 )
 from benchmarks.lib.gait.recordings import GaitRecording
-from benchmarks.lib.table import machine, markdown, spread
-from evaluation.gait.step_errors import StepErrors
+from benchmarks.lib.table import machine, markdown
 
 REPORT = Path(__file__).with_suffix(".md")
-FIGURE = Path(__file__).parents[1] / "docs" / "pictures" / "gait-errors.png"
 RECORDING_SEEDS, QUICK_RECORDING_SEEDS = (71, 72), (71,)
-HELD_OUT = 73  # of steps, of which no rule and no constant was chosen
 STEADY = {"gait_side": "walking across the view", "gait_approach": "walking to and fro"}
 THREE = {"gait_three": "three people"}
-INTRO = """Recordings of simulated people: one or three people 2.7 to 5 m before a camera of
-640x480 at 30 Hz, depth with the errors of a stereo sensor. Spreads are the minimum and the maximum
-over recordings (other light, textures, noise and motion) and seeds of the filters. `default` is the
-service; `as published` is without the additions of this project. The published figures [Liu 2018]
-are of its own recordings with a Kinect v2: compare orderings, not values."""
+INTRO = """Simulated people, one or three, 2.7 to 5 m before a camera of 640x480 at 30 Hz; depth has
+the errors of a stereo sensor. Spreads are minimum and maximum over recordings and seeds of filters.
+`default` is the service; `as published` lacks the additions of this project. The published figures
+[Liu 2018] are from its own recordings with a Kinect v2: compare orderings, not values."""
 
 DETECTED = (*CASES, *STEADY, *THREE)  # scenarios in which a detector is needed, too
 NEEDED = {
     "colour": (*gait_colour.WALKS, *gait_colour.SPEEDS),
     "points": tuple(CASES),
     "service": DETECTED,
-    "steps": tuple(STEADY),
-    "speed": ("gait_medium", "gait_walk", "gait_three"),
 }
 
 Sections = dict[str, str]
@@ -67,15 +57,13 @@ class Plan:
         filters: Seeds of filters of points.
         colour_filters: Seeds of filters of colours.
         counts: Of particles.
-        rounds: Of timings.
-        jobs: Processes at once, where no times are measured.
+        jobs: Processes at once.
     """
 
     recordings: Sequence[int]
     filters: Sequence[int]
     colour_filters: Sequence[int]
     counts: Sequence[int]
-    rounds: int
     jobs: int
 
     def __str__(self) -> str:
@@ -83,12 +71,12 @@ class Plan:
         recordings = " and ".join(map(str, self.recordings))
         return (
             f"Seeds of recordings: {recordings}; of filters: {len(self.filters)} for points, "
-            f"{len(self.colour_filters)} for colours; rounds of timings: {self.rounds}."
+            f"{len(self.colour_filters)} for colours."
         )
 
 
-FULL = Plan(RECORDING_SEEDS, (1, 2), (1, 2, 3, 4, 5), gait_colour.PARTICLES, 7, 2)
-QUICK = Plan(QUICK_RECORDING_SEEDS, (1,), (1, 2), (20, 100), 2, 2)
+FULL = Plan(RECORDING_SEEDS, (1, 2), (1, 2, 3, 4, 5), gait_colour.PARTICLES, 2)
+QUICK = Plan(QUICK_RECORDING_SEEDS, (1,), (1, 2), (20, 100), 2)
 
 
 def colour(plan: Plan) -> Sections:
@@ -114,10 +102,6 @@ def colour(plan: Plan) -> Sections:
     found = gait_colour.SuccessRates(merged)
     walks = gait_colour.WALKS
     aim = found.mean(walks, {"particles": 100})
-    rows = [
-        [claim, *("yes" if holds else "no" for holds in kinds.values())]
-        for claim, kinds in gait_colour.orderings(found, plan.counts).items()
-    ]
     text = [
         "A box is started at the true one in the first frame, without any detection after that. "
         "Success: the ratio of frames, in percent, in which it overlaps the true box of the entire "
@@ -131,8 +115,6 @@ def colour(plan: Plan) -> Sections:
         gait_colour.by_model(found),
         "By sampling (Table 3.5):",
         gait_colour.by_sampling(found),
-        "Published orderings that are reproduced (differences below half a percent count as none):",
-        markdown(["published ordering", *gait_colour.TWO], rows),
     ]
     return {"Colour layer: success": "\n\n".join(text)}
 
@@ -141,18 +123,14 @@ def points(plan: Plan) -> Sections:
     """Follow points by each feature, marked by hand as published."""
     variants = {feature: gait_points.by_hand(feature) for feature in FEATURES}
     runs = _follow_all(plan, CASES, list(variants.values()))
-    draw(runs, CASES, FEATURES, RIGHT_HAND, FIGURE)
     text = [
-        "Points are marked where they are first visible, by hand in the source; boxes "
-        "are the true ones; no keypoints; 100 particles. An error is the distance in space to "
-        "the middle of the hand or foot by the joints, as in gait_bodies.md, in frames in which it "
-        "is visible; besides, to the visible surface there, on which points are marked and which "
-        "one feature alone follows. Combined, a lost point starts again by itself. All cases "
-        f"together, combined: median and 90th percentile {_limbs_cm(runs)} cm (aims: 5, 15). The "
-        "offsets of slices of limbs were fitted to recording 75 and to another simulator's.",
+        "Points are marked where they are first visible, by hand in the source. Boxes are the true "
+        "ones; 100 particles, no keypoints. An error is the distance to the middle of the hand or "
+        "foot by the joints, in frames in which it is visible; the last column is the distance to "
+        "the visible surface, on which points are marked. All cases, combined: median and 90th "
+        f"percentile {_limbs_cm(runs)} cm (aims: 5, 15).",
         "The right hand alone, as published:",
         gait_points.table(runs, [RIGHT_HAND]),
-        f"![errors over time](../docs/pictures/{FIGURE.name})",
         "Hands and feet:",
         gait_points.table(runs, LIMBS),
         "Published orderings that are reproduced, by the median error of the right hand to the "
@@ -165,7 +143,7 @@ def points(plan: Plan) -> Sections:
 
 
 def service(plan: Plan) -> Sections:
-    """Track points as the service does, and detect steps by them."""
+    """Track points as the service does."""
     cases = {**CASES, **STEADY, **THREE}
     runs = _follow_all(plan, cases, [gait_points.SERVICE, gait_points.NO_KEYPOINTS])
     alone = {
@@ -184,136 +162,28 @@ def service(plan: Plan) -> Sections:
     everything = [run for found in with_them.values() for run in found]
     median, ninth, ratio = gait_points.figures([_joined(everything)], LIMBS)
     points_text = [
-        "Boxes and keypoints are the detector's (MoveNet); no point is marked. `keypoints and "
-        "depth alone` is without a filter: the depth at the expected pixel of the keypoint. "
-        "Published %: of the frames in which the truth is visible, the ratio with a published "
-        "position, measured or predicted. The visible surface before the middle of a foot is at "
-        "the toes in front and at the heel behind, 6 to 11 cm from it.",
-        f"All cases together, with keypoints: median {median.split()[0]} cm (aim: 4), 90th "
-        f"percentile {ninth.split()[0]} cm (aim: 9), published {ratio} %. By the seed of the "
-        "recording:",
-        _by_recording(plan, with_them),
-        "Hands and feet:",
+        "Boxes and keypoints are the detector's (MoveNet), and no point is marked. `keypoints and "
+        "depth alone`: depth at the expected pixel of the keypoint, without a filter. Published %: "
+        "share of the visible points with a position, measured or predicted.",
+        f"All cases, with keypoints: median {median.split()[0]} cm (aim: 4), 90th percentile "
+        f"{ninth.split()[0]} cm (aim: 9), published {ratio} %. Hands and feet:",
         gait_points.table({key: both[key] for key in order}, LIMBS),
-        "Each point, with keypoints:",
-        gait_points.by_point(with_them),
     ]
     return {"Points: the service": "\n\n".join(points_text)}
 
 
-def steps(plan: Plan) -> Sections:
-    """Detect steps by the points that the service tracks."""
-    plan = _with_held_out(plan)
-    runs = _follow_all(plan, STEADY, [gait_points.SERVICE, gait_points.NO_KEYPOINTS])
-    return {"Steps": _steps(plan, runs)}
-
-
-def _with_held_out(plan: Plan) -> Plan:
-    return replace(plan, recordings=(*plan.recordings, HELD_OUT))
-
-
-def _by_recording(plan: Plan, runs: Mapping[str, Sequence[PointResults]]) -> str:
-    """Return the errors of each recording's hands and feet, all cases together."""
-    each = len(plan.filters)
-    rows = []
-    for k, recording in enumerate(plan.recordings):
-        some = [run for found in runs.values() for run in found[k * each : (k + 1) * each]]
-        cells = gait_points.figures([_joined(some)], LIMBS)
-        rows.append([str(recording), *(cell.split()[0] for cell in cells)])
-    return markdown(["recording", *gait_points.HEADER], rows)
-
-
 _VARIANTS = (gait_points.SERVICE.name, gait_points.NO_KEYPOINTS.name)
-
-
-def _steps(plan: Plan, runs: Mapping[tuple[str, str], Sequence[PointResults]]) -> str:
-    keys = [(seed, number) for seed in plan.recordings for number in plan.filters]
-    found: dict[str, list[StepErrors]] = {}
-    by_recording: dict[str, list[StepErrors]] = {}
-    for scenario, case in STEADY.items():
-        for variant in _VARIANTS:
-            for (seed, _), run in zip(keys, runs[case, variant], strict=True):
-                errors = gait_steps.step_errors(GaitRecording(scenario, seed), run, 0)
-                found.setdefault(f"{case}, {variant}", []).append(errors)
-                if variant == gait_points.SERVICE.name:
-                    held_out = " (held out)" if seed == HELD_OUT else ""
-                    name = f"recording {seed}{held_out}, {variant}"
-                    by_recording.setdefault(name, []).append(errors)
-    return "\n\n".join(
-        [
-            "Steps detected in the trajectories of the feet, against all true steps, turns "
-            "included. Measures of the service, means of all strides without pauses in the last "
-            "seconds and the cadence of all steps, are compared with the true ones at these times, "
-            "twice a second (aims: step length within 4 cm, cadence within 3 %); with too few "
-            "strides it publishes none. The simulated people do not limp: their true asymmetry is "
-            "about 0. "
-            f"No rule and no constant was chosen on recording {HELD_OUT}.",
-            gait_steps.table({**found, **by_recording}),
-        ]
-    )
-
-
-def speed(plan: Plan) -> Sections:
-    """Measure all times, on a machine without other load."""
-    recording = gait_colour.colour_sequence(GaitRecording("gait_medium", plan.recordings[0]))
-    grown = {
-        name: gait_colour.growth(recording, kind, plan.rounds)
-        for name, kind in gait_colour.TWO.items()
-    }
-    comparing = gait_colour.comparing_ms(recording, 20)
-    walk, three = (
-        GaitRecording("gait_walk", plan.recordings[0]),
-        GaitRecording("gait_three", plan.recordings[0]),
-    )
-    return {
-        "Colour layer: frames a second": "\n\n".join(
-            [
-                "One core, the layer alone (Table 3.2); median with least and most of "
-                f"{plan.rounds} rounds. With 100 particles, 150x250 takes "
-                + " and ".join(f"{g:.2f} times ({name})" for name, g in grown.items())
-                + " as long as 100x150; published: 1.9 times. Aims: less than 1.5 times, and 300 "
-                "frames a second with 150x250 and 100 particles.",
-                "Default, which samples each box and its background:",
-                gait_colour.rates(recording, gait_colour.OURS, plan.rounds),
-                "As published:",
-                gait_colour.rates(recording, gait_colour.PUBLISHED, plan.rounds),
-            ]
-        ),
-        "Entire cascade": "\n\n".join(
-            [
-                "Boxes of the detector, five points each, one core (aims: 30 frames a second "
-                "for one person, 15 for three); published: 4 to 12.",
-                gait_speed.rates({"one": walk, "three": three}),
-            ]
-        ),
-        "Where the time goes": "\n\n".join(
-            [
-                "One person, each stage with the functions that it calls, under a profiler, which "
-                "slows small functions:",
-                gait_speed.profile(walk),
-                "Compiled kernels and shared work: 100 boxes of 150x250 "
-                "weighed by their pixels took ms in NumPy: "
-                f"{spread(comparing['numpy'])}; now: {spread(comparing['compiled'])}.",
-            ]
-        ),
-    }
 
 
 PARTS: dict[str, Callable[[Plan], Sections]] = {
     "colour": colour,
     "points": points,
     "service": service,
-    "steps": steps,
-    "speed": speed,
 }
 ORDER = (
     "Colour layer: success",
-    "Colour layer: frames a second",
     "Points: spin images, geodesic distances, combined (Figures 5.7 to 5.9)",
     "Points: the service",
-    "Steps",
-    "Entire cascade",
-    "Where the time goes",
 )
 
 
@@ -445,7 +315,6 @@ def main() -> None:
     arguments = parser.parse_args()
     plan, parts = QUICK if arguments.quick else FULL, arguments.part or list(PARTS)
     _prepare(plan, parts)
-    _prepare(_with_held_out(plan), [name for name in parts if name == "steps"])
     sections = _read_sections(arguments.report)
     for name in parts:
         begin_s = time.monotonic()

@@ -24,46 +24,27 @@ REPORT = Path(__file__).with_name("gait_bodies.md")
 FAST_MPS = 1.2
 BY_STYLE = (
     *("steps found", "invented", "worst step cm", "worst cadence %", "limps found"),
-    *("hands visible cm", "feet visible cm", "visible published %", "hidden as measured %"),
-    *("exchanged visible %", "exchanged hidden %"),
+    *("hands visible cm", "feet visible cm", "exchanged visible %"),
 )  # figures
 DEPTH_MAX_M = 5.0  # farthest reading of the sensor
 MARGIN_PX = 4.0  # of ankles in view to the edges
 NO_KEYPOINTS = "gait.cascade.depth.keypoints=false"
-WITHOUT_KEYPOINTS = (
-    *("steps found", "invented", "hands visible cm", "hands visible, measured cm"),
-    *("hands hidden cm", "feet visible cm", "feet visible, measured cm", "feet hidden cm"),
-    *("limbs visible cm", "visible published %", "visible measured %", "hidden as measured %"),
-    *("exchanged visible %", "exchanged hidden %"),
-)  # figures
-INTRO = """
-People of a second simulator, with other bodies and another walk than the lab's. Errors are median
-and 90th percentile of the distance to the surface at the middle of hand and foot, made from the
-joints (wrist and ankle). A point is hidden where its joint is. `hidden as measured`: of the points
-published while hidden, predicted or measured; below, of these the ones more than 0.1 m off (of a
-foot the ankle may be covered and the toes not), then of all hidden points, lost ones too.
-`exchanged`: nearer to the other side's reference by 10 cm. `in 90 % ellipse`: predicted points.
-A true step is a swing of an ankle by 0.2 m or more; found within 0.3 s. The film may begin in a
-step: it is neither asked for nor invented. Walkers take three steps or more in view. `in range`:
-nearer than 5 m, beyond which the sensor gives no depth: there a joint may be visible in colour
-alone. Estimates and true people are paired one to one in each frame, by their heads; a pair stays
-while it is near [Bernardin 2008]. `worst cadence`: of steady walking, true and published, without
-steps of more than 1.6 times the median (turns, starts, stops; turns are measured apart [El-Gohary
-2014]); `turns`: the published one against the mean of all true strides, those of turns included.
-`live`: measures published in the second after their fourth step. A limp is a true asymmetry of step
-times of 8 % or more. The scenes `choose` and `judge` are made by `python -m
-benchmarks.gait_scenes`: constants and rules of today were chosen on `choose`, `two`, `robot` and
-the lab (gait.md), those before on other scenes of this simulator; the weights of visible hands were
-fitted to `choose_1`, `choose_2`, `choose_turns`, `choose_circles`, `two` and `robot`; people of
-`judge` have other bodies and styles. They walk in a room, 2.8 to 4.7 m from the sensor, which
-stands at 0.5 to 2.0 m and has 12 to 30 frames a second. choose_1: a limp of 20 %, hands in pockets;
-choose_2: slow with bent trunk, carrying a box; turns: stops, turns on the spot and U-turns;
-choose_circles: three people, of whom one walks circles of 0.4 m with stops, one carries and one is
-behind the others; judge_1: slow with bent trunk, fast; judge_2: hands in pockets, a limp of 20 %;
-judge_3: a limp of 10 %, a skirt; judge_4: three people, of whom one stops and one carries; limp and
-even: a robot follows a person who walks straight, or drives ahead of them, for 40 to 45 s. The
-first two columns put the scenes of each half together.
-"""
+INTRO = """People of a second simulator, with other bodies and another walk than the lab's.
+
+- `choose`: `choose_...`, `two` and `robot`, on which constants were chosen. `judge`: other bodies
+  and styles, on which nothing was chosen. `python -m benchmarks.gait_scenes` renders the scenes.
+- Errors [cm] are the median and the 90th percentile of the distance to the middle of hand or foot,
+  computed from wrist and ankle. A point is hidden if its joint is.
+- `live`: frames with measures in the second after a fourth step. `in range`: nearer than 5 m, the
+  limit of the sensor.
+- A true step is a swing of an ankle of 0.2 m or more. A published step within 0.3 s of it finds it.
+- `worst cadence`: of steady walking, without steps longer than 1.6 times the median; `turns`: of
+  all true strides.
+- A limp is a true asymmetry of step times of 8 % or more.
+- `hidden as measured`: share of the points published while hidden. `exchanged`: nearer to the other
+  side's reference by 10 cm. `in 90 % ellipse`: predicted points.
+- Estimates and true people are paired one to one by their heads; a pair lasts while it is near
+  [Bernardin 2008]."""
 
 
 def read_truth(folder: Path, frames: Sequence[GaitFrame]) -> JointTruth:
@@ -148,15 +129,12 @@ def compare_all(
     return people
 
 
-def by_scene(people: Mapping[str, Sequence[Tally]]) -> dict[str, Mapping[str, str]]:
-    """Return the figures of each half, and of each scene."""
-    held_out = {name for name in people if name.startswith("judge_")}
-    groups = {"all of judge": held_out, "all others": people.keys() - held_out}
-    groups |= {name: {name} for name in people}
-    return {
-        title: cells(total(one for name in scenes for one in people[name]))
-        for title, scenes in groups.items()
-    }
+def by_half(people: Mapping[str, Sequence[Tally]]) -> dict[str, Mapping[str, str]]:
+    """Return the figures of each half of the scenes."""
+    found: dict[str, list[Tally]] = {"judge": [], "choose": []}
+    for name, tallies in people.items():
+        found["judge" if name.startswith("judge_") else "choose"] += tallies
+    return {half: cells(total(tallies)) for half, tallies in found.items()}
 
 
 def main() -> None:
@@ -169,22 +147,21 @@ def main() -> None:
     with ProcessPoolExecutor(arguments.jobs, get_context("spawn")) as pool:
         people = compare_all(pool, arguments.folders, arguments.settings)
         alone = compare_all(pool, arguments.folders, [*arguments.settings, NO_KEYPOINTS])
-    table, without = by_scene(people), by_scene(alone)
-    rows = [[name, *(cell[name] for cell in table.values())] for name in next(iter(table.values()))]
-    rows_without = [
-        [name, *(cell[name] for cell in without.values())] for name in WITHOUT_KEYPOINTS
+    columns = {
+        f"{half}, {how}": figures
+        for how, found in (("with keypoints", people), ("without", alone))
+        for half, figures in by_half(found).items()
+    }
+    rows = [
+        [name, *(one[name] for one in columns.values())] for name in next(iter(columns.values()))
     ]
-    command = " ".join(f"FOLDER/{folder.name}" for folder in arguments.folders)
     text = "\n\n".join(
         [
             "# Gait of people of another simulator",
-            f"Made by `python -m benchmarks gait_bodies {command}` on {machine()}.",
-            " ".join(INTRO.split()),
-            markdown(["figure", *table], rows),
-            f"The same without keypoints (`{NO_KEYPOINTS}`): hands and feet by "
-            "the ends of limbs alone; the limits are 5 cm (median) and 15 cm of visible ones:",
-            markdown(["figure", *without], rows_without),
-            "The same people by style, in scenes that chose and in scenes that judge:",
+            f"Made by `python -m benchmarks gait_bodies FOLDER...` on {machine()}.",
+            INTRO,
+            markdown(["figure", *columns], rows),
+            "By style, with keypoints:",
             markdown(["style", "half", "people", *BY_STYLE], style_rows(people)),
         ]
     )

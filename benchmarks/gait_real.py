@@ -39,17 +39,17 @@ TORSO_HALF_PX, TORSO_TOP_PX = 90.0, 40.0  # of the person in a TUE bag, and thei
 AROUND_PX, SAME_M = 4, 0.10  # of a measured point, to depth that is its own
 LIMBS = ("left_hand", "right_hand", "left_foot", "right_foot")
 INTRO = """
-Real people walk before a fixed Xtion (filinha, 108 pictures; they come in, turn and go out, behind
-desks and each other) and stand before a robot (TUE, five single pictures). The service has the
-default system's settings. Landings of feet were counted by eye in contact sheets of all pictures
-(`real_people_marks/filinha_steps.json`), in the frames in which the feet can be followed; a
-published step is found where it lands within 1.2 frames of one by eye, of the same person, by a
-mark on the torso in every picture; it is invented where no step by eye is near although steps could
-be counted there. Constants were chosen on N, G and S alone. The pictures have no times. A step
-takes most often two frames, and people go 0.20 to 0.27 m from frame to frame: at 10 Hz, at which
-other benchmarks play them, these would be 300 steps a minute at more than 2 m/s; at 4 Hz they are
-104 to 120 at 0.8 to 1.1 m/s. On the depth: measured points with a depth within 0.10 m of their own
-no farther than 4 px away.
+Real people walk before a fixed Xtion (filinha, 108 pictures: they enter, turn and leave, behind
+desks and each other) and stand before a robot (TUE, five single pictures).
+
+- Landings were counted by eye in all pictures (`real_people_marks/filinha_steps.json`), in the
+  frames in which the feet can be followed. A published step finds one of the same person within
+  1.2 frames; without one it is invented.
+- Constants were chosen on N, G and S alone.
+- The pictures have no times. At 4 Hz people take 104 to 120 steps a minute at 0.8 to 1.1 m/s; at
+  10 Hz, as other benchmarks play them, it would be 300 at more than 2 m/s.
+- On the depth: measured points with a depth within 0.10 m of their own, no farther than 4 px
+  away.
 """
 Run = list[tuple[CameraInfo, GaitFrame, Sequence[GaitResult]]]
 
@@ -199,20 +199,6 @@ def _has_depth(frame: GaitFrame, point_m: F64, pixel: F64) -> bool:
     return bool((np.abs(depth_m[depth_m > 0] - point_m[2]) <= SAME_M).any())
 
 
-def walking(run: Run) -> str:
-    """Return the live measures: tracks with any, and their median step length and cadence."""
-    known: dict[int, list[tuple[float, float]]] = {}
-    for *_, results in run:
-        for one in results:
-            measures = one.person.measures
-            found = known.setdefault(one.person.id, [])
-            if measures.step_length_m is not None and measures.cadence_per_min is not None:
-                found.append((measures.step_length_m, measures.cadence_per_min))
-    medians = [np.median(values, axis=0) for values in known.values() if values]
-    texts = [f"{length_m:.2f} m at {cadence:.0f}/min" for length_m, cadence in medians]
-    return f"{len(medians)} of {len(known)} tracks: {', '.join(texts)}" if medians else "none"
-
-
 def main() -> None:
     """Compare, and write the report."""
     parser = options.parser(__doc__, "shared")
@@ -226,7 +212,7 @@ def main() -> None:
         f"camera.mount_xyz_m={list(MOUNT_XYZ_M)}",
         f"camera.mount_rpy_rad={list(MOUNT_RPY_RAD)}",
     )
-    steps, depth, live = [], [], []
+    steps, depth = [], []
     for name, (rate_hz, settings) in PLAYED.items():
         rate = f"camera.options.fps={rate_hz:g}"
         run = play(data / "filinha", (rate, *mount, *settings, *arguments.settings))
@@ -238,7 +224,6 @@ def main() -> None:
             steps.append([name, person.person, person.half, *one.cells()])
         steps += [[name, "all", half, *one.cells()] for half, one in halves.items()]
         depth.append(_depth_row(f"filinha, {name}", [run]))
-        live.append(f"{name}: {walking(run)}.")
     bags = [
         play(data / "tue" / f"{bag}.bag", (), _box_about(torso)) for bag, torso in TORSO_MM.items()
     ]
@@ -249,9 +234,8 @@ def main() -> None:
         [
             "# Gait of real people",
             f"Made by `python -m benchmarks gait_real` on {machine()}.",
-            " ".join(INTRO.split()),
+            INTRO.strip(),
             markdown(header, steps),
-            "Measures that were published live, medians of each track. " + " ".join(live),
             markdown(["recording", "all points on the depth", "hands", "feet"], depth),
         ]
     )

@@ -4,15 +4,13 @@ Source: docs/method.md, section 20.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from scipy.stats import t as student
 
-from evaluation.gait.head_path import HeadPath, sway_m, turn_durations_s
-from evaluation.gait.literature import source_of
 from people4d.messages import F64
 from services.gait.steps.alternation import STEP_MAX_S
 from services.gait.steps.rhythm import Oscillation
@@ -20,7 +18,6 @@ from services.gait.steps.steps import FootStep, Stride, cadence, step_times_s, w
 from services.gait.steps.swings import FEET, Side
 
 LEVEL = 0.95  # Confidence level of the intervals
-RESAMPLED, SEED = 1000, 0  # Samples and seed of the bootstrap of the variability
 LIMP_MIN = 5.0  # Minimum asymmetry of a limp [% of the mean step time]
 LIMP_CLEAR = 2.5  # Asymmetry outside of the interval of a limp [%]
 # Factor of the interval of the asymmetry of step times: neighbouring pairs share a landing, so the
@@ -41,16 +38,9 @@ class GaitParameter:
     count: int  # of values
     definition: str
 
-    @property
-    def source(self) -> str:
-        """Key of the literature that defines it; empty: this project's."""
-        return source_of(self.name)
-
 
 def gait_parameters(
-    steps: Sequence[FootStep],
-    head: HeadPath | None,
-    rhythm: Sequence[Oscillation] = (),
+    steps: Sequence[FootStep], rhythm: Sequence[Oscillation] = ()
 ) -> list[GaitParameter]:
     """Return all parameters of a walk, including unknown ones."""
     walked = walked_strides(steps)
@@ -62,10 +52,9 @@ def gait_parameters(
     times = {
         f: [one.step_time_s for s, one in walked if s.foot == f and one.step_time_s] for f in FEET
     }
-    both = [*times["left"], *times["right"]]
     width = [s.width_m for s, _ in walked if s.width_m is not None]
     swing = 100 * swing_s / stride_s if len(walked) else []
-    found = [
+    return [
         _mean("step length", "m", length_m, "half of the stride length", 0.5, weights),
         *(
             _mean(f"{foot} step length", "m", lengths[foot], f"to the {foot} foot, along its path")
@@ -78,18 +67,7 @@ def gait_parameters(
         _share("stance", 100 - np.asarray(swing), "of the stride, the foot is on the ground"),
         _share("swing", swing, "of the stride, the foot is in the air"),
         _share("double support", _double_support(steps), "of the stride, on both feet"),
-        _resampled("step time variability", "%", both, _variation, "standard deviation by mean"),
         _time_asymmetry(walked, times),
-        _asymmetry("step length asymmetry", lengths["left"], lengths["right"], "step lengths"),
-    ]
-    sway = sway_m(head, [step for step, _ in walked]) if head is not None else []
-    turns = turn_durations_s(head) if head is not None else []
-    return [
-        *found,
-        _mean(
-            "trunk sway", "cm", 100 * np.asarray(sway), "of the head to either side, in a stride"
-        ),
-        _mean("turn duration", "s", turns, "of turns by 45 degrees or more"),
     ]
 
 
@@ -158,46 +136,6 @@ def _cadence(steps: Sequence[FootStep], rhythm: Sequence[Oscillation]) -> GaitPa
         for edge in (one.high, one.low)
     )
     return replace(one, value=value, low=low, high=high)
-
-
-def _resampled(
-    name: str,
-    unit: str,
-    values: Sequence[float],
-    statistic: Callable[[F64], F64],
-    definition: str,
-) -> GaitParameter:
-    """Return a statistic with the interval of its bootstrap; at least three values."""
-    known = np.asarray(values, np.float64)
-    if len(known) < 3:
-        return GaitParameter(name, unit, None, None, None, len(known), definition)
-    chosen = np.random.default_rng(SEED).integers(0, len(known), (RESAMPLED, len(known)))
-    edges = ((1 - LEVEL) / 2, (1 + LEVEL) / 2)
-    low, high = np.quantile(statistic(known[chosen]), edges).tolist()
-    value = float(statistic(known[None])[0])
-    return GaitParameter(name, unit, value, low, high, len(known), definition)
-
-
-def _variation(values: F64) -> F64:
-    """Return coefficients of variation of rows, in %."""
-    return np.asarray(100 * values.std(axis=1, ddof=1) / values.mean(axis=1))
-
-
-def _asymmetry(name: str, left: Sequence[float], right: Sequence[float], of: str) -> GaitParameter:
-    """Return (left - right) / mean with Welch's interval; at least two of each foot."""
-    definition = f"of {of}: left less right, by their mean; above 0: left ones are longer"
-    count = len(left) + len(right)
-    if min(len(left), len(right)) < 2:
-        return GaitParameter(name, "%", None, None, None, count, definition)
-    mean = (np.mean(left) + np.mean(right)) / 2
-    errors2 = [float(np.var(v, ddof=1)) / len(v) for v in (left, right)]
-    freedom = sum(errors2) ** 2 / max(
-        sum(e**2 / (len(v) - 1) for e, v in zip(errors2, (left, right), strict=True)), 1e-18
-    )
-    half = float(student.ppf(0.5 + LEVEL / 2, max(freedom, 1.0))) * math.sqrt(sum(errors2))
-    value = float(np.mean(left) - np.mean(right))
-    low, middle, high = (100 * float(x / mean) for x in (value - half, value, value + half))
-    return GaitParameter(name, "%", middle, low, high, count, definition)
 
 
 def _time_asymmetry(

@@ -8,7 +8,6 @@ from string import Template
 
 from common.drawing.strokes import colour_of
 from common.drawing.topdown import Trajectories
-from evaluation.gait.literature import REFERENCES
 from evaluation.gait.parameters import GaitParameter, limping_side, recognisable_limp
 from services.gait.steps.steps import FootStep
 from services.gait.steps.swings import FEET
@@ -18,8 +17,7 @@ from services.report.svg import Line, draw_map, plot
 NOTE = (
     "The measures are for comparing people with themselves. They are not intended for medical use."
 )
-HEAD = ("", "unit", "mean", "95 % interval", "values", "definition", "literature")
-TEXTS = ("definition", "literature")  # columns of the table
+HEAD = ("", "unit", "mean", "95 % interval", "values", "definition")
 SUMMARY = (("step length", 2, "m a step"), ("cadence", 0, "steps a minute"), ("speed", 2, "m/s"))
 
 
@@ -34,7 +32,6 @@ def person_page(
         headline=escape(_headline(parameters, steps)),
         note=escape(NOTE),
         table=_table(parameters),
-        references=_references(),
         plots=_plots(steps),
         map=draw_map(path, {person: colour_of(person)}),
         version=escape(importlib.metadata.version("people4d")),
@@ -84,23 +81,12 @@ def _plots(steps: Sequence[FootStep]) -> str:
 
 
 def _table(parameters: Sequence[GaitParameter]) -> str:
-    head = "".join(
-        f'<th class="text">{escape(cell)}</th>' if cell in TEXTS else f"<th>{escape(cell)}</th>"
-        for cell in HEAD
-    )
+    head = "".join(f"<th>{cell}</th>" for cell in HEAD)
     rows = []
     for one in parameters:
         interval = "" if one.low is None or one.high is None else f"{one.low:.3g} to {one.high:.3g}"
         value = "" if one.value is None else f"{one.value:.3g}"
         cells = (one.name, one.unit, value, interval, str(one.count))
         row = "".join(f"<td>{escape(cell)}</td>" for cell in cells)
-        text = f'<td class="text wide">{escape(one.definition)}</td>'
-        text += f'<td class="text">{escape(one.source)}</td>'
-        rows.append(f"<tr>{row}{text}</tr>")
+        rows.append(f'<tr>{row}<td class="text wide">{escape(one.definition)}</td></tr>')
     return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
-
-
-def _references() -> str:
-    """Return the literature of the definitions as a list."""
-    items = (f"<li>[{escape(key)}] {escape(text)}</li>" for key, text in REFERENCES.items())
-    return f"<ul>{''.join(items)}</ul>"

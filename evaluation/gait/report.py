@@ -1,23 +1,19 @@
-"""Report of the gait in a recording: tables, plots and images."""
+"""Report of the gait in a recording: tables, pages and images."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import astuple, fields, replace
+from dataclasses import astuple, fields
 from pathlib import Path
 
 import cv2
-import msgspec
-import numpy as np
 
 from common.config import load
 from common.drawing.tiles import Tile, grid
 from common.drawing.topdown import Trajectories
-from evaluation.gait.head_path import HeadPath
 from evaluation.gait.parameters import GaitParameter, gait_parameters
 from evaluation.gait.person_page import person_page
 from evaluation.gait.run import BoxCorners, GaitRun, estimate_gait
 from evaluation.gait.tables import GaitTables
-from evaluation.gait.trc import trc_text
 from evaluation.gait.viewer import GaitViewer
 from evaluation.methods import read_method
 from evaluation.pool import OnProgress
@@ -59,14 +55,11 @@ def read_run(source: str, box: BoxCorners | None, preset: str, settings: Sequenc
 class GaitReport:
     """Runs gait estimation and writes its results to a folder.
 
-    A `video` draws every frame; `figures` take matplotlib.
+    A `video` draws every frame.
     """
 
-    def __init__(self, run: GaitRun, folder: Path, video: bool, figures: bool) -> None:
-        cascade = msgspec.structs.replace(run.gait.cascade, details=True)
-        self._run = replace(run, gait=msgspec.structs.replace(run.gait, cascade=cascade))
-        self._folder, self._figures = folder, figures
-        self._draws_all = video
+    def __init__(self, run: GaitRun, folder: Path, video: bool) -> None:
+        self._run, self._folder, self._draws_all = run, folder, video
         self._video: VideoFile | None = None
         self._stills: EvenSample[Tile] = EvenSample(2 * STILLS)
         self._viewer: GaitViewer | None = None
@@ -104,38 +97,20 @@ class GaitReport:
         sheet = grid(self._stills.pick(STILLS), COLUMNS)
         _, png = cv2.imencode(".png", cv2.cvtColor(sheet, cv2.COLOR_RGB2BGR))
         write_bytes(self._folder / "frames.png", png.tobytes())
-        if self._figures:
-            self._plot()
 
     def _write_people(self) -> None:
-        """Write parameters.csv, and the page and the points of each person."""
+        """Write parameters.csv, and the page of each person."""
         rows: list[Sequence[object]] = []
         for person in self.tables.people:
             steps = self.tables.steps(person)
-            trajectories = self.tables.trajectories(person)
-            head = trajectories.get(HEAD)
-            ground_m = np.empty((0, 2)) if head is None else head.positions_m[:, :2]
-            path = None if head is None else HeadPath(head.times_s, ground_m)
-            rhythm = self.tables.rhythm(person)
-            parameters = gait_parameters(steps, path, rhythm)
-            rows += [(person, *astuple(one), one.source) for one in parameters]
-            tracks = {person: ground_m} if head is not None else {}
+            head = self.tables.trajectories(person).get(HEAD)
+            tracks = {} if head is None else {person: head.positions_m[:, :2]}
+            parameters = gait_parameters(steps, self.tables.rhythm(person))
+            rows += [(person, *astuple(one)) for one in parameters]
             page = person_page(person, parameters, steps, Trajectories(tracks=tracks))
             write_bytes(self._folder / f"person_{person}.html", page.encode())
-            name = f"points_{person}.trc"
-            if trajectories:
-                write_bytes(self._folder / name, trc_text(trajectories, name).encode())
-        header = ("person", *(one.name for one in fields(GaitParameter)), "literature")
+        header = ("person", *(one.name for one in fields(GaitParameter)))
         write_csv(self._folder / "parameters.csv", header, rows)
-
-    def _plot(self) -> None:
-        from evaluation.gait import figures  # noqa: PLC0415 (matplotlib is an extra)
-
-        for person in self.tables.people:
-            trajectories = figures.trajectories_png(self.tables, person)
-            write_bytes(self._folder / f"paths_{person}.png", trajectories)
-            steps = figures.steps_png(self.tables, person)
-            write_bytes(self._folder / f"steps_{person}.png", steps)
 
     def _add(self, info: CameraInfo, frame: GaitFrame, results: Sequence[GaitResult]) -> None:
         time_s = self.tables.add_frame(frame.stamp_ns, results)

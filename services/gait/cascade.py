@@ -1,7 +1,7 @@
 """The cascade: boxes tracked by colour, bodies segmented in boxes, points tracked on bodies."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,9 +13,8 @@ from services.gait.points.body import MeshObservation
 from services.gait.points.depth_layer import DepthLayer
 from services.gait.points.point_filter import PointEstimate
 from services.gait.surface.floor import FloorDetector
-from services.gait.surface.mesh import BodyMesh, build_mesh
+from services.gait.surface.mesh import build_mesh
 from services.gait.surface.segmentation import BodySegment, segment_body
-from services.gait.surface.silhouette import part_rows_px
 
 BOX_MARGIN = 0.06  # Widening of a detected box, which may miss a hand [heights]
 COLOUR_MARGIN = 0.12  # Widening of a box of the colour layer [heights]
@@ -37,16 +36,12 @@ class PersonObservation:
 
 @dataclass(frozen=True)
 class GaitEstimate:
-    """One person's points in a frame; the details are computed with `config.details` only."""
+    """One person's points in a frame."""
 
     id: int
     box_xyxy_px: F64 | None  # 4; None: not known
     points: Mapping[str, PointEstimate]
     fresh: bool = True  # False: predicted, the person's depth was not processed in this frame
-    mesh: BodyMesh | None = None  # detail
-    # First rows of head, shoulders, torso and legs by the silhouette; detail
-    rows_px: Mapping[str, int] = field(default_factory=dict)
-    particles: Mapping[str, F64] = field(default_factory=dict)  # Nx4 each; detail
 
 
 @dataclass
@@ -196,10 +191,7 @@ class Cascade:
         )
         if mesh is not None:
             state.depth_m = float(mesh.middle_m[2])
-        if not self._config.details:
-            return GaitEstimate(one.id, state.box, points)
-        particles = {name: p.particles for name, p in state.layer.filters.items()}
-        return GaitEstimate(one.id, state.box, points, True, mesh, part_rows_px(body), particles)
+        return GaitEstimate(one.id, state.box, points)
 
     def _segment(self, state: _PersonState, depth_mm: U16) -> BodySegment | None:
         """Segment a person in the depth image; None without a box or body."""

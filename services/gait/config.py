@@ -71,7 +71,6 @@ class CascadeConfig(Config, frozen=True, kw_only=True):
     # Maximum Bhattacharyya distance of a box of the colour layer to the first one
     colour_distance_max: Ratio = 0.6
     carry_s: Positive = 2.0  # Maximum age of the last detection of such a box [s]
-    details: bool = False  # estimates contain meshes and particles for a viewer
 
 
 class StepConfig(Config, frozen=True, kw_only=True):

@@ -35,7 +35,7 @@ def rows_of(file: Path) -> list[dict[str, str]]:
 @pytest.mark.slow
 def test_all_people_are_detected_and_tracked(tmp_path: Path) -> None:
     out = tmp_path / "out"
-    status, output = run(DEMO, "--out", out, "--set", "camera.max_frames=4", "--no-figures")
+    status, output = run(DEMO, "--out", out, "--set", "camera.max_frames=4")
     assert status == 0, output
     rows = rows_of(out / "gait.csv")
     assert tuple(rows[0]) == POINT_FIELDS
@@ -67,8 +67,7 @@ def test_box_is_tracked_by_colour(tmp_path: Path) -> None:
     (head, *_) = (row for row in rows if row["point"] == "head")
     assert float(head["x_m"]) == pytest.approx(4.37, abs=0.3)
     assert not (out / "gait.webm").exists()
-    for name in ("paths_1.png", "steps_1.png", "frames.png"):
-        assert cv2.imread(os.fspath(out / name)) is not None, name
+    assert cv2.imread(os.fspath(out / "frames.png")) is not None
 
 
 @pytest.mark.slow

@@ -1,15 +1,11 @@
-"""Gait parameters of walks by hand, their page, and points for tools of biomechanics."""
+"""Gait parameters of walks by hand, and their page."""
 
-import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from common.drawing.topdown import Trajectories
-from evaluation.gait.head_path import HeadPath, turn_durations_s
-from evaluation.gait.literature import REFERENCES
 from evaluation.gait.parameters import (
     GaitParameter,
     gait_parameters,
@@ -17,9 +13,6 @@ from evaluation.gait.parameters import (
     recognisable_limp,
 )
 from evaluation.gait.person_page import person_page
-from evaluation.gait.tables import PointTrajectory
-from evaluation.gait.trc import trc_text
-from people4d.messages import F64
 from services.gait.steps.steps import FootStep, Stride, find_steps, gait_measures
 from services.gait.steps.swings import Side
 from tests.gait.steps.test_steps import UP, feet, trajectory
@@ -32,9 +25,7 @@ def walk(duration_s: float = 8.0, **swings_s: float) -> dict[str, GaitParameter]
     times_s = np.arange(0, duration_s, 1 / 30)
     left, right = feet(times_s, **swings_s)
     steps = find_steps(trajectory(times_s, left), trajectory(times_s, right), UP)
-    sway_m = 0.03 * np.sin(2 * np.pi * times_s)  # once a stride
-    head = HeadPath(times_s, np.stack([1.2 * times_s, 0.1 + sway_m], axis=1))
-    return {one.name: one for one in gait_parameters(steps, head)}
+    return {one.name: one for one in gait_parameters(steps)}
 
 
 @pytest.mark.parametrize(
@@ -47,13 +38,11 @@ def walk(duration_s: float = 8.0, **swings_s: float) -> dict[str, GaitParameter]
         ("step width", 0.2, 0.01),
         ("cadence", 120.0, 1.0),
         ("speed", 1.2, 0.02),
-        ("step time variability", 0.0, 3.0),
         ("step time asymmetry", 0.0, 3.0),
-        ("trunk sway", 3.0, 0.3),
     ],
 )
 def test_even_walk_by_hand(name: str, value: float, tolerance: float) -> None:
-    # Steps of 0.6 m in 0.5 s with feet 0.2 m apart; the head sways by 3 cm.
+    # Steps of 0.6 m in 0.5 s with feet 0.2 m apart.
     one = walk()[name]
     assert one.value == pytest.approx(value, abs=tolerance)
     assert None not in (one.low, one.value, one.high)
@@ -68,10 +57,10 @@ def test_mean_length_is_that_of_the_measures_and_weighted_by_confidence() -> Non
     assert steps[-1].stride is not None
     unsure = replace(steps[-1].stride, length_m=0.6, confidence=0.3)
     steps[-1] = replace(steps[-1], stride=unsure)
-    one = {p.name: p for p in gait_parameters(steps, None)}["stride length"]
+    one = {p.name: p for p in gait_parameters(steps)}["stride length"]
     assert one.value == pytest.approx(gait_measures(steps).stride_length_m)
     certain = replace(steps[-1], stride=replace(unsure, confidence=1.0))
-    other = {p.name: p for p in gait_parameters([*steps[:-1], certain], None)}
+    other = {p.name: p for p in gait_parameters([*steps[:-1], certain])}
     # The stride that is off widens the interval less, the less it counts.
     low, high = other["stride length"].low, other["stride length"].high
     assert None not in (one.low, one.high, low, high)
@@ -85,8 +74,7 @@ def test_interval_of_the_cadence_is_that_of_the_steps_it_is_of() -> None:
     last = steps[-1]
     stop = replace(last, landed_s=last.landed_s + 1.4, confidence=0.4, follows=True)
     walked, stopped = (
-        {p.name: p for p in gait_parameters(some, None)}["cadence"]
-        for some in (steps, [*steps, stop])
+        {p.name: p for p in gait_parameters(some)}["cadence"] for some in (steps, [*steps, stop])
     )
     assert (stopped.low, stopped.value, stopped.high) == (walked.low, walked.value, walked.high)
 
@@ -124,74 +112,30 @@ def test_few_steps_give_no_intervals() -> None:
     assert found["cadence"].value == pytest.approx(120, abs=3)
     assert found["stride length"].count == 1
     assert found["stride length"].low is None
-    assert found["step time variability"].value is None
     assert limping_side(list(found.values())) is None
 
 
 def test_person_who_stands_has_no_parameters() -> None:
-    parameters = gait_parameters([], None)
+    parameters = gait_parameters([])
     assert {one.value for one in parameters} == {None}
     page = person_page(3, parameters, [], Trajectories())
     assert "No steps were found" in page
-
-
-def test_literature_of_definitions_is_that_of_the_method() -> None:
-    method = Path("docs/method.md").read_text(encoding="utf-8")
-    for one in gait_parameters([], None):
-        assert not one.source or one.source in REFERENCES, one.name
-    for key, text in REFERENCES.items():
-        assert f"| [{key}] | {text} |" in method
-
-
-def turn(degrees: float, duration_s: float) -> F64:
-    """Return headings at 30 Hz: a second straight on, a turn, a second straight on."""
-    middle = np.linspace(0, math.radians(degrees), round(30 * duration_s))
-    return np.concatenate([np.zeros(60), middle, np.full(60, math.radians(degrees))])
-
-
-@pytest.mark.parametrize(("degrees", "expected_s"), [(90.0, [1.5]), (-90.0, [1.5]), (30.0, [])])
-def test_turns_by_hand(degrees: float, expected_s: list[float]) -> None:
-    heading = turn(degrees, 1.5)
-    ground = np.cumsum(np.stack([np.cos(heading), np.sin(heading)], axis=1) / 30, axis=0)
-    found = turn_durations_s(HeadPath(np.arange(len(heading)) / 30, ground))
-    assert found == pytest.approx(expected_s, abs=0.5)
 
 
 def test_page_contains_everything_and_loads_nothing() -> None:
     times_s = np.arange(0, 6, 1 / 30)
     left, right = feet(times_s)
     steps = find_steps(trajectory(times_s, left), trajectory(times_s, right), UP)
-    page = person_page(
-        7, gait_parameters(steps, None), steps, Trajectories(tracks={7: left[:, :2]})
-    )
+    page = person_page(7, gait_parameters(steps), steps, Trajectories(tracks={7: left[:, :2]}))
     assert "Gait of person 7" in page
     assert "steps in 5 s, 0.60 m a step, 120 steps a minute, 1.20 m/s. No limp is seen" in page
     assert page.count("<svg") == 4
     assert "double support" in page
-    assert "[Perry 2010] J. Perry" in page
     assert not [
         word
         for word in ("$", "src=", "http://", "https://")
         if word in page.replace("http://www.w3.org/2000/svg", "")
     ]
-
-
-def test_trc_by_hand() -> None:
-    times_s = np.array([0.0, 0.1, 0.2])
-    head = PointTrajectory(
-        times_s, np.array([[1.0, 2.0, 1.7]] * 3), np.zeros((3, 3, 3)), np.ones(3, bool)
-    )
-    foot = PointTrajectory(
-        times_s[1:], np.array([[1.0, 2.0, 0.1]] * 2), np.zeros((2, 3, 3)), np.ones(2, bool)
-    )
-    lines = trc_text({"head": head, "left_foot": foot}, "walk.trc").split("\n")
-    assert lines[0].split("\t") == ["PathFileType", "4", "(X/Y/Z)", "walk.trc"]
-    assert lines[2].split("\t") == ["10.00", "10.00", "3", "2", "mm", "10.00", "1", "3"]
-    assert lines[3].split("\t") == ["Frame#", "Time", "head", "", "", "left_foot", "", ""]
-    # y is up there, and z to the right.
-    head_mm = ["1000.00", "1700.00", "-2000.00"]
-    assert lines[6].split("\t") == ["1", "0.0000", *head_mm, "", "", ""]
-    assert lines[7].split("\t") == ["2", "0.1000", *head_mm, "1000.00", "100.00", "-2000.00"]
 
 
 def limp(ratio: float, duration_s: float, seed: int) -> str | None:
@@ -209,7 +153,7 @@ def limp(ratio: float, duration_s: float, seed: int) -> str | None:
         foot: Side = "right" if k % 2 else "left"
         step = FootStep(foot, time_s, 0.6, stride, time_s - 0.4, (0.6 * k, 0.0), 0.2, 1.0, k > 0)
         steps.append(step)
-    return limping_side(gait_parameters(steps, None))
+    return limping_side(gait_parameters(steps))
 
 
 @pytest.mark.parametrize(("ratio", "duration_s"), [(0.1, 120.0), (0.2, 30.0)])

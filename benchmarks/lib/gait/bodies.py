@@ -217,7 +217,7 @@ def _asymmetry(
         return
     if best.step_time_asymmetry is not None:
         tally_.asymmetry_off.append(best.step_time_asymmetry - true)
-    side = limping_side(gait_parameters(steps, None))
+    side = limping_side(gait_parameters(steps))
     expected = ("left" if true > 0 else "right") if abs(true) >= LIMP else None
     tally_.limps += expected is not None
     tally_.limps_found += expected is not None and side == expected

@@ -20,7 +20,7 @@ from benchmarks.lib.gait.recordings import (
     RecordedFrame,
 )
 from benchmarks.lib.table import markdown
-from common.geometry.transforms import apply, deproject, project
+from common.geometry.transforms import deproject, project
 from people4d.messages import F64, Detection
 from services.gait.cascade import Cascade, GaitEstimate, PersonObservation
 from services.gait.config import CascadeConfig, DepthLayerConfig
@@ -34,7 +34,6 @@ CASES = {
     "gait_hand": "hand before the torso",
 }
 LIMBS = [POINTS.index(name) for name in HANDS_AND_FEET]
-HANDS, FEET = LIMBS[:2], LIMBS[2:]
 RIGHT_HAND = POINTS.index("right_hand")
 KEYPOINT_M = 0.1  # of a keypoint and the depth at it, standard deviation
 PUBLISHED_STATES = ("measured", "predicted")
@@ -227,18 +226,3 @@ def table(runs: Mapping[tuple[str, str], Sequence[PointResults]], points: Sequen
         for (case, variant), found in runs.items()
     ]
     return markdown(["case", "tracked by", *HEADER, "to the surface: median, p90 cm"], rows)
-
-
-def by_point(runs: Mapping[str, Sequence[PointResults]]) -> str:
-    """Return errors by case and point."""
-    rows = [
-        [case, name.replace("_", " "), *figures(found, [row])]
-        for case, found in runs.items()
-        for row, name in enumerate(POINTS)
-    ]
-    return markdown(["case", "point", *HEADER], rows)
-
-
-def in_map(recording: GaitRecording, points_m: F64) -> F64:
-    """Return points of the optical frame in the map, same shape; the camera is fixed."""
-    return apply(recording.map_from_optical, points_m.reshape(-1, 3)).reshape(points_m.shape)

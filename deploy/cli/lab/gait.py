@@ -6,14 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from deploy.cli.options import Figures, Preset, Settings
-from deploy.cli.terminal import (
-    can_draw_figures,
-    interruptible,
-    plain_table,
-    print_table,
-    progress,
-)
+from deploy.cli.options import Preset, Settings
+from deploy.cli.terminal import interruptible, plain_table, print_table, progress
 from lab import catalogue as scenarios
 from people4d.errors import ConfigError
 
@@ -45,15 +39,13 @@ def gait(
     preset: Preset = "",
     set_: Settings = [],  # noqa: B006 (typer copies it)
     video: Annotated[bool, typer.Option(help="Draw gait.webm, which takes longest.")] = True,
-    figures: Figures = True,
 ) -> None:
-    """Track heads, hands and feet in a recording; write tables, plots and a video."""
+    """Track heads, hands and feet in a recording; write tables, pages and a video."""
     from evaluation.gait.report import GaitReport, read_run  # noqa: PLC0415
 
-    figures = figures and can_draw_figures()
     source = scenarios.resolve(recording) if scenarios.is_scenario(recording) else recording
     run = read_run(source, _box(person), preset, set_)
-    report = GaitReport(run, out, video=video, figures=figures)
+    report = GaitReport(run, out, video=video)
     try:
         with interruptible(f"The frames so far are in {out}."), progress() as on_progress:
             report.run(on_progress)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from benchmarks.lib.gait.numpy_scores import scores
 from people4d.messages import F64, U8
 from services.gait.colour.colour_ratio import ColourModel, ColourRatio, person_prior
 from services.gait.colour.histogram import SAMPLES, HueSaturationHistogram, hsv_patch, sample_grid
+from tests.gait.numpy_histogram import scores
 
 RED, GREEN = 19, 139  # bins of full saturation, hue * 20 + saturation
 
