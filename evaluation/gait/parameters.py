@@ -13,7 +13,6 @@ from scipy.stats import t as student
 
 from people4d.messages import F64
 from services.gait.steps.alternation import STEP_MAX_S
-from services.gait.steps.rhythm import Oscillation
 from services.gait.steps.steps import FootStep, Stride, cadence, step_times_s, walked_strides
 from services.gait.steps.swings import FEET, Side
 
@@ -39,9 +38,7 @@ class GaitParameter:
     definition: str
 
 
-def gait_parameters(
-    steps: Sequence[FootStep], rhythm: Sequence[Oscillation] = ()
-) -> list[GaitParameter]:
+def gait_parameters(steps: Sequence[FootStep]) -> list[GaitParameter]:
     """Return all parameters of a walk, including unknown ones."""
     walked = walked_strides(steps)
     strides = [stride for _, stride in walked]
@@ -62,7 +59,7 @@ def gait_parameters(
         ),
         _mean("stride length", "m", length_m, "between landings of one foot", weights=weights),
         _mean("step width", "m", width, "between both feet, across their path"),
-        _cadence(steps, rhythm),
+        _cadence(steps),
         _mean("speed", "m/s", [s.length_m / s.time_s for s in strides], "stride length by time"),
         _share("stance", 100 - np.asarray(swing), "of the stride, the foot is on the ground"),
         _share("swing", swing, "of the stride, the foot is in the air"),
@@ -127,10 +124,10 @@ def _share(name: str, values: Sequence[float] | F64, definition: str) -> GaitPar
     return replace(one, low=max(one.low, 0.0), high=min(one.high, 100.0))
 
 
-def _cadence(steps: Sequence[FootStep], rhythm: Sequence[Oscillation]) -> GaitParameter:
+def _cadence(steps: Sequence[FootStep]) -> GaitParameter:
     """Return the cadence, with the relative interval of the mean step time."""
     one = _mean("cadence", "1/min", np.asarray(step_times_s(steps)) / 60, "steps a minute")
-    value, time = cadence(steps, rhythm), one.value
+    value, time = cadence(steps), one.value
     low, high = (
         None if value is None or not time or edge is None or edge <= 0 else value * time / edge
         for edge in (one.high, one.low)

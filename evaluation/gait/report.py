@@ -105,7 +105,7 @@ class GaitReport:
             steps = self.tables.steps(person)
             head = self.tables.trajectories(person).get(HEAD)
             tracks = {} if head is None else {person: head.positions_m[:, :2]}
-            parameters = gait_parameters(steps, self.tables.rhythm(person))
+            parameters = gait_parameters(steps)
             rows += [(person, *astuple(one)) for one in parameters]
             page = person_page(person, parameters, steps, Trajectories(tracks=tracks))
             write_bytes(self._folder / f"person_{person}.html", page.encode())

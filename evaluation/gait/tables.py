@@ -7,13 +7,11 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
-import numpy.typing as npt
 
 from evaluation.report.csv_files import write_csv
 from people4d.messages import F64, BodyPoint, GaitMeasures
 from services.gait.estimator import UP, GaitResult
-from services.gait.points.keypoints import HEAD, LEFT_FOOT, RIGHT_FOOT
-from services.gait.steps.rhythm import Oscillation, feet_distance, head_height
+from services.gait.points.keypoints import LEFT_FOOT, RIGHT_FOOT
 from services.gait.steps.steps import FootStep, find_steps, gait_measures
 from services.gait.steps.swings import FootTrajectory
 
@@ -34,7 +32,6 @@ class PointTrajectory:
     times_s: F64  # N
     positions_m: F64  # Nx3
     covariances_m2: F64  # Nx3x3
-    measured: npt.NDArray[np.bool_]  # N, False where predicted
 
 
 @dataclass(frozen=True)
@@ -74,7 +71,6 @@ class GaitTables:
                 np.array([row.time_s for row in own]),
                 np.array([row.point.position_m for row in own]),
                 np.array([row.point.covariance[:3, :3] for row in own]),
-                np.array([row.point.state == "measured" for row in own]),
             )
             for name, own in rows.items()
         }
@@ -84,18 +80,9 @@ class GaitTables:
         feet = self._feet(person)
         return [] if feet is None else find_steps(*feet, UP)
 
-    def rhythm(self, person: int) -> list[Oscillation]:
-        """Return the oscillations of feet and head of a person."""
-        feet, head = self._feet(person), self.trajectories(person).get(HEAD)
-        found = [] if feet is None else [feet_distance(*feet, UP)]
-        if head is not None:
-            own = head.measured
-            found.append(head_height(head.times_s[own], head.positions_m[own], UP))
-        return found
-
     def measures(self, person: int) -> GaitMeasures:
         """Return the gait measures of a person over all steps."""
-        return gait_measures(self.steps(person), self.rhythm(person))
+        return gait_measures(self.steps(person))
 
     def _feet(self, person: int) -> tuple[FootTrajectory, FootTrajectory] | None:
         trajectories = self.trajectories(person)

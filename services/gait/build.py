@@ -58,7 +58,7 @@ def warm_up(config: GaitConfig) -> None:
         estimator.update_people(
             GaitFrame(number * PERIOD_NS, rgb, depth_mm, observations, np.eye(4))
         )
-    one = Normal(np.ones(3), np.eye(3))  # of limbs, which three frames do not reach
+    one = Normal(np.ones(3), np.eye(3))  # limbs, which three frames do not reach
     one.fused(one).at_pixel(np.zeros(2), 1.0, info).distances2(np.ones((1, 3)))
 
 

@@ -12,6 +12,7 @@ from services.gait.config import CascadeConfig
 from services.gait.points.body import MeshObservation
 from services.gait.points.depth_layer import DepthLayer
 from services.gait.points.point_filter import PointEstimate
+from services.gait.points.single_feature import SingleFeatureLayer
 from services.gait.surface.floor import FloorDetector
 from services.gait.surface.mesh import build_mesh
 from services.gait.surface.segmentation import BodySegment, segment_body
@@ -46,7 +47,7 @@ class GaitEstimate:
 
 @dataclass
 class _PersonState:
-    layer: DepthLayer
+    layer: DepthLayer | SingleFeatureLayer
     box: F64 | None = None
     depth_m: float | None = None
     detected_ns: int = 0  # of the last detected box
@@ -101,7 +102,7 @@ class Cascade:
         return estimates
 
     def mark_point(self, person: int, name: str, pixel: F64, depth_mm: U16) -> bool:
-        """Start a point at a pixel (u, v) of the last frame; an unknown name adds a point.
+        """Start a point of POINTS at a pixel (u, v) of the last frame.
 
         Returns:
             True if the pixel is on the body of the person of this id.
@@ -122,12 +123,17 @@ class Cascade:
             self._colours.stop_person(person)
         self._people.clear()
 
+    def _new_layer(self, person: int) -> DepthLayer | SingleFeatureLayer:
+        config = self._config.depth
+        if config.feature == "combined":
+            return DepthLayer(config, self._info)
+        seed = hash((self._config.seed, person)) % 2**32
+        return SingleFeatureLayer(config, self._info, seed)
+
     def _add_and_delete(self, stamp_ns: int, observations: Sequence[PersonObservation]) -> None:
         for one in observations:
             if one.id not in self._people:
-                seed = hash((self._config.seed, one.id)) % 2**32
-                layer = DepthLayer(self._config.depth, self._info, seed)
-                self._people[one.id] = _PersonState(layer)
+                self._people[one.id] = _PersonState(self._new_layer(one.id))
             self._people[one.id].observed_ns = stamp_ns
         limit_ns = stamp_ns - round(FORGET_S * 1e9)
         for person in [p for p, state in self._people.items() if state.observed_ns < limit_ns]:

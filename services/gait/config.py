@@ -13,7 +13,6 @@ from people4d.messages.base import NonNegative, Positive, PositiveInt, Ratio
 
 Number = Annotated[int, Meta(ge=1, le=1000)]
 N = NonNegative
-NoiseVector4 = tuple[N, N, N, N]
 NoiseVector8 = tuple[N, N, N, N, N, N, N, N]
 PUBLISHED_TAU: NoiseVector8 = (10.0, 10.0, 1.0, 1.0, 0.1, 0.1, 0.1, 0.1)  # section 8.1
 
@@ -37,26 +36,14 @@ class ColourLayerConfig(Config, frozen=True, kw_only=True):
 
 
 class DepthLayerConfig(Config, frozen=True, kw_only=True):
-    """Particle filters of points on a body (sections 8.3 and 19)."""
+    """Points on a body (sections 8.3 and 19)."""
 
-    # Likelihood of particles. spin, geodesic: one feature, as published. combined: both, with
-    # extremities, motion and keypoints, each weighted by its own confidence
+    # spin, geodesic: particle filters by one feature, as published. combined: Kalman filters by
+    # keypoints, ends of limbs and the expected body
     feature: Literal["combined", "spin", "geodesic"] = "combined"
-    # Tracked points, of `keypoints.POINTS`; marked points are added
-    points: tuple[str, ...] = ("head", "left_hand", "right_hand", "left_foot", "right_foot")
-    particles: Annotated[int, Meta(ge=2, le=10_000)] = 60  # of each point; published: 60 and 100
-    # Noise of x, y, x', y' [px, px a frame]; section 8.1. combined: at a distance of 3 m with a
-    # focal length of 615 px
-    tau: NoiseVector4 = (10.0, 10.0, 1.0, 1.0)
-    source: Literal["head", "body"] = "head"  # of geodesic distances; combined: always the torso
+    # Particles of each point with one feature; published: 60 and 100
+    particles: Annotated[int, Meta(ge=2, le=10_000)] = 60
     keypoints: bool = True  # combined: use the keypoints of the detector
-    body_prior: bool = True  # combined: expect hands and feet beside and below the body
-
-    def __post_init__(self) -> None:
-        """Check ranges and names."""
-        super().__post_init__()
-        if len(set(self.points)) < len(self.points) or not all(self.points):
-            raise ValueError(f"points: expected different names, got {self.points}")
 
 
 class CascadeConfig(Config, frozen=True, kw_only=True):

@@ -9,7 +9,7 @@ import numpy as np
 from people4d.messages import F64, U8, U16, BodyPoint, CameraInfo, PersonGait
 from services.gait.cascade import Cascade, GaitEstimate, PersonObservation
 from services.gait.config import GaitConfig
-from services.gait.points.keypoints import HEAD, LEFT_FOOT, RIGHT_FOOT
+from services.gait.points.keypoints import LEFT_FOOT, RIGHT_FOOT
 from services.gait.points.point_filter import PointEstimate
 from services.gait.steps.step_meter import FootSample, StepMeter
 
@@ -98,14 +98,12 @@ class GaitEstimator:
             else None
             for foot in (LEFT_FOOT, RIGHT_FOOT)
         )
-        head = points.get(HEAD)
-        head_m = head.position_m if head is not None and head.state == "measured" else None
         box = estimate.box_xyxy_px
         box = None if box is None else np.clip(box, -BOX_MAX_PX, BOX_MAX_PX)
         return PersonGait(
             id=estimate.id,
             points=tuple(point for point in points.values() if point),
-            measures=meter.add_frame(frame.stamp_ns / 1e9, left, right, head_m=head_m),
+            measures=meter.add_frame(frame.stamp_ns / 1e9, left, right),
             box_xyxy_px=None if box is None else box.astype(np.float32),
         )
 

@@ -10,7 +10,7 @@ from numba.core.dispatcher import Dispatcher
 
 import services.gait
 from services.gait.build import warm_up
-from services.gait.config import GaitConfig
+from services.gait.config import CascadeConfig, DepthLayerConfig, GaitConfig
 
 
 def modules() -> list[ModuleType]:
@@ -26,7 +26,9 @@ def plain(module: ModuleType) -> Iterator[FunctionType]:
 
 
 def test_every_called_kernel_is_compiled_by_the_warm_up() -> None:
-    warm_up(GaitConfig())
+    for feature in ("combined", "spin"):
+        depth = DepthLayerConfig(feature=feature)  # type: ignore[arg-type]
+        warm_up(GaitConfig(cascade=CascadeConfig(depth=depth)))
     called, ready = set(), set()
     for module in modules():
         names = {name for function in plain(module) for name in function.__code__.co_names}

@@ -11,17 +11,8 @@ import numpy as np
 
 from common.geometry.transforms import deproject, project
 from people4d.messages import F64, CameraInfo
-from services.gait.config import DepthLayerConfig
-from services.gait.points.body import WINDOW_M, MeasuredBody
-from services.gait.points.keypoints import PAIRS, START_CONFIDENCE, Anchor
-from services.gait.points.likelihood import (
-    EXTREMITY_SIGMA_M,
-    GEODESIC_SIGMA_M,
-    PRIOR_FREE,
-    ParticleWeights,
-    PointEvidence,
-    agreement,
-)
+from services.gait.points.body import Extremity, MeasuredBody
+from services.gait.points.keypoints import PAIRS, START_CONFIDENCE, Anchor, sigma_px
 from services.gait.points.limbs.anchors import SAME_M
 from services.gait.points.limbs.surface import SurfacePosition
 from services.gait.points.limbs.visibility import (
@@ -34,8 +25,8 @@ from services.gait.points.limbs.visibility import (
 from services.gait.points.point_filter import GATE, TIMEOUT_S, PointFilter
 
 CONFIDENCE_MIN = 0.25  # Minimum confidence of a measured position
-CONTRADICTION = 3.0  # Deviation of a point from a contradicting keypoint [standard deviations]
 TOLERANCE = 1.5  # Unit of deviations [standard deviations]
+GEODESIC_SIGMA_M = 0.08  # Standard deviation of a geodesic distance to the reference [m]
 # Minimum distance of an occluding surface before the expected position [m, standard deviations]
 OCCLUDED_M, OCCLUDED_SIGMAS = 0.07, 2.0
 PIXEL_SIGMA = 3.0  # Standard deviation of a point on the surface [px]
@@ -61,48 +52,22 @@ UNCERTAINTIES = MappingProxyType(
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """Position that a point measures, by its keypoint or by its particles."""
+class PointEvidence:
+    """Evidence of one point in one frame, besides the body."""
 
-    position_m: F64  # 3, optical frame
-    vertex: int  # at the keypoint, or of the best particle
-    noise_m2: F64 | None = None  # 3x3, without the noise of depth; None: noise of particles
+    anchor: Anchor | None = None  # of its keypoint
+    counterpart: PointFilter | None = None  # the same point on the other side of the body
+    extremity: Extremity | None = None  # assigned to the point
+    surface: SurfacePosition | None = None  # measured position
 
 
 class Acceptance:
-    """Updates points by their weighted particles if the evidence is sufficient."""
+    """Updates points by their measured positions if the evidence is sufficient."""
 
-    def __init__(self, config: DepthLayerConfig, info: CameraInfo) -> None:
-        self._config, self._info = config, info
+    def __init__(self, info: CameraInfo) -> None:
+        self._info = info
         self.has_keypoints = False  # in this frame, of any point
         self.had_keypoints = False  # in any frame
-
-    def measure_candidate(
-        self,
-        point: PointFilter,
-        body: MeasuredBody,
-        weighted: ParticleWeights,
-        surface: SurfacePosition | None,
-    ) -> Candidate | None:
-        """Return the position that a point measures, and resample its particles.
-
-        The surface behind a keypoint is more precise than particles.
-        """
-        logs = weighted.logs
-        best = int(np.argmax(logs))
-        if not np.isfinite(logs[best]):
-            point.reset_particles(body)
-            return _at(surface)
-        weights = np.exp(logs - logs[best])
-        weights /= weights.sum()
-        positions = body.mesh.points_m[np.maximum(point.vertices, 0)]
-        vertex, position = int(point.vertices[best]), positions[best]
-        if self._config.feature == "combined":
-            near = np.linalg.norm(positions - positions[best], axis=1) <= WINDOW_M
-            inside = weights * near * (point.vertices >= 0)
-            position = (inside / inside.sum()) @ positions
-        point.resample_particles(weights)
-        return _at(surface) or Candidate(position, vertex)
 
     def is_hidden(self, point: PointFilter, position_m: F64, anchor: Anchor | None) -> bool:
         """Check that a surface lies before the expected position of a point on its ray."""
@@ -121,94 +86,101 @@ class Acceptance:
                 return True
         return False
 
+    def update_point(
+        self, point: PointFilter, body: MeasuredBody, evidence: PointEvidence, dt_s: float
+    ) -> None:
+        """Update a point by its measured position; without one it is hidden."""
+        point.hidden_keypoint = evidence.anchor
+        surface = evidence.surface
+        if surface is None:
+            point.mark_missed(dt_s)
+            return
+        odds = self._odds(point, body, surface, evidence)
+        if self._is_covered(point, body, surface, evidence, odds):
+            point.unsupported_s += dt_s
+            if point.kind == "head" or point.state == "lost":
+                point.mark_missed(dt_s)
+            else:
+                noise_m2 = _uncertainty_m2(point, surface, None)
+                point.mark_doubtful(surface.position_m, noise_m2, dt_s, likely=False)
+        else:
+            self._accept(point, body, surface, evidence, odds, dt_s)
+
     def _is_covered(
-        self, point: PointFilter, body: MeasuredBody, candidate: Candidate, evidence: PointEvidence
+        self,
+        point: PointFilter,
+        body: MeasuredBody,
+        surface: SurfacePosition,
+        evidence: PointEvidence,
+        odds: float | None,
     ) -> bool:
         """Check that a surface hides a point or its joint, unless a keypoint and all else disagree.
 
         A limb that moves fast, or otherwise than expected, is before its expected position, too.
         """
-        hidden = self.is_hidden(point, candidate.position_m, evidence.anchor)
-        if not (hidden or self._joint_is_hidden(point, body, evidence)):
-            return False
-        odds = self._odds(point, body, candidate, evidence) if evidence.anchor else None
-        return odds is None or odds <= 0
-
-    def _joint_is_hidden(
-        self, point: PointFilter, body: MeasuredBody, evidence: PointEvidence
-    ) -> bool:
-        """Check that the body's surface hides the wrist or ankle of a point."""
-        anchor, surface = evidence.anchor, evidence.surface
-        if anchor is None or anchor.joint is None or surface is None:
-            return False
-        surface_m = float(body.mesh.points_m[surface.vertex, 2])
-        joint_m = deproject(anchor.joint, surface_m, self._info)[0]
-        return self.is_hidden(point, joint_m, anchor)
-
-    def update_point(
-        self,
-        point: PointFilter,
-        body: MeasuredBody,
-        candidate: Candidate | None,
-        evidence: PointEvidence,
-        dt_s: float,
-    ) -> None:
-        """Update a point by its candidate; None: it is hidden."""
-        point.hidden_keypoint = evidence.anchor
-        if candidate is None:
-            point.mark_missed(dt_s)
-        elif self._config.feature != "combined":
-            point.mark_measured(candidate.position_m, 1.0)
-        elif self._is_covered(point, body, candidate, evidence):
-            point.unsupported_s += dt_s
-            if candidate.noise_m2 is None or point.state == "lost":
-                point.mark_missed(dt_s)
-            else:
-                noise_m2 = _uncertainty_m2(point, candidate, None)
-                point.mark_doubtful(candidate.position_m, noise_m2, dt_s, likely=False)
-        else:
-            self._accept(point, body, candidate, evidence, dt_s)
+        anchor = evidence.anchor
+        hidden = self.is_hidden(point, surface.position_m, anchor)
+        if not hidden and anchor is not None and anchor.joint is not None:
+            joint_m = float(body.mesh.points_m[surface.vertex, 2])
+            hidden = self.is_hidden(point, deproject(anchor.joint, joint_m, self._info)[0], anchor)
+        return hidden and (anchor is None or odds is None or odds <= 0)
 
     def _accept(
         self,
         point: PointFilter,
         body: MeasuredBody,
-        candidate: Candidate,
+        surface: SurfacePosition,
         evidence: PointEvidence,
+        odds: float | None,
         dt_s: float,
     ) -> None:
         assert point.motion is not None
-        position, vertex = candidate.position_m, candidate.vertex
-        noise = point.noise_m2(position, candidate.noise_m2)
-        off = float(np.sqrt(point.motion.distances2(position[None], noise)[0]))
-        support = max(
-            self._by_extremity(point, body, vertex, evidence),
-            self._by_anchor(point, position, evidence),
-        )
-        point.unsupported_s = 0.0 if support > CONFIDENCE_MIN else point.unsupported_s + dt_s
-        # Without extremity and keypoint, similar features elsewhere count for a short time only.
-        decay = float(np.exp(-point.unsupported_s / (2 * TIMEOUT_S))) if point.kind else 1.0
-        if not (self.has_keypoints and point.prior is not None):
-            support = max(support, decay * self._by_distance(point, body, vertex))
-        elif evidence.anchor is None and point.prior is not None:
-            squares = float(point.prior.distances2(position[None])[0])
-            support *= _agreement(np.sqrt(max(squares - PRIOR_FREE, 0.0)))
-        confidence = support * _agreement(off / GATE * TOLERANCE**2)
+        position_m = surface.position_m
+        noise_m2 = point.noise_m2(position_m, surface.noise_m2)
+        off = float(np.sqrt(point.motion.distances2(position_m[None], noise_m2)[0]))
+        confidence = self._support(point, body, surface, evidence, dt_s)
+        confidence *= _agreement(off / GATE * TOLERANCE**2)
         supported = confidence >= CONFIDENCE_MIN
-        if off > GATE or point.state == "lost" or not (supported or candidate.noise_m2 is not None):
+        needed = surface.noise_m2 is None  # by the distance along the body alone
+        if off > GATE or point.state == "lost" or (needed and not supported):
             point.mark_missed(dt_s)
-            return
-        odds = self._odds(point, body, candidate, evidence)
-        if not (supported and self._is_visible(point, body, evidence.anchor, odds)):
-            noise_m2 = _uncertainty_m2(point, candidate, odds)
-            point.mark_doubtful(position, noise_m2, dt_s, likely=odds is not None and odds > 0)
-            return
-        point.mark_measured(position, confidence, noise)
-        if confidence > START_CONFIDENCE:
-            point.adapt_reference(float(body.geodesic_m[vertex]))
+        elif supported and self._is_visible(point, body, evidence.anchor, odds):
+            point.mark_measured(position_m, confidence, noise_m2)
+            if confidence > START_CONFIDENCE:
+                point.adapt_reference(float(body.geodesic_m[surface.vertex]))
+        else:
+            noise_m2 = _uncertainty_m2(point, surface, odds)
+            likely = odds is not None and odds > 0
+            point.mark_doubtful(position_m, noise_m2, dt_s, likely=likely)
+
+    def _support(
+        self,
+        point: PointFilter,
+        body: MeasuredBody,
+        surface: SurfacePosition,
+        evidence: PointEvidence,
+        dt_s: float,
+    ) -> float:
+        """Return the confidence in a position by the end of its limb, keypoint and distance."""
+        extremity, anchor, support = evidence.extremity, evidence.anchor, 0.0
+        if extremity is not None and body.extrema.basin[surface.vertex] == extremity.basin:
+            support = extremity.strength
+        if anchor is not None:
+            pixel = project(surface.position_m, self._info)[0]
+            noise_px = sigma_px(anchor, float(surface.position_m[2]), self._info)
+            off = float(np.linalg.norm(pixel - anchor.pixel)) / noise_px
+            reliable = float(np.clip((anchor.confidence - 0.4) / 0.3, 0.0, 1.0))
+            support = max(support, reliable * _agreement(off))
+        point.unsupported_s = 0.0 if support > CONFIDENCE_MIN else point.unsupported_s + dt_s
+        if self.has_keypoints:
+            return support
+        # A similar distance along the body elsewhere counts for a short time only.
+        decay = float(np.exp(-point.unsupported_s / (2 * TIMEOUT_S)))
+        off_m = float(body.geodesic_m[surface.vertex] - point.geodesic_m)
+        return max(support, decay * _agreement(off_m / GEODESIC_SIGMA_M))
 
     def _visibility(self, point: PointFilter) -> Visibility | None:
-        """Return the regression of a point's visibility; None for heads and marked points.
+        """Return the regression of a point's visibility; None for heads.
 
         If keypoints are used, there is no regression for a frame without a detection.
         """
@@ -220,7 +192,7 @@ class Acceptance:
         self,
         point: PointFilter,
         body: MeasuredBody,
-        candidate: Candidate,
+        surface: SurfacePosition,
         evidence: PointEvidence,
     ) -> float | None:
         """Return the log-odds that the point is on the measured surface; None: not known."""
@@ -229,8 +201,8 @@ class Acceptance:
             return None
         measured = limb_evidence(
             point,
-            candidate.position_m,
-            candidate.vertex,
+            surface.position_m,
+            surface.vertex,
             body,
             evidence.anchor,
             evidence.counterpart,
@@ -248,62 +220,36 @@ class Acceptance:
         """
         kind = self._visibility(point)
         if odds is None or kind is None:
-            return point.kind not in VISIBILITY or not self.had_keypoints
+            return point.kind == "head" or not self.had_keypoints
         if point.kind == "foot" and shank_points_away(anchor, body, self._info):
             return False
         return odds >= kind.least
 
-    def _by_extremity(
-        self, point: PointFilter, body: MeasuredBody, vertex: int, evidence: PointEvidence
-    ) -> float:
-        extremity = evidence.extremity
-        if extremity is None or body.extrema.basin[vertex] != extremity.basin:
-            return 0.0
-        if not np.isfinite(point.tip_distance_m):
-            return 0.0
-        off = float(body.tip_distance_m[vertex] - point.tip_distance_m)
-        return extremity.strength * _agreement(off / EXTREMITY_SIGMA_M)
 
-    def _by_distance(self, point: PointFilter, body: MeasuredBody, vertex: int) -> float:
-        off = float(body.geodesic_m[vertex] - point.geodesic_m) / GEODESIC_SIGMA_M
-        return _agreement(off) if np.isfinite(off) else 0.0
-
-    def _by_anchor(self, point: PointFilter, position: F64, evidence: PointEvidence) -> float:
-        anchor = evidence.anchor
-        if anchor is None:
-            return 0.0
-        pixel = project(position, self._info)[0]
-        off = float(np.linalg.norm(pixel - anchor.pixel)) / evidence.anchor_sigma_px
-        contradicts = off > CONTRADICTION and anchor.confidence > START_CONFIDENCE
-        point.contradicted = point.contradicted + 1 if contradicts else 0
-        return float(np.clip((anchor.confidence - 0.4) / 0.3, 0.0, 1.0)) * _agreement(off)
-
-
-def _uncertainty_m2(point: PointFilter, candidate: Candidate, odds: float | None) -> F64:
-    """Return the covariance of a position, 3x3, by the log-odds of its surface; None: hidden.
-
-    Its keypoint is right in the image.
-    """
-    uncertainty = UNCERTAINTIES.get(point.kind, UNCERTAINTIES["hand"])
+def _uncertainty_m2(point: PointFilter, surface: SurfacePosition, odds: float | None) -> F64:
+    """Return the covariance of a position, 3x3, by the log-odds of its surface; None: hidden."""
+    uncertainty = UNCERTAINTIES["foot" if point.kind == "foot" else "hand"]
     hidden = 1.0 if odds is None else 1.0 / (1.0 + float(np.exp(odds)))
-    across_m = uncertainty.across if candidate.noise_m2 is not None else uncertainty.before / 2
-    ray = candidate.position_m / np.linalg.norm(candidate.position_m)
+    across_m = uncertainty.across if surface.noise_m2 is not None else uncertainty.before / 2
+    ray = surface.position_m / np.linalg.norm(surface.position_m)
     along_m2 = uncertainty.depth**2 + hidden * uncertainty.before**2
     along_m2 = HIDDEN_M**2 if odds is None else along_m2
     return np.asarray(across_m**2 * np.eye(3) + along_m2 * np.outer(ray, ray))
 
 
-def drop_same(candidates: dict[str, Candidate | None], points: Mapping[str, PointFilter]) -> None:
-    """Drop one of two candidates on one limb: the one farther from its expected position."""
+def drop_same(
+    surfaces: dict[str, SurfacePosition | None], points: Mapping[str, PointFilter]
+) -> None:
+    """Drop one of two positions on one limb: the one farther from its expected position."""
     for pair in PAIRS:
-        both = [(name, one) for name in pair if (one := candidates.get(name)) is not None]
+        both = [(name, one) for name in pair if (one := surfaces.get(name)) is not None]
         if len(both) < 2:
             continue
         (_, first), (_, second) = both
         if np.linalg.norm(first.position_m - second.position_m) > SAME_M:
             continue
         off = [_off2(points[name], one.position_m) for name, one in both]
-        candidates[pair[int(np.argmax(off))]] = None
+        surfaces[pair[int(np.argmax(off))]] = None
 
 
 def _off2(point: PointFilter, position_m: F64) -> float:
@@ -311,11 +257,7 @@ def _off2(point: PointFilter, position_m: F64) -> float:
     return 0.0 if expected is None else float(expected.distances2(position_m[None])[0])
 
 
-def _at(surface: SurfacePosition | None) -> Candidate | None:
-    if surface is None:
-        return None
-    return Candidate(surface.position_m, surface.vertex, surface.noise_m2)
-
-
 def _agreement(off: float) -> float:
-    return float(agreement(np.array(off / TOLERANCE)))
+    """Return exp(-x² / 2), 0 to 1, of a deviation x in units of TOLERANCE; 0 if not finite."""
+    x = min(abs(off / TOLERANCE), 9.0) if np.isfinite(off) else 9.0
+    return float(np.exp(-0.5 * x**2))

@@ -7,10 +7,9 @@ import numpy as np
 
 from common.geometry.transforms import deproject
 from people4d.messages import F64, CameraInfo
-from services.gait.config import DepthLayerConfig
 from services.gait.points.body import UP, Extremity, MeasuredBody
 from services.gait.points.keypoints import KINDS, START_CONFIDENCE, Anchor, pixels_of
-from services.gait.points.point_filter import TIMEOUT_S, PointFilter
+from services.gait.points.point_filter import PointFilter
 
 REACH_M = 0.30  # Maximum distance of an extremity from the predicted point [m]
 GEODESIC_SIGMA_M = 0.10  # Standard deviation of the geodesic distance of an extremity [m]
@@ -22,8 +21,6 @@ HAND_COST_MAX = 3.0
 SIGMA_MAX_M = 0.2  # Maximum standard deviation of a prediction [m]
 PRIOR_FREE = 3.0  # Squared deviation from the body's prior without cost
 ARM_MIN = 0.3  # Minimum geodesic distance of fingertips [statures]
-EXPECTED2 = 7.8  # Maximum squared deviation of an expected end of a leg
-SIDED2 = 2.0  # Minimum excess of the squared deviation from the other side
 START_M = 0.05  # Maximum distance from the body of a keypoint that starts a point [m]
 TAKEN_M = 0.12  # Maximum distance of an occupied extremity to a tracked point [m]
 TO_CAMERA = np.array([0.0, 0.0, -1.0])  # Default heading
@@ -90,13 +87,6 @@ def _cost(point: PointFilter, extremity: Extremity, anchors_m: Mapping[str, F64]
     return float(cost) + 1.0 - extremity.strength
 
 
-def is_idle(point: PointFilter, config: DepthLayerConfig) -> bool:
-    """Check that a point is lost, or had no extremity for long."""
-    if point.motion is None or config.feature != "combined":
-        return point.motion is None
-    return not point.alive or point.unsupported_s > TIMEOUT_S
-
-
 def body_vertex(pixel: F64, body: MeasuredBody, info: CameraInfo) -> int | None:
     """Return the vertex at a keypoint's pixel (2); None if it is not on the body."""
     distances = np.linalg.norm(body.mesh.pixels_px - pixel, axis=1)
@@ -126,33 +116,6 @@ def initial_extremities(
         same = [one for one in free if one.kind == kind][: len(waiting)]
         found += _by_side(waiting, same, middle, left)
     return found
-
-
-def expected_starts(points: Mapping[str, PointFilter], extremities: Sequence[Extremity]) -> Starts:
-    """Return the free ends of legs at which lost feet start, where the body expects them.
-
-    It serves feet with keypoints of low confidence. One side must expect the end of a leg clearly
-    more than the other.
-    """
-    feet = [point for point in points.values() if point.kind == "foot"]
-    taken = [point.motion.position_m for point in feet if point.motion and point.alive]
-    free = [one for one in extremities if one.kind == "foot" and _is_clear(one, taken)]
-    found: list[tuple[float, str, Extremity]] = []
-    for point in feet:
-        if point.prior is None or (point.motion is not None and point.alive):
-            continue
-        for one in free:
-            others = [o.prior for o in feet if o is not point and o.prior is not None]
-            own2, *other2 = (
-                float(prior.distances2(one.position_m[None])[0]) for prior in (point.prior, *others)
-            )
-            if own2 < EXPECTED2 and all(own2 + SIDED2 < other for other in other2):
-                found.append((own2, point.name, one))
-    starts: Starts = []
-    for _, name, one in sorted(found, key=lambda start: start[0]):
-        if all(name != other and one is not end for other, end in starts):
-            starts.append((name, one))
-    return starts
 
 
 def _is_free(extremity: Extremity, taken: Sequence[F64], body: MeasuredBody) -> bool:

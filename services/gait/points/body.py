@@ -15,7 +15,6 @@ from services.gait.surface.floor import FloorPlane
 from services.gait.surface.geodesic import GeodesicExtrema
 from services.gait.surface.mesh import BodyMesh
 from services.gait.surface.segmentation import I64
-from services.gait.surface.spin_image import SIMILARITY_SIGMA, similarity, spin_images
 
 UP = np.array([0.0, -1.0, 0.0])  # Upward direction of a level camera
 TORSO_RANGE = (0.55, 0.8)  # Range of the torso, from the loins to the armpits [statures]
@@ -29,9 +28,6 @@ BOTTOM = 0.94  # Maximum row of the end of a leg that the image does not cut off
 # the top of the head, round it [m]
 LENGTHS_M: Mapping[str, float] = MappingProxyType({"head": 0.17, "hand": 0.09, "foot": 0.10})
 WINDOW_M = 0.06  # Radius over which a position is averaged [m]
-TORSO_CANDIDATES = 24  # Number of candidates for the middle of the torso
-TORSO_SIGMA_M = 0.08  # Standard deviation of candidates about the middle of the torso [m]
-REFERENCE_DECAY = 0.95  # Share of the reference in the next one; the rest is the new image
 
 
 @dataclass(frozen=True)
@@ -143,35 +139,11 @@ def find_extremities(body: MeasuredBody) -> list[Extremity]:
     return sorted(found, key=lambda one: -one.strength)
 
 
-class TorsoReference:
-    """Finds the same vertex of the torso in each frame by its spin image.
-
-    The torso is nearly rigid, so its spin image persists. It changes as the person turns: the
-    reference adapts slowly, and the vertex stays about the torso's middle.
-    """
-
-    def __init__(self) -> None:
-        self._reference: F64 | None = None
-
-    def find_vertex(
-        self, mesh: BodyMesh, heights_m: F64, stature_m: float, keypoints: F32 | None
-    ) -> int:
-        """Return the vertex at the middle of the torso."""
-        pixel = torso_pixel(keypoints)
-        torso = torso_vertices(heights_m, stature_m)
-        if pixel is None:
-            pixel = np.median(mesh.pixels_px[torso], axis=0)
-        middle = torso[int(np.argmin(np.linalg.norm(mesh.pixels_px[torso] - pixel, axis=1)))]
-        near = np.linalg.norm(mesh.points_m[torso] - mesh.points_m[middle], axis=1)
-        nearest = torso[np.argsort(near, kind="stable")]
-        nearest = nearest[np.sort(near) < 2 * TORSO_SIGMA_M]
-        candidates = nearest[:: max(1, len(nearest) // TORSO_CANDIDATES)]
-        images = spin_images(mesh, candidates)
-        if self._reference is None:
-            self._reference = images[0]
-            return int(middle)
-        off = np.linalg.norm(mesh.points_m[candidates] - mesh.points_m[middle], axis=1)
-        scores = similarity(images, self._reference) / SIMILARITY_SIGMA
-        best = int(np.argmax(np.maximum(scores, -20.0) - 0.5 * (off / TORSO_SIGMA_M) ** 2))
-        self._reference = REFERENCE_DECAY * self._reference + (1 - REFERENCE_DECAY) * images[best]
-        return int(candidates[best])
+def torso_vertex(mesh: BodyMesh, heights_m: F64, stature_m: float, keypoints: F32 | None) -> int:
+    """Return the vertex at the middle of the torso, by keypoints if they are confident."""
+    torso = torso_vertices(heights_m, stature_m)
+    pixel = torso_pixel(keypoints)
+    if pixel is None:
+        pixel = np.median(mesh.pixels_px[torso], axis=0)
+    distances_px = np.linalg.norm(mesh.pixels_px[torso] - pixel, axis=1)
+    return int(torso[int(np.argmin(distances_px))])

@@ -1,13 +1,8 @@
-"""Heading of a person by yaw, feet or motion; exchanged left and right by it."""
-
-from collections.abc import Mapping
+"""Heading of a person by yaw, feet or motion."""
 
 import numpy as np
 
 from people4d.messages import F64
-from services.gait.points.body import UP
-from services.gait.points.keypoints import PAIRS
-from services.gait.points.point_filter import PointFilter
 from services.gait.surface.mesh import BodyMesh
 
 SMOOTH_S = 0.2  # Time constant of the heading [s]
@@ -19,8 +14,6 @@ HEEL_M = 0.03  # Offset of visible feet from shins towards the camera at any hea
 SPEED_MPS = 0.5  # Speed of walking with the weight of feet [m/s]
 EVIDENCE_MIN = 0.3  # Minimum evidence of a new heading, relative to the weight of feet
 VERTICES_MIN = 20  # Minimum number of vertices of feet and of shins
-SWAP_S = 0.15  # Time that left and right contradict the heading before their exchange [s]
-APART_M = 0.12  # Distance across between left and right of a frame with full weight [m]
 FIXED = np.eye(4)  # Pose of a camera at rest
 
 
@@ -90,28 +83,3 @@ def _feet_ahead(mesh: BodyMesh, heights_m: F64) -> F64:
     shin = mesh.points_m[shins].mean(axis=0)
     offset = mesh.points_m[feet].mean(axis=0) - shin + HEEL_M * shin / np.linalg.norm(shin)
     return np.asarray(offset / AHEAD_M)
-
-
-class LeftRightCheck:
-    """Detects pairs whose left and right contradict the heading for SWAP_S seconds."""
-
-    def __init__(self) -> None:
-        self._wrong_s: dict[str, float] = {}
-
-    def find_swapped(
-        self, points: Mapping[str, PointFilter], heading: F64 | None, dt_s: float
-    ) -> list[tuple[str, str]]:
-        """Return the pairs of points that have each other's name."""
-        found = []
-        for left, right in PAIRS:
-            pair = [points.get(left), points.get(right)]
-            if heading is None or not all(p and p.state == "measured" for p in pair):
-                continue
-            a, b = (p.motion.position_m for p in pair if p and p.motion)
-            apart = float((b - a) @ np.cross(UP, heading)) / APART_M
-            wrong_s = self._wrong_s.get(left, 0.0) + dt_s * float(np.clip(apart, -1.0, 1.0))
-            self._wrong_s[left] = max(wrong_s, 0.0)
-            if wrong_s > SWAP_S:
-                self._wrong_s[left] = 0.0
-                found.append((left, right))
-        return found

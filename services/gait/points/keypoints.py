@@ -46,8 +46,8 @@ class Anchor:
 
 
 def kind_of(point: str) -> str:
-    """Return the kind of a point: head, hand or foot; empty for a marked point."""
-    return point.rpartition("_")[2] if point in POINTS else ""
+    """Return the kind of a point: head, hand or foot."""
+    return point.rpartition("_")[2]
 
 
 def pixels_of(length_m: float, depth_m: float, info: CameraInfo) -> float:

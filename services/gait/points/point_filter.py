@@ -1,25 +1,23 @@
-"""Particle filter of one point on a body (docs/method.md, section 8.3)."""
+"""Kalman filter of one point on a body, with its expected position relative to the body.
 
-from collections.abc import Sequence
+Source: docs/method.md, section 19.
+"""
+
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from common.geometry.transforms import project
 from people4d.messages import F64, CameraInfo
-from services.gait.config import DepthLayerConfig
-from services.gait.particles import FIRST, resample_systematic
-from services.gait.points.body import Extremity, MeasuredBody
+from services.gait.points.body import LENGTHS_M, MeasuredBody
 from services.gait.points.kalman import PointKalmanFilter
-from services.gait.points.keypoints import Anchor, kind_of, pixels_of, sigma_px
+from services.gait.points.keypoints import Anchor, kind_of, pixels_of
 from services.gait.points.normal import Normal
-from services.gait.surface.segmentation import I64
 
 PointState = Literal["measured", "predicted", "lost"]
-TAU_DEPTH_M, TAU_FOCAL_PX = 3.0, 615.0  # Depth and focal length of the configured noise
 SPEED_MPS = 1.5  # Standard deviation of the speed of a new point [m/s]
-ACCELERATION_MPS2 = 12.0  # Standard deviation of the acceleration of hands and feet [m/s^2]
+# Standard deviation of the acceleration of a head, and of hands and feet [m/s^2]
+HEAD_ACCELERATION_MPS2, ACCELERATION_MPS2 = 3.6, 12.0
 NOISE_M = 0.015  # Noise of a measured position at right angles to the ray [m]
 NOISE_PER_M2 = 0.004  # Noise of its depth by the distance squared [m/m^2]
 GATE = 5.0  # Maximum deviation of an accepted position from the prediction [standard deviations]
@@ -27,11 +25,8 @@ TIMEOUT_S = 0.4  # Maximum age of the last measurement of a tracked point [s]
 HIDDEN_S = 1.5  # Maximum age of the last measurement of a point with a visible body [s]
 SPREAD_MAX_M = 0.35  # Maximum standard deviation of a predicted point [m]
 VAGUE_M = 0.17  # Maximum standard deviation of a published predicted hand or foot [m]
-PROPOSAL_RATIO = 0.4  # Share of the particles that are drawn from keypoints and extremities
 ADAPTATION = 0.03  # Adaptation of the reference distance by each measured frame
 ADAPTATION_MAX_M = 0.10  # Maximum adaptation in all [m]
-PROPOSAL_SIGMA_MAX_M = 0.15  # Maximum standard deviation of particles about the prediction [m]
-EXTREMITY_SIGMA_M = 0.03  # Standard deviation of particles about the extremity [m]
 CONTRADICTION2 = 16.0  # Maximum squared Mahalanobis distance of motion from the body's prior
 UNUSUAL2 = 2.0  # Squared distance from which on the prior of a followed limb widens
 # Factor and addition [m] of the standard deviation of a predicted point, for errors of the models
@@ -50,43 +45,18 @@ class PointEstimate:
     confidence: float  # 0 to 1
 
 
-@dataclass(frozen=True)
-class Proposal:
-    """Normal distribution that some of the particles are drawn from."""
-
-    pixel: F64  # [px] 2
-    sigma_px: float
-    ratio: float  # of the particles
-
-
 class PointFilter:
-    """Particles [x, y, x', y'] in the image, and a Kalman filter of the point in space.
+    """Kalman filter of a point in space, and the state of its measurements."""
 
-    Source: docs/method.md, sections 8.3 and 19.
-    """
-
-    def __init__(
-        self,
-        name: str,
-        config: DepthLayerConfig,
-        info: CameraInfo,
-        generator: np.random.Generator,
-    ) -> None:
-        self.name, self.kind = name, kind_of(name)
-        self._config, self._info, self._generator = config, info, generator
-        self._combined = config.feature == "combined"
+    def __init__(self, name: str, info: CameraInfo) -> None:
+        self.name, self.kind, self._info = name, kind_of(name), info
         self.motion: PointKalmanFilter | None = None
         self.position_m: F64 = np.full(3, np.nan)  # published
-        self.particles: F64 = np.empty((0, 4))
-        self.vertices: I64 = np.empty(0, np.int64)  # of the particles; -1 off the body
-        self.spin: F64 | None = None  # reference spin image
         self.geodesic_m = np.nan  # reference distance from the source
         self.initial_geodesic_m = np.nan
-        self.tip_distance_m = np.nan  # reference distance to the end of the limb; NaN: no limb
         self.confidence = 0.0
         self.missed_s = 0.0  # since the last measurement
         self.likely = False  # predicted by a measurement that is probably on its own surface
-        self.contradicted = 0  # consecutive frames, by its keypoint
         self.unsupported_s = 0.0  # since extremity or keypoint agreed
         self.state: PointState = "lost"
         self.prior: Normal | None = None  # expected position relative to the body
@@ -101,7 +71,7 @@ class PointFilter:
     @property
     def limb_length_m(self) -> float:
         """Reference geodesic distance of the end of the limb; NaN if not connected."""
-        return float(self.geodesic_m + np.nan_to_num(self.tip_distance_m))
+        return self.geodesic_m + LENGTHS_M[self.kind]
 
     @property
     def follows_limb(self) -> bool:
@@ -118,7 +88,7 @@ class PointFilter:
         """
         if self.motion is None or not self.alive:
             return self.prior
-        state, covariance = self.motion.predicted(dt_s) if dt_s else self._now()
+        state, covariance = self.motion.predicted(dt_s)
         own = Normal(state[:3], np.ascontiguousarray(covariance[:3, :3]))
         if self.prior is None:
             return own
@@ -131,91 +101,30 @@ class PointFilter:
             return own.fused(Normal(self.prior.mean_m, wider * self.prior.covariance))
         return own.fused(self.prior)
 
-    def _now(self) -> tuple[F64, F64]:
-        assert self.motion is not None
-        return self.motion.state, self.motion.covariance
-
-    def start_at_vertex(self, vertex: int, body: MeasuredBody, spin: F64 | None) -> None:
+    def start_at_vertex(self, vertex: int, body: MeasuredBody) -> None:
         """Start the point at a vertex."""
-        config = self._config
-        position = body.mesh.points_m[vertex]
-        acceleration = ACCELERATION_MPS2 * (0.3 if self.kind in ("head", "") else 1.0)
-        noise = self.noise_m2(position)
-        self.motion = PointKalmanFilter(position, noise, SPEED_MPS, acceleration)
-        self.position_m = position
-        self.particles = np.zeros((config.particles, 4))
-        self.particles[:, :2] = body.mesh.pixels_px[vertex]
-        self.vertices = np.full(config.particles, vertex)
-        self.spin = spin
+        position_m = body.mesh.points_m[vertex]
+        self._start(position_m, self.noise_m2(position_m))
         self.geodesic_m = self.initial_geodesic_m = np.nan  # unless connected
         self.adapt_reference(float(body.geodesic_m[vertex]))
-        self.state, self.missed_s, self.confidence = "measured", 0.0, 1.0
-        self.unsupported_s, self.contradicted = 0.0, 0
+        self.state, self.confidence = "measured", 1.0
 
-    def start_beside(self, pixel: F64, position_m: F64, noise_m2: F64) -> None:
+    def start_beside(self, position_m: F64, noise_m2: F64) -> None:
         """Start the point as predicted at a position (3) off the body with its noise (3x3)."""
-        self.motion = PointKalmanFilter(position_m, noise_m2, SPEED_MPS, ACCELERATION_MPS2)
-        self.position_m, self.vertices = position_m, np.full(self._config.particles, -1)
-        self.particles = np.zeros((self._config.particles, 4))
-        self.particles[:, :2] = pixel
-        self.state, self.missed_s, self.confidence, self.likely = "predicted", 0.0, 0.0, True
-        self.unsupported_s, self.contradicted = 0.0, 0
+        self._start(position_m, noise_m2)
+        self.state, self.confidence, self.likely = "predicted", 0.0, True
 
-    def proposals(self, anchor: Anchor | None, extremity: Extremity | None) -> list[Proposal]:
-        """Return proposals at the prediction, the keypoint and the extremity."""
+    def _start(self, position_m: F64, noise_m2: F64) -> None:
+        acceleration = HEAD_ACCELERATION_MPS2 if self.kind == "head" else ACCELERATION_MPS2
+        self.motion = PointKalmanFilter(position_m, noise_m2, SPEED_MPS, acceleration)
+        self.position_m = position_m
+        self.missed_s = self.unsupported_s = 0.0
+
+    def mark_measured(self, position_m: F64, confidence: float, noise_m2: F64) -> None:
+        """Update by a measured position and its noise, 3x3."""
         assert self.motion is not None
-        info, ratio = self._info, PROPOSAL_RATIO / 2
-        predicted_m = self.motion.position_m
-        sigma = pixels_of(min(self.motion.sigma_m, PROPOSAL_SIGMA_MAX_M), predicted_m[2], info)
-        found = [Proposal(project(predicted_m, info)[0], sigma, ratio)]
-        if anchor is not None:
-            sigma = sigma_px(anchor, predicted_m[2], info)
-            found.append(Proposal(anchor.pixel, sigma, ratio))
-        if extremity is not None:
-            sigma = pixels_of(EXTREMITY_SIGMA_M, extremity.position_m[2], info)
-            found.append(Proposal(project(extremity.position_m, info)[0], sigma, ratio))
-        return found
-
-    def move_particles(self, dt_s: float, proposals: Sequence[Proposal]) -> None:
-        """Move the particles by their motion, and draw some of them from proposals."""
-        tau = np.array(self._config.tau)
-        if self.motion is not None:
-            self.motion.predict(dt_s)
-        if self.motion is not None and self._combined:
-            tau = tau * self._scale(self.motion.position_m)
-            self.particles[:, 2:] = self._pixels_a_frame(dt_s)
-        noise = tau * self._generator.standard_normal(self.particles.shape)
-        self.particles = self.particles @ FIRST.T + noise
-        first = 0
-        for proposal in proposals:
-            count = int(proposal.ratio * len(self.particles))
-            drawn = self._generator.normal(proposal.pixel, proposal.sigma_px, (count, 2))
-            self.particles[first : first + count, :2] = drawn
-            first += count
-
-    def project_particles(self, body: MeasuredBody) -> None:
-        """Find the vertices at the particles."""
-        self.vertices = body.mesh.vertices_at(self.particles[:, :2])
-
-    def resample_particles(self, weights: F64) -> None:
-        """Resample the particles by weight; particles off the body vanish."""
-        chosen = resample_systematic(weights[None], self._generator)[0]
-        self.particles = self.particles[chosen]
-
-    def reset_particles(self, body: MeasuredBody) -> None:
-        """Move all particles to the last position, if no particle is on the body."""
-        vertex = body.mesh.nearest(self.position_m)
-        self.particles[:, :2] = body.mesh.pixels_px[vertex]
-        self.particles[:, 2:] = 0.0
-
-    def mark_measured(
-        self, position_m: F64, confidence: float, noise_m2: F64 | None = None
-    ) -> None:
-        """Update by a measured position and its noise, 3x3; by default the noise of particles."""
-        assert self.motion is not None
-        noise_m2 = self.noise_m2(position_m) if noise_m2 is None else noise_m2
         self.motion.correct(position_m, noise_m2)
-        self.position_m = self.motion.position_m if self._combined else position_m
+        self.position_m = self.motion.position_m
         self.state, self.missed_s, self.confidence = "measured", 0.0, confidence
 
     def mark_doubtful(self, position_m: F64, noise_m2: F64, dt_s: float, *, likely: bool) -> None:
@@ -224,16 +133,6 @@ class PointFilter:
         self.motion.correct(position_m, noise_m2)
         self.mark_missed(dt_s)
         self.likely = likely
-
-    def adapt_reference(self, geodesic_m: float) -> None:
-        """Adapt the reference distance to a measured one, within ADAPTATION_MAX_M."""
-        if np.isfinite(geodesic_m) and np.isnan(self.geodesic_m):
-            self.geodesic_m = self.initial_geodesic_m = geodesic_m
-        elif np.isfinite(geodesic_m):
-            moved = self.geodesic_m + ADAPTATION * (geodesic_m - self.geodesic_m)
-            low = self.initial_geodesic_m - ADAPTATION_MAX_M
-            high = self.initial_geodesic_m + ADAPTATION_MAX_M
-            self.geodesic_m = float(np.clip(moved, low, high))
 
     def mark_missed(self, dt_s: float) -> None:
         """Set the position to the prediction; the point is lost after TIMEOUT_S or HIDDEN_S."""
@@ -244,12 +143,19 @@ class PointFilter:
         gone = self.missed_s > TIMEOUT_S or self.motion.sigma_m > SPREAD_MAX_M
         if self.prior is not None:
             gone = self.missed_s > HIDDEN_S
-        if self._combined:
-            self.position_m = self.motion.position_m
-            self.state = "lost" if gone or self.state == "lost" else "predicted"
-        else:
-            self.state = "predicted"
+        self.position_m = self.motion.position_m
+        self.state = "lost" if gone or self.state == "lost" else "predicted"
         self.confidence = 0.0
+
+    def adapt_reference(self, geodesic_m: float) -> None:
+        """Adapt the reference distance to a measured one, within ADAPTATION_MAX_M."""
+        if np.isfinite(geodesic_m) and np.isnan(self.geodesic_m):
+            self.geodesic_m = self.initial_geodesic_m = geodesic_m
+        elif np.isfinite(geodesic_m):
+            moved = self.geodesic_m + ADAPTATION * (geodesic_m - self.geodesic_m)
+            low = self.initial_geodesic_m - ADAPTATION_MAX_M
+            high = self.initial_geodesic_m + ADAPTATION_MAX_M
+            self.geodesic_m = float(np.clip(moved, low, high))
 
     def estimate(self) -> PointEstimate:
         """Return position and velocity in the last frame."""
@@ -272,7 +178,7 @@ class PointFilter:
 
     def _is_vague(self, covariance: F64) -> bool:
         """Check that a predicted hand or foot could be at another limb; it may come back."""
-        if self.state != "predicted" or self.kind not in ("hand", "foot"):
+        if self.state != "predicted" or self.kind == "head":
             return False
         return bool(np.linalg.eigvalsh(covariance[:3, :3])[-1] > VAGUE_M**2)
 
@@ -295,22 +201,9 @@ class PointFilter:
     def noise_m2(self, position_m: F64, besides_m2: F64 | None = None) -> F64:
         """Return the covariance of a measured position, 3x3, largest along the ray.
 
-        `besides_m2` is the noise without depth; by default the noise of particles.
+        `besides_m2` is the noise without depth; by default the noise of a vertex.
         """
         ray = position_m / np.linalg.norm(position_m)
         depth_m2 = (NOISE_PER_M2 * position_m[2] ** 2) ** 2
         besides_m2 = NOISE_M**2 * np.eye(3) if besides_m2 is None else besides_m2
         return np.asarray(besides_m2 + depth_m2 * np.outer(ray, ray))
-
-    def _scale(self, position_m: F64) -> float:
-        return float(TAU_DEPTH_M / max(position_m[2], 0.3) * self._info.fx / TAU_FOCAL_PX)
-
-    def _pixels_a_frame(self, dt_s: float) -> F64:
-        """Return the motion since the last frame in the image, 2."""
-        assert self.motion is not None
-        previous = self.motion.position_m - dt_s * self.motion.state[3:]
-        both = np.stack([previous, self.motion.position_m])
-        if both[:, 2].min() < 0.1:
-            return np.zeros(2)
-        pixels = project(both, self._info)
-        return np.asarray(pixels[1] - pixels[0])

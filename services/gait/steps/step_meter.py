@@ -9,7 +9,6 @@ import numpy as np
 
 from people4d.messages import F64, GaitMeasures
 from services.gait.config import StepConfig
-from services.gait.steps.rhythm import Oscillation, feet_distance, head_height
 from services.gait.steps.steps import FootStep, find_steps, gait_measures
 from services.gait.steps.swings import FEET, FootTrajectory, Side
 
@@ -27,7 +26,6 @@ class StepMeter:
     def __init__(self, config: StepConfig, up: F64) -> None:
         self._config, self._up = config, up
         self._samples: dict[Side, deque[tuple[float, FootSample]]] = {f: deque() for f in FEET}
-        self._head: deque[tuple[float, F64]] = deque()
         self._due_s = -math.inf
         self._measures = GaitMeasures()
 
@@ -36,10 +34,8 @@ class StepMeter:
         stamp_s: float,
         left: FootSample | None,
         right: FootSample | None,
-        *,
-        head_m: F64 | None = None,
     ) -> GaitMeasures:
-        """Add the feet and the head (3) of a frame and return the measures.
+        """Add the feet of a frame and return the measures.
 
         Older frames than the last one are ignored.
         """
@@ -48,26 +44,14 @@ class StepMeter:
                 samples.append((stamp_s, one))
             while samples and samples[0][0] < stamp_s - self._config.window_s:
                 samples.popleft()
-        if head_m is not None and (not self._head or self._head[-1][0] < stamp_s):
-            self._head.append((stamp_s, head_m))
-        while self._head and self._head[0][0] < stamp_s - self._config.window_s:
-            self._head.popleft()
         if stamp_s >= self._due_s:
             self._due_s = stamp_s + self._config.every_s
-            feet = self._trajectories()
-            steps = find_steps(*feet, self._up)
-            rhythm = [feet_distance(*feet, self._up), self._head_height()]
-            self._measures = gait_measures(steps, rhythm)
+            self._measures = gait_measures(self.steps())
         return self._measures
 
     def steps(self) -> list[FootStep]:
         """Return the steps of the last seconds."""
         return find_steps(*self._trajectories(), self._up)
-
-    def _head_height(self) -> Oscillation:
-        times_s = np.array([time_s for time_s, _ in self._head])
-        points_m = np.array([point_m for _, point_m in self._head]).reshape(-1, 3)
-        return head_height(times_s, points_m, self._up)
 
     def _trajectories(self) -> tuple[FootTrajectory, FootTrajectory]:
         left, right = (_trajectory(samples) for samples in self._samples.values())

@@ -15,7 +15,6 @@ import numpy as np
 
 from people4d.messages import F64, GaitMeasures
 from services.gait.steps.alternation import STEP_MAX_S, STEP_MIN_S, Landing, find_landings
-from services.gait.steps.rhythm import WINDOW_S, Oscillation, with_rhythm
 from services.gait.steps.stances import LENGTH_MIN_M
 from services.gait.steps.swings import FEET, FootTrajectory, Side, Swing, find_swings
 
@@ -30,9 +29,6 @@ LIFT_S = (0.1, 0.6)  # Margins about a swing: the foot is lifted, the foot mostl
 STEPS_MIN = 2  # Minimum number of steps for the cadence; of each foot for the asymmetry
 CERTAIN = 0.7  # Minimum confidence of a step that continues a walk
 STEPS_APART_MAX = 16  # Maximum number of steps between the landings of a pair for the cadence
-LANDING_S = 0.08  # Standard deviation of the time of a landing [s]
-UNSURE = 0.02  # Minimum standard deviation of a cadence that uses the rhythm [times of a step]
-MISSED = 0.4  # Minimum share of the time in view of a walk with few missed steps
 UNOBSERVED = 0.3  # Confidence of an unseen step
 CONFIDENCE_LEAST = 0.01  # Minimum confidence of a stride
 
@@ -114,13 +110,10 @@ def _from_other_m(swing: Swing) -> tuple[float, float | None]:
     return float(apart @ direction), abs(across)
 
 
-def gait_measures(steps: Sequence[FootStep], rhythm: Sequence[Oscillation] = ()) -> GaitMeasures:
-    """Return the measures of a walk; the number of steps alone without a known stride.
-
-    The rhythm of feet and head improves the cadence.
-    """
+def gait_measures(steps: Sequence[FootStep]) -> GaitMeasures:
+    """Return the measures of a walk; the number of steps alone without a known stride."""
     walked = walked_strides(steps)
-    cadence_per_min = cadence(steps, rhythm)
+    cadence_per_min = cadence(steps)
     if not walked or cadence_per_min is None:
         return GaitMeasures(steps=len(steps))
     sizes = np.array([(stride.length_m, stride.confidence) for _, stride in walked])
@@ -147,33 +140,22 @@ def step_times_s(steps: Sequence[FootStep]) -> list[float]:
     return [float(time_s) for part in _walks(steps) for time_s in np.diff(part)]
 
 
-def cadence(steps: Sequence[FootStep], rhythm: Sequence[Oscillation] = ()) -> float | None:
+def cadence(steps: Sequence[FootStep]) -> float | None:
     """Return the steps a minute; None with fewer than two steps that follow another.
 
     Median over all pairs of landings of the time of a step between them, in each part of the walk:
-    an early or late landing changes it little [Theil 1950] [Sen 1968]. The rhythm of feet and head
-    counts the more, the fewer landings there are. An uncertain step begins another part, because
-    feet also move without steps in turns and stops; it counts if there are no other steps.
+    an early or late landing changes it little [Theil 1950] [Sen 1968]. An uncertain step begins
+    another part, because feet also move without steps in turns and stops; it counts if there are no
+    other steps.
     """
-    parts = _walks(steps)
     times_s: list[float] = []
-    spread = 0.0  # squares of the numbers of landings about their means
-    for part in parts:
+    for part in _walks(steps):
         landed_s = np.array(part)
-        spread += len(part) * (len(part) ** 2 - 1) / 12
         for apart in range(1, min(len(part), STEPS_APART_MAX + 1)):
             times_s += ((landed_s[apart:] - landed_s[:-apart]) / apart).tolist()
     # One step time gives one pair of landings, more give as many pairs or more.
     time_s = float(np.median(times_s)) if len(times_s) >= STEPS_MIN else 0.0
-    if time_s <= 0:
-        return None
-    sigma_s = LANDING_S / math.sqrt(spread)
-    walked_s = sum(part[-1] - part[0] for part in parts)
-    in_view_s = max((float(np.ptp(one.times_s)) for one in rhythm if len(one.times_s)), default=0.0)
-    lasts = walked_s >= WINDOW_S or walked_s < MISSED * in_view_s
-    if lasts and sigma_s > UNSURE * time_s:
-        time_s = with_rhythm(time_s, sigma_s, rhythm)
-    return 60 / time_s
+    return 60 / time_s if time_s > 0 else None
 
 
 def _walks(steps: Sequence[FootStep]) -> list[list[float]]:

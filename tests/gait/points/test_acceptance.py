@@ -3,24 +3,22 @@
 import numpy as np
 import pytest
 
-from services.gait.config import DepthLayerConfig
-from services.gait.points.acceptance import Acceptance, Candidate
+from services.gait.points.acceptance import Acceptance, PointEvidence
 from services.gait.points.body import MeasuredBody
 from services.gait.points.keypoints import Anchor
-from services.gait.points.likelihood import PointEvidence
+from services.gait.points.limbs.surface import SurfacePosition
 from services.gait.points.normal import Normal
 from services.gait.points.point_filter import PointFilter
 from tests.gait.builders import INFO
 from tests.gait.points.test_body import arm
 
-CONFIG = DepthLayerConfig()
 HAND = 20  # a vertex, 9 cm before the end of the arm
 
 
 def hand_on(body: MeasuredBody) -> PointFilter:
     """A left hand that starts at its vertex."""
-    point = PointFilter("left_hand", CONFIG, INFO, np.random.default_rng(0))
-    point.start_at_vertex(HAND, body, None)
+    point = PointFilter("left_hand", INFO)
+    point.start_at_vertex(HAND, body)
     return point
 
 
@@ -37,11 +35,10 @@ def test_hand_before_its_expected_position_is_hidden_unless_its_keypoint_is_ther
     point.prior = Normal(position_m + np.array([0.0, 0.0, 0.3]), 0.05**2 * np.eye(3))
     pixel = body.mesh.pixels_px[HAND].astype(float)
     anchor = None if confidence is None else Anchor(pixel, 1.0, confidence, pixel)
-    candidate = Candidate(position_m, HAND, 0.03**2 * np.eye(3))
-    acceptance = Acceptance(CONFIG, INFO)
+    surface = SurfacePosition(position_m, 0.03**2 * np.eye(3), HAND)
+    acceptance = Acceptance(INFO)
     acceptance.has_keypoints = True
-    evidence = PointEvidence(anchor, 10.0, None, None, None, None)
-    acceptance.update_point(point, body, candidate, evidence, 0.03)
+    acceptance.update_point(point, body, PointEvidence(anchor, surface=surface), 0.03)
     assert point.state == state
 
 
@@ -52,11 +49,10 @@ def test_with_keypoints_a_hand_is_measured_only_where_the_body_expects_hands(
     # No heading yet, or no detection in this frame: there is no expectation.
     body = arm()
     point = hand_on(body)
-    acceptance = Acceptance(CONFIG, INFO)
+    acceptance = Acceptance(INFO)
     acceptance.had_keypoints = had_keypoints
-    candidate = Candidate(body.mesh.points_m[HAND], HAND)
-    evidence = PointEvidence(None, 1.0, None, None, None, None)
-    acceptance.update_point(point, body, candidate, evidence, 0.03)
+    surface = SurfacePosition(body.mesh.points_m[HAND], None, HAND)
+    acceptance.update_point(point, body, PointEvidence(surface=surface), 0.03)
     assert point.state == ("predicted" if had_keypoints else "measured")
 
 
@@ -86,7 +82,7 @@ def test_hand_that_is_followed_may_be_before_the_torso(
     position_m = body.mesh.points_m[HAND]
     point.prior = Normal(position_m + np.array([0.0, 0.0, 0.3]), 0.1**2 * np.eye(3))
     point.without_keypoints, point.unsupported_s = without_keypoints, unsupported_s
-    assert Acceptance(CONFIG, INFO).is_hidden(point, position_m, None) == hidden
+    assert Acceptance(INFO).is_hidden(point, position_m, None) == hidden
 
 
 def test_expectation_of_a_hand_that_is_followed_is_where_it_moves() -> None:

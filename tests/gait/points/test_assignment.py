@@ -3,23 +3,21 @@
 import numpy as np
 import pytest
 
-from services.gait.config import DepthLayerConfig
-from services.gait.points.assignment import assign_points, expected_starts
+from services.gait.points.assignment import assign_points
 from services.gait.points.body import Extremity
 from services.gait.points.kalman import PointKalmanFilter
 from services.gait.points.normal import Normal
-from services.gait.points.point_filter import PointFilter, PointState
+from services.gait.points.point_filter import PointFilter
 from tests.gait.builders import INFO
 
-CONFIG = DepthLayerConfig()
 LENGTH_M = 0.7
 
 
 def hand(name: str, x_m: float) -> PointFilter:
     """A tracked point, 0.7 m along the body."""
-    point = PointFilter(name, CONFIG, INFO, np.random.default_rng(0))
+    point = PointFilter(name, INFO)
     point.motion = PointKalmanFilter(np.array([x_m, 0.0, 2.0]), 1e-4 * np.eye(3), 0.1, 1.0)
-    point.geodesic_m, point.tip_distance_m, point.state = LENGTH_M - 0.09, 0.09, "measured"
+    point.geodesic_m, point.state = LENGTH_M - 0.09, "measured"
     return point
 
 
@@ -70,38 +68,6 @@ def test_lost_point_is_not_assigned() -> None:
     point = hand("left_hand", 0.0)
     point.state = "lost"
     assert assign_points([point], [extremity(0, 0.0)], {}) == {}
-
-
-def foot(name: str, x_m: float, state: PointState) -> PointFilter:
-    """A foot that the body expects at a position, to 5 cm."""
-    point = hand(name, x_m)
-    point.kind, point.state = "foot", state
-    point.prior = Normal(np.array([x_m, 0.0, 2.0]), 0.05**2 * np.eye(3))
-    return point
-
-
-def leg(x_m: float) -> Extremity:
-    return Extremity(0, "foot", np.array([x_m, 0.0, 2.0]), LENGTH_M, 1.0)
-
-
-@pytest.mark.parametrize(
-    ("leg_m", "right", "starts"),
-    [
-        (0.13, "lost", ["left_foot"]),
-        (-0.13, "lost", ["right_foot"]),
-        (0.0, "lost", []),  # of either side
-        (0.4, "lost", []),  # where no foot is expected
-        (-0.13, "measured", []),  # the right foot is there
-    ],
-)
-def test_lost_foot_starts_at_the_end_of_a_leg_on_its_side(
-    leg_m: float, right: PointState, starts: list[str]
-) -> None:
-    points = {
-        "left_foot": foot("left_foot", 0.1, "lost"),
-        "right_foot": foot("right_foot", -0.1, right),
-    }
-    assert [name for name, _ in expected_starts(points, [leg(leg_m)])] == starts
 
 
 @pytest.mark.parametrize("without_keypoints", [True, False])

@@ -1,15 +1,12 @@
-"""Heading of walking and standing people, and exchanged left and right."""
+"""Heading of walking and standing people."""
 
 import numpy as np
 import pytest
 
 from people4d.messages import F64
-from services.gait.config import DepthLayerConfig
-from services.gait.points.heading import HeadingEstimator, LeftRightCheck
-from services.gait.points.kalman import PointKalmanFilter
-from services.gait.points.point_filter import PointFilter
+from services.gait.points.heading import HeadingEstimator
 from services.gait.surface.mesh import BodyMesh
-from tests.gait.builders import INFO, mesh_of
+from tests.gait.builders import mesh_of
 
 DT_S = 1 / 30
 EMPTY = np.empty(0)
@@ -120,45 +117,3 @@ def test_heading_persists_at_rest_and_over_a_jump_of_position() -> None:
 def test_zero_time_gives_no_velocity() -> None:
     heading = HeadingEstimator()
     assert np.all([heading.update_heading(*person_at(x), 0.0) is None for x in (0.0, 0.1, 0.2)])
-
-
-TO_CAMERA = np.array([0.0, 0.0, -1.0])
-FEET = ("left_foot", "right_foot")
-
-
-def feet(left_x_m: float, right_x_m: float) -> dict[str, PointFilter]:
-    points = {}
-    for name, x_m in zip(FEET, (left_x_m, right_x_m), strict=True):
-        point = PointFilter(name, DepthLayerConfig(), INFO, np.random.default_rng(0))
-        point.motion = PointKalmanFilter(np.array([x_m, 0.8, 3.0]), 1e-4 * np.eye(3), 0.1, 1.0)
-        point.state = "measured"
-        points[name] = point
-    return points
-
-
-def test_swapped_feet_are_detected_after_swap_s() -> None:
-    # The left foot of a person facing the camera is at the right of the image. 20 cm count in full.
-    check = LeftRightCheck()
-    crossed = feet(left_x_m=-0.1, right_x_m=0.1)
-    found = [check.find_swapped(crossed, TO_CAMERA, 0.04) for _ in range(4)]
-    assert found == [[], [], [], [FEET]]  # 4 x 0.04 s > 0.15 s
-
-
-def test_swapped_feet_close_together_take_longer() -> None:
-    # 3 cm of 12: a quarter of each frame counts.
-    check = LeftRightCheck()
-    found = [check.find_swapped(feet(-0.015, 0.015), TO_CAMERA, 0.04) for _ in range(16)]
-    assert found.index([FEET]) == 15  # 16 x 0.01 s > 0.15 s
-
-
-def test_feet_on_the_right_sides_are_not_swapped() -> None:
-    check = LeftRightCheck()
-    assert all(not check.find_swapped(feet(0.1, -0.1), TO_CAMERA, 0.04) for _ in range(20))
-
-
-def test_swap_is_not_detected_without_heading_or_measured_foot() -> None:
-    check = LeftRightCheck()
-    crossed = feet(-0.1, 0.1)
-    assert all(not check.find_swapped(crossed, None, 0.04) for _ in range(20))
-    crossed["left_foot"].state = "predicted"
-    assert all(not check.find_swapped(crossed, TO_CAMERA, 0.04) for _ in range(20))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from people4d.messages import F32
-from services.gait.points.keypoints import find_anchors, kind_of, torso_pixel
+from services.gait.points.keypoints import find_anchors, torso_pixel
 
 LEFT_ELBOW, LEFT_WRIST, LEFT_KNEE, LEFT_ANKLE = 7, 9, 13, 15
 
@@ -60,8 +60,3 @@ def test_torso_pixel_needs_shoulders_and_hips() -> None:
     assert torso_pixel(estimate) == pytest.approx([100, 130])
     estimate[11, 2] = 0.3
     assert torso_pixel(estimate) is None
-
-
-def test_marked_point_has_no_kind() -> None:
-    names = ("head", "left_hand", "right_foot", "sleeve", "my_hand")
-    assert [kind_of(name) for name in names] == ["head", "hand", "foot", "", ""]

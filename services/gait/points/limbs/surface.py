@@ -1,4 +1,4 @@
-"""Positions of hands and feet by the surface behind their keypoints.
+"""Positions of points by the surface behind their keypoints.
 
 Wrists and ankles are the most precise keypoints, and their depth is the depth of the limb. The
 middle of the hand is beyond the wrist and the middle of the foot ahead of the ankle, each half of
@@ -13,8 +13,9 @@ import numpy as np
 
 from common.geometry.transforms import deproject, project
 from people4d.messages import F64, CameraInfo
-from services.gait.points.body import MeasuredBody
+from services.gait.points.body import Extremity, MeasuredBody
 from services.gait.points.keypoints import Anchor, kind_of
+from services.gait.points.point_filter import PointFilter
 
 # Offsets from the wrist to the middle of the hand; the first on the body counts [forearms]
 HAND_REACHES = np.array([0.4, 0.2])
@@ -25,15 +26,19 @@ FOOT_AWAY = 0.4  # Minimum cosine of heading and ray of a foot with a visible he
 AROUND_PX = np.array([(0, 0), (-3, 0), (3, 0), (0, -3), (0, 3)])  # Offsets of sampled pixels
 NOISE_M, UNSURE_M = 0.012, 0.018  # Noise of a keypoint, and addition at confidence 0 [m]
 LIMB_DEEP_M = 0.12  # Maximum depth between wrist and hand, or foot and surface [m]
+HEAD_NOISE_M = 0.03  # Noise of a head [m]
+ALONG_M = 0.08  # Standard deviation of the distance along the body [m]
+# Maximum cost of a position by this distance, and cost of another kind of limb [squared deviations]
+COST_MAX, WRONG_COST = 16.0, 9.0
 DEPTH_NOISE_M = 0.018  # Noise of the depth of a limb, which is round [m]
 
 
 @dataclass(frozen=True)
 class SurfacePosition:
-    """Position of a hand or foot by the surface of its limb."""
+    """Measured position of a point by the surface of the body."""
 
     position_m: F64  # 3, optical frame
-    noise_m2: F64  # 3x3, without the noise of depth
+    noise_m2: F64 | None  # 3x3, without the noise of depth; None: by the distance along the body
     vertex: int  # behind the keypoint, or at the end of the limb
 
 
@@ -76,6 +81,38 @@ def surface_position(
     sigma_m = NOISE_M + UNSURE_M * (1.0 - anchor.confidence)
     noise_m2 = sigma_m**2 * np.eye(3) + DEPTH_NOISE_M**2 * np.outer(ray, ray)
     return SurfacePosition(position_m, noise_m2, int(vertices[0]))
+
+
+def head_position(
+    anchor: Anchor | None, extremity: Extremity | None, body: MeasuredBody, info: CameraInfo
+) -> SurfacePosition | None:
+    """Return the position of a head by the surface behind the face, or by its end of the body."""
+    if anchor is not None:
+        vertices = body.mesh.vertices_at(anchor.pixel + AROUND_PX)
+        vertices = vertices[vertices >= 0]
+        if len(vertices):
+            depth_m = float(np.sort(body.mesh.points_m[vertices, 2])[len(vertices) // 2])
+            position_m = deproject(anchor.pixel, depth_m, info)[0]
+            return SurfacePosition(position_m, HEAD_NOISE_M**2 * np.eye(3), int(vertices[0]))
+    if extremity is None:
+        return None
+    vertex = body.mesh.nearest(extremity.position_m)
+    return SurfacePosition(extremity.position_m, HEAD_NOISE_M**2 * np.eye(3), vertex)
+
+
+def nearest_position(point: PointFilter, body: MeasuredBody) -> SurfacePosition | None:
+    """Return the vertex near the prediction that is as far along the body as before."""
+    if point.motion is None or not np.isfinite(point.geodesic_m):
+        return None
+    points_m = body.mesh.points_m
+    costs = np.minimum(((body.geodesic_m - point.geodesic_m) / ALONG_M) ** 2, COST_MAX)
+    costs += point.motion.distances2(points_m, point.noise_m2(point.motion.position_m))
+    if point.prior is not None:
+        costs += np.minimum(point.prior.distances2(points_m), COST_MAX)
+    of_kind = np.array([*(kind == point.kind for kind in body.kinds), False])
+    costs[~of_kind[body.extrema.basin]] += WRONG_COST
+    vertex = int(np.argmin(costs))
+    return SurfacePosition(points_m[vertex], None, vertex) if costs[vertex] < COST_MAX else None
 
 
 def _nearer_to_surface(position_m: F64, body: MeasuredBody, info: CameraInfo) -> F64:

@@ -7,7 +7,6 @@ import pytest
 
 from common.geometry.transforms import project
 from people4d.messages import F64
-from services.gait.config import DepthLayerConfig
 from services.gait.points.keypoints import LEFT_FOOT, RIGHT_FOOT, Anchor
 from services.gait.points.limbs.anchors import feet_apart, keep_own_limbs
 from services.gait.points.normal import Normal
@@ -22,7 +21,7 @@ def feet() -> Mapping[str, PointFilter]:
     """Two feet 40 cm apart, expected by the body to 10 cm."""
     found = {}
     for name, position_m in FEET_M.items():
-        found[name] = PointFilter(name, DepthLayerConfig(), INFO, np.random.default_rng(0))
+        found[name] = PointFilter(name, INFO)
         found[name].prior = Normal(position_m, SIGMA_M**2 * np.eye(3))
     return found
 

@@ -8,7 +8,6 @@ import pytest
 
 from common.geometry.transforms import project
 from people4d.messages import F64, U16
-from services.gait.config import DepthLayerConfig
 from services.gait.points.body import MeshObservation
 from services.gait.points.keypoints import Anchor
 from services.gait.points.limbs.floor_feet import FloorPosition, correct_by_floor, floor_positions
@@ -24,7 +23,7 @@ STANDING = np.array([0.3, 1.08, 5.2])  # an ankle 0.12 m above the floor
 
 
 def foot() -> PointFilter:
-    return PointFilter("left_foot", DepthLayerConfig(), INFO, np.random.default_rng(1))
+    return PointFilter("left_foot", INFO)
 
 
 def ankle_at(position_m: F64, confidence: float = 0.7) -> Anchor:
@@ -90,7 +89,7 @@ def test_foot_farther_than_the_body_expects_counts_less() -> None:
 def test_foot_on_the_floor_is_predicted_and_not_lost() -> None:
     point = foot()
     one = found(ankle_at(STANDING), depth())["left_foot"]
-    point.start_beside(project(STANDING, INFO)[0], one.position_m, one.noise_m2)
+    point.start_beside(one.position_m, one.noise_m2)
     for _ in range(100):
         assert point.motion is not None
         point.motion.predict(0.05)
@@ -103,7 +102,7 @@ def test_foot_on_the_floor_is_predicted_and_not_lost() -> None:
 def test_floor_far_from_the_prediction_does_not_count() -> None:
     point = foot()
     one = found(ankle_at(STANDING), depth())["left_foot"]
-    point.start_beside(project(STANDING, INFO)[0], one.position_m, one.noise_m2)
+    point.start_beside(one.position_m, one.noise_m2)
     far = replace(one, position_m=one.position_m + 2.0 * AHEAD)
     correct_by_floor(point, far, 0.05)
     assert point.estimate().position_m == pytest.approx(one.position_m, abs=1e-6)

@@ -7,10 +7,15 @@ import pytest
 
 from common.geometry.transforms import project
 from people4d.messages import F64
-from services.gait.points.body import MeasuredBody
+from services.gait.points.body import Extremity, MeasuredBody
 from services.gait.points.kalman import PointKalmanFilter
 from services.gait.points.keypoints import Anchor
-from services.gait.points.limbs.surface import surface_position
+from services.gait.points.limbs.surface import (
+    head_position,
+    nearest_position,
+    surface_position,
+)
+from services.gait.points.point_filter import PointFilter
 from tests.gait.builders import INFO
 from tests.gait.points.test_body import arm
 
@@ -67,6 +72,7 @@ def test_foot_is_followed_through_its_swing() -> None:
     anchor = replace(anchor_at(WRIST, FOREARM), confidence=1.0)
     found = surface_position("left_foot", anchor, arm(), AHEAD, UP, INFO)
     assert found is not None
+    assert found.noise_m2 is not None
     motion = PointKalmanFilter(np.zeros(3), found.noise_m2, 1.5, 12.0)
     off_m = []
     for t_s in np.arange(-15, 13) / 30:
@@ -119,3 +125,29 @@ def test_keypoint_off_the_body_measures_nothing() -> None:
     anchor = Anchor(np.zeros(2), 1.0, 0.8, np.array([5000.0, 0.0]))
     assert surface_position("left_hand", anchor, arm(), None, UP, INFO) is None
     assert surface_position("left_hand", None, arm(), None, UP, INFO) is None
+
+
+def test_head_is_behind_its_face_and_else_at_its_end() -> None:
+    body = arm()
+    end = Extremity(0, "head", body.mesh.points_m[FOREARM], 0.6, 1.0)
+    face, other = (
+        head_position(anchor, end, body, INFO) for anchor in (anchor_at(WRIST, None), None)
+    )
+    assert face is not None
+    assert other is not None
+    assert face.position_m == pytest.approx(body.mesh.points_m[WRIST])
+    assert other.position_m == pytest.approx(body.mesh.points_m[FOREARM])
+    assert head_position(None, None, body, INFO) is None
+
+
+def test_hand_without_keypoint_and_end_is_as_far_along_the_body_as_before() -> None:
+    # 3 cm between vertices: 5 vertices off is 15 cm, further than the prediction allows.
+    body, point = arm(), PointFilter("left_hand", INFO)
+    assert nearest_position(point, body) is None
+    point.start_at_vertex(WRIST, body)
+    found = nearest_position(point, body)
+    assert found is not None
+    assert found.vertex == WRIST
+    assert point.motion is not None
+    point.motion.state[:3] += (0.6, 0.0, 0.0)
+    assert nearest_position(point, body) is None
