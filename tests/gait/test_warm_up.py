@@ -27,7 +27,7 @@ def plain(module: ModuleType) -> Iterator[FunctionType]:
 
 def test_every_called_kernel_is_compiled_by_the_warm_up() -> None:
     for feature in ("combined", "spin"):
-        depth = DepthLayerConfig(feature=feature)  # type: ignore[arg-type]
+        depth = DepthLayerConfig(feature=feature)
         warm_up(GaitConfig(cascade=CascadeConfig(depth=depth)))
     called, ready = set(), set()
     for module in modules():
