@@ -28,12 +28,12 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
 
 
 def test_pushed_frames_give_people(system: System) -> None:
-    watcher, seen = system.watch(Tracks), threading.Event()
+    watcher, found = system.watch(Tracks), threading.Event()
     frames = [one for one in open_source(str(DEMO)) if isinstance(one, SourceFrame)]
 
     def push() -> None:
         for one in frames:
-            if not seen.wait(PERIOD_S):
+            if not found.wait(PERIOD_S):
                 camera.push(one.rgb, one.depth_mm, one.stamp_ns)
 
     with Camera("front", LENS, POSE, robot=ROBOT, connect=system.connect) as camera:
@@ -44,7 +44,7 @@ def test_pushed_frames_give_people(system: System) -> None:
         try:
             people = watcher.wait(Tracks, lambda m: shows_people(m) and len(m.tracks) == 3)
         finally:
-            seen.set()
+            found.set()
             thread.join()
         with pytest.raises(SourceError, match="older than the one before"):
             camera.push(frames[0].rgb, frames[0].depth_mm, frames[0].stamp_ns)

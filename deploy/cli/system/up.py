@@ -34,7 +34,7 @@ def up(
         str,
         typer.Option(
             help="Recording, ROS bag, image folder, demo, lab:SCENARIO, ros2:/camera or "
-            "ros2:realsense (live), or module:Class of a camera.",
+            "ros2:realsense (live), module:Class of a camera, or push: frames of a program.",
             rich_help_panel=SOURCE,
         ),
     ] = "",
