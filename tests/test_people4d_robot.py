@@ -35,7 +35,7 @@ DEPTH: U16 = np.full((48, 64), 2000, np.uint16)
 @pytest.fixture(scope="module")
 def small() -> Iterator[Pipeline]:
     """Pipeline that got a frame of a small camera."""
-    with Pipeline(settings={"tracker.max_range_m": 9.0}) as pipeline:
+    with Pipeline(settings={"tracker.max_lost_s": 3.0}) as pipeline:
         pipeline.add_camera("front", LENS, mount(z_m=1.2))
         assert pipeline.process(RGB, DEPTH, 0.5) is not None
         yield pipeline
@@ -115,8 +115,8 @@ def test_unknown_names_and_impossible_values_are_refused(small: Pipeline) -> Non
         small.add_camera("rear", LENS, 2.0 * np.eye(4))
     with pytest.raises(ConfigError, match="no preset 'bst'"):
         Pipeline("bst")
-    with pytest.raises(ConfigError, match="max_range_m"):
-        Pipeline(settings={"tracker.max_range_m": -1.0})
+    with pytest.raises(ConfigError, match="max_lost_s"):
+        Pipeline(settings={"tracker.max_lost_s": -1.0})
 
 
 def test_frame_older_than_the_last_one_is_refused(small: Pipeline) -> None:

@@ -39,7 +39,7 @@ class Pipeline:
 
     Args:
         preset: Method, as `people4d up --preset`; empty: the defaults.
-        settings: Settings over those of the preset: {"tracker.max_range_m": 8.0}.
+        settings: Settings over those of the preset: {"tracker.max_lost_s": 3.0}.
 
     Raises:
         ConfigError: The preset or a setting is unknown, or a value is out of range.

@@ -1,7 +1,5 @@
 """Build trackers by name, and the node of the service."""
 
-from functools import partial
-
 from common import registry
 from services.tracker.config import TrackerConfig
 from services.tracker.interface import Tracker
@@ -31,4 +29,4 @@ def make_tracker(config: TrackerConfig) -> Tracker:
 
 def build(config: TrackerConfig) -> TrackerNode:
     """Build the node with the tracker that the configuration names."""
-    return TrackerNode(config, partial(make_tracker, config))
+    return TrackerNode(config, make_tracker(config))

@@ -15,7 +15,6 @@ from people4d.messages.base import (
     Positive,
     PositiveInt,
     PositiveOrInfinite,
-    PositiveRatio,
     Ratio,
 )
 from services.tracker.areas.config import SiteAreaConfig
@@ -30,8 +29,6 @@ class Sort3dConfig(Config, frozen=True, kw_only=True):
     distance_gate_floor_m: NonNegative = 0.5
     min_hits: PositiveInt = 3  # consecutive matches that confirm, with the first; section 4
     t_lost: PositiveInt = 30  # [frames] unmatched frames that delete; plain SORT has 1 (section 7)
-    sigma_acceleration_mps2: Positive = 2.0  # [m/s^2] acceleration of a person
-    sigma_measurement_m: Positive = 0.15  # [m] measured position
 
 
 class ImageSortConfig(Config, frozen=True, kw_only=True):
@@ -41,7 +38,6 @@ class ImageSortConfig(Config, frozen=True, kw_only=True):
     """
 
     # association
-    iou_min: PositiveRatio = 0.3  # least intersection over union of a pair; SORT
     # Two rounds by score, as in ByteTrack [Zhang 2022]: detections of at least this score choose
     # first; the others may only continue a track matched in the frame before. 0: one round, SORT
     score_high: Ratio = 0.0
@@ -55,19 +51,12 @@ class ImageSortConfig(Config, frozen=True, kw_only=True):
     t_lost: NonNegative = 1.0  # [frames] T_lost: longest lifetime without a match; section 7
     r: PositiveOrInfinite = 5.0  # R: tracked frames per additional frame, if dynamic; section 7
     max_age: PositiveOrInfinite = 30.0  # [frames] largest dynamic lifetime; section 7
-    lost_max_s: PositiveOrInfinite = 5.0  # [s] longest time without a match of any track
     # ego motion
     # Correction of the camera's rotation; section 7. "odometry": by odometry and transforms
     ego_motion: Literal["none", "odometry"] = "none"
-    # [deg] horizontal field of view; absent: from the calibration
-    fov_deg: Annotated[float, Meta(gt=0, lt=180)] | None = None
     # "linear": the same displacement of all columns, section 7; "pinhole": by the position in the
     # image, as in a camera without distortion
     projection: Literal["linear", "pinhole"] = "linear"
-    # time
-    # [Hz] frames a second; the step is then measured from the stamps. 0: each frame is one step,
-    # SORT
-    rate_hz: NonNegative = 0.0
 
 
 class TrackerConfig(Config, frozen=True, kw_only=True):
@@ -90,21 +79,11 @@ class TrackerConfig(Config, frozen=True, kw_only=True):
     yaw_speed_min_mps: NonNegative = 0.2  # [m/s] least speed for a yaw from velocity; section 4: 0
     # time
     max_lost_s: Positive = 5.0  # [s] longest time without a match of any track
-    # [s] longest time without frames, or without this process, after which people keep their
-    # identities, with the gates of an absence of one second; max_lost_s or less: never
-    absence_max_s: Positive = 30.0
-    # [s] least jump of a clock: such a stamp waits until more confirm it. If it jumped back, the
-    # tracker restarts; a stamp that is back by less is stale
-    clock_jump_s: Positive = 1.0
     embedding_wait_s: NonNegative = 0.05  # [s] longest wait for the embeddings of a frame
     # [s] longest wait for frames of an earlier stamp from other cameras or detectors; absent: one
     # frame interval for detectors, and none for cameras
     reorder_wait_s: NonNegative | None = None
-    odometry_wait_s: NonNegative = 0.05  # [s] longest wait for the odometry of a frame
-    predict_after_s: Positive = 0.2  # [s] silence of detections before predictions are published
-    predict_hz: Positive = 10.0  # [Hz] rate of those predictions
     # input
-    max_range_m: Positive = 100.0  # [m] largest distance from the camera of a used position
     area: SiteAreaConfig = SiteAreaConfig()  # of a site with several trackers
     # methods
     sort3d: Sort3dConfig = Sort3dConfig()

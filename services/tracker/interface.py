@@ -1,7 +1,7 @@
 """Input and interface of every tracker."""
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar, NamedTuple
 
@@ -9,6 +9,8 @@ from common.geometry.planar_covariance import PlanarCovariance
 from common.geometry.transforms import invert
 from people4d.messages import F32, F64, ImageTrack, Track
 from people4d.messages.areas import AREAS_MAX
+
+LATE_MAX_NS = 1_000_000_000  # largest age of a late frame, behind the last one [ns]
 
 
 class VelocityMeasurement(NamedTuple):
@@ -58,7 +60,7 @@ class ImageEdges(NamedTuple):
 class Observation:
     """All measurements of one frame."""
 
-    stamp_ns: int  # [ns] acquisition time, never before the last observation
+    stamp_ns: int  # [ns] acquisition time, at most LATE_MAX_NS before the last observation
     measurements: tuple[Measurement, ...] = ()  # in any order
     camera: str = "camera"  # name of the camera of the frame
     embedder: str = ""  # name of the model of the embeddings; empty if there are none
@@ -131,22 +133,7 @@ class Tracker(ABC):
 
     @abstractmethod
     def update(self, observation: Observation) -> list[Track]:
-        """Process one frame, an empty one too, and return all tracks, ordered by id.
-
-        Raises:
-            ValueError: The stamp lies before the last observation.
-        """
-
-    def update_late(self, observation: Observation, now_ns: int) -> list[Track]:
-        """Process a frame that is older than the last one, and return the tracks at its time.
-
-        A tracker that does not go back takes it as one of the last one's time.
-
-        Args:
-            observation: The frame.
-            now_ns: Stamp of the last observation.
-        """
-        return self.update(replace(observation, stamp_ns=now_ns))
+        """Process one frame, also an empty or late one; return the tracks at its time, by id."""
 
     @abstractmethod
     def predict(self, stamp_ns: int) -> list[Track]:
@@ -168,11 +155,8 @@ class Tracker(ABC):
         """Continue from a checkpoint.
 
         Raises:
-            DecodeError: It is of another method, or damaged; nothing has changed then.
+            DecodeError: The bytes are no checkpoint of this tracker; nothing has changed then.
         """
-
-    def postpone(self, duration_ns: int) -> None:  # noqa: B027
-        """Skip a time without frames: all stamps of the state become so much later."""
 
 
 def in_order(measurements: tuple[Measurement, ...]) -> list[Measurement]:

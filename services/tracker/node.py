@@ -1,7 +1,7 @@
 """Node of the tracker: detections and embeddings in, tracks out."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import ClassVar
 
@@ -28,29 +28,31 @@ from people4d.messages.base import MAX_CAMERAS
 from services.tracker.areas.exchange import AreaExchange
 from services.tracker.areas.hosts import CameraHosts
 from services.tracker.cameras.absence import CameraAbsence
+from services.tracker.cameras.clocks import CameraClocks
 from services.tracker.cameras.drift import CameraDrift
 from services.tracker.cameras.frame_join import FrameJoin, PendingFrame
-from services.tracker.cameras.groups import ClockGroups
 from services.tracker.cameras.poses import CameraPoseLookup
 from services.tracker.cameras.stamp_guard import ArrivedFrame, StampGuard
 from services.tracker.config import TrackerConfig
-from services.tracker.interface import ImageEdges, Observation, Tracker
+from services.tracker.interface import LATE_MAX_NS, ImageEdges, Observation, Tracker
 from services.tracker.observe import edges, observe
 from services.tracker.output import TrackerOutput
 from services.tracker.prediction_schedule import PredictionSchedule
 from services.tracker.stateful import pack, unpack
 
 TRANSFORMS = StaticTransform | MovingTransform | Odometry
+ODOMETRY_WAIT_NS = 50_000_000  # longest wait for the odometry of a frame [ns]
 COUNTERS = (
     *("no_transform", "predicted_base", "clock_resets", "transform_changes", "predictions"),
     *("without_position", "out_of_range", "empty_boxes", "bad_embeddings", "too_many"),
+    *("late_frames", "tracker_failures", "refused_cameras"),
 )
 
 
 class NodeCheckpoint(msgspec.Struct, frozen=True, kw_only=True):
     """The state of the service."""
 
-    frame_id: str  # frame of the tracks
+    method: str  # tracker, yaw and frame of the tracks
     stamp_ns: int  # [ns] time of the last frame tracked
     camera_poses: dict[str, F64]  # 4x4 by optical frame, of fixed cameras
     tracker: bytes  # its own checkpoint
@@ -64,13 +66,8 @@ class TrackerNode(StatefulNode):
     Every Detections is answered by one Tracks of the same stamp, but for counted drops: `stale`
     (older than the last frame tracked), `duplicates` (of two detectors), `no_transform` and
     `refused_cameras` (too many), `stray_frames` (see StampGuard). Stamps of several cameras are
-    corrected to one time, see CameraClocks; a camera whose clock is too far off has a tracker of
-    its own. When detections stop, predictions are published for EXTRAPOLATION_MAX_NS, marked as
-    such; the tracker itself does not change by them.
-
-    Args:
-        config: Configuration of the service.
-        make_tracker: Makes a tracker.
+    corrected to one time, see CameraClocks. When detections stop, predictions are published for
+    EXTRAPOLATION_MAX_NS, marked as such; the tracker itself does not change by them.
     """
 
     inputs: tuple[type[Message], ...] = (
@@ -79,12 +76,14 @@ class TrackerNode(StatefulNode):
     )
     required_inputs: ClassVar[tuple[type[Message], ...]] = (Detections,)
 
-    def __init__(self, config: TrackerConfig, make_tracker: Callable[[], Tracker]) -> None:
-        self._config = config
-        self._groups = ClockGroups(config, make_tracker)
-        self._guard = StampGuard(int(config.clock_jump_s * 1e9), self._groups.clocks)
-        self._tracker = self._groups.main
+    def __init__(self, config: TrackerConfig, tracker: Tracker) -> None:
+        self._config, self._tracker = config, tracker
+        self._method = f"{config.tracker}, yaw {config.yaw}, in {config.frame_id}"
+        self._clocks = CameraClocks()
+        self._guard = StampGuard(self._clocks)
         self._now_ns = 0
+        self._last_ns: int | None = None  # time of the newest frame tracked [ns]
+        self._is_restored = False  # the process before tracked that frame
         self._join = FrameJoin(config, self._tracker.uses_embeddings)
         self._poses = CameraPoseLookup(config.frame_id, config.require_transform)
         self._output = TrackerOutput(config, self._poses)
@@ -93,7 +92,7 @@ class TrackerNode(StatefulNode):
         self._areas = AreaExchange(config.area, config.frame_id, self._tracker)
         self._edges: dict[str, ImageEdges] = {}  # by camera, see Observation
         self._held: PendingFrame | None = None  # waits for the odometry of its time
-        self._schedule = PredictionSchedule(config)
+        self._schedule = PredictionSchedule()
         self._counters = Counter(dict.fromkeys(COUNTERS, 0))
 
     def attach(self, loop: LoopCallbacks) -> None:
@@ -107,7 +106,7 @@ class TrackerNode(StatefulNode):
         if isinstance(message, Detections):
             flushed = self._add_frames(self._guard.admit(message, now_ns))
         elif isinstance(message, Embeddings) and self._tracker.uses_embeddings:
-            self._join.add_embeddings(message, int(self._config.clock_jump_s * 1e9))
+            self._join.add_embeddings(message)
         elif isinstance(message, AreaPeople):
             self._areas.hear(message, now_ns, self._schedule.time_ns(now_ns))
         elif isinstance(message, CameraInfo):
@@ -116,7 +115,7 @@ class TrackerNode(StatefulNode):
         elif isinstance(message, TRANSFORMS) and self._poses.add_transform(message):
             # The tracks are relative to the former pose of the camera.
             self._counters["transform_changes"] += 1
-            self._groups.reset()
+            self._tracker.reset()
             self._drift.clear()
             self._absence.clear()
         return [*flushed, *self._track_due(now_ns)]
@@ -154,7 +153,7 @@ class TrackerNode(StatefulNode):
             reasons.append(f"transforms form a loop: {loop}: the shortest chain is used")
         if self._join.ignores_embeddings:
             reasons.append("no embeddings arrive: tracks are matched by motion alone")
-        reasons += self._groups.reasons(self._now_ns) + self._guard.reasons(self._now_ns)
+        reasons += self._guard.reasons(self._now_ns)
         reasons += self._drift.reasons() + self._areas.reasons(self._now_ns)
         reasons += self._hosts.reasons() + self._absence.reasons(self._now_ns)
         return Status(
@@ -162,14 +161,13 @@ class TrackerNode(StatefulNode):
             reason="; ".join(reasons),
             counters={
                 **self._counters,
-                **self._groups.counters,
                 **self._guard.counters,
                 **self._join.counters,
                 **self._poses.counters,
                 **self._areas.counters,
                 **self._schedule.counters,
             },
-            gauges=self._groups.gauges(self._now_ns) | self._areas.gauges(),
+            gauges=self._clocks.gauges(self._now_ns) | self._areas.gauges(),
         )
 
     def next_number(self) -> int:
@@ -178,15 +176,14 @@ class TrackerNode(StatefulNode):
 
     def save(self) -> bytes:
         """Return tracks, identities and poses of cameras; empty before the first frame."""
-        stamp_ns = self._groups.last_ns
-        if stamp_ns is None or not self._tracker.ids:
+        if self._last_ns is None or not self._tracker.ids:
             return b""
         checkpoint = NodeCheckpoint(
-            frame_id=self._config.frame_id,
-            stamp_ns=stamp_ns,
+            method=self._method,
+            stamp_ns=self._last_ns,
             camera_poses=self._poses.fixed,
             tracker=self._tracker.save(),
-            clock_offsets_ns=self._groups.clocks.save(),
+            clock_offsets_ns=self._clocks.save(),
         )
         return pack(checkpoint)
 
@@ -198,38 +195,41 @@ class TrackerNode(StatefulNode):
         if not saved:
             return
         checkpoint = unpack(saved, NodeCheckpoint)
-        if checkpoint.frame_id != self._config.frame_id:
-            raise DecodeError(f"checkpoint: tracks are in {checkpoint.frame_id}")
-        try:
-            self._tracker.restore(checkpoint.tracker)
-            self._tracker.predict(checkpoint.stamp_ns)  # raises where they do not fit each other
-        except Exception as error:  # damaged where no check finds it: not half restored
-            self._tracker.reset()
-            raise DecodeError(f"checkpoint: {error}") from error
+        if checkpoint.method != self._method:
+            raise DecodeError(f"checkpoint: expected {self._method}; got {checkpoint.method}")
+        self._tracker.restore(checkpoint.tracker)
         self._poses.restore(checkpoint.camera_poses)
-        self._groups.restore(checkpoint.clock_offsets_ns, checkpoint.stamp_ns)
+        self._clocks.restore(checkpoint.clock_offsets_ns, checkpoint.stamp_ns)
+        self._last_ns, self._is_restored = checkpoint.stamp_ns, True
 
     def _add_frames(self, frames: Sequence[ArrivedFrame]) -> list[Message]:
         flushed = list[Message]()
         for frame in frames:
             detections, arrived_ns = frame.detections, frame.arrived_ns
-            if self._groups.is_reset(detections):  # a recording looped, or a camera was restarted
+            if self._guard.is_reset(detections):  # a recording looped, or a camera was restarted
                 flushed += self._track_due(arrived_ns, flush=True)
                 # Embeddings of the frames that were held have come, perhaps.
                 self._join.restart(detections.camera, frames[-1].detections.stamp_ns)
                 self._restart(detections, arrived_ns)
-            time_ns = self._groups.clocks.add_detections(detections, arrived_ns)
+            time_ns = self._clocks.add_detections(detections, arrived_ns)
             if time_ns is None:
-                self._groups.counters["refused_cameras"] += 1
+                self._counters["refused_cameras"] += 1
             else:
-                late = self._groups.is_late(detections.camera, time_ns)
+                late = self._is_too_late(time_ns)
                 self._join.add_detections(detections, time_ns, arrived_ns, late)
         return flushed
 
     def _restart(self, detections: Detections, now_ns: int) -> None:
         self._counters["clock_resets"] += 1
-        if self._groups.restart(detections.camera, now_ns):
+        if not self._clocks.restart(detections.camera, now_ns):
+            self._tracker.reset()
+            self._last_ns = None
             self._schedule.clear()
+
+    def _is_too_late(self, time_ns: int) -> bool:
+        """Check for a frame so late that the tracker cannot go back to it."""
+        late_ns = 0 if self._is_restored else LATE_MAX_NS
+        return self._last_ns is not None and time_ns < self._last_ns - late_ns
 
     def _track_due(self, now_ns: int, flush: bool = False) -> list[Message]:
         outputs: list[Message] = []
@@ -237,11 +237,10 @@ class TrackerNode(StatefulNode):
             tracks = self._track(frame)
             if tracks:
                 # A camera in lock-step continues at the tracks: they come last.
-                in_image = self._groups.image_tracks(frame.detections.camera)
+                in_image = self._tracker.image_tracks()
                 outputs += self._output.image_tracks(frame.detections, tracks, in_image)
                 outputs.append(tracks)
-                if not self._groups.is_apart(frame.detections.camera):
-                    self._schedule.record(frame, tracks)
+                self._schedule.record(frame, tracks)
         return outputs
 
     def _next(self, now_ns: int, flush: bool) -> PendingFrame | None:
@@ -257,7 +256,7 @@ class TrackerNode(StatefulNode):
         return frame
 
     def _held_until_ns(self, frame: PendingFrame) -> int:
-        return frame.arrived_ns + int(self._config.odometry_wait_s * 1e9)
+        return frame.arrived_ns + ODOMETRY_WAIT_NS
 
     def _track(self, frame: PendingFrame) -> Tracks | None:
         detections, embeddings = frame.detections, frame.embeddings
@@ -268,33 +267,37 @@ class TrackerNode(StatefulNode):
         self._counters["predicted_base"] += pose.is_uncertain
         with span("association"):
             observation = observe(
-                detections,
-                embeddings,
-                pose,
-                self._config.max_range_m,
-                self._counters,
-                self._pose_before(frame),
+                detections, embeddings, pose, self._counters, self._pose_before(frame)
             )
             observation = replace(
                 observation, stamp_ns=frame.time_ns, edges=self._edges.get(detections.camera)
             )
             self._areas.refresh(frame.time_ns, frame.arrived_ns)
-            tracks = self._groups.update(observation, frame.arrived_ns)
-        if tracks is None:
-            return None
-        if self._groups.clocks.has_several:
+            tracks = self._update_tracker(observation)
+        if self._clocks.has_several:
             self._compare_cameras(observation, tracks, frame)
         return self._output.tracks(
             detections, tracks, frame.time_ns, (embeddings or detections).trace
         )
 
+    def _update_tracker(self, observation: Observation) -> list[Track]:
+        if self._last_ns is not None and observation.stamp_ns < self._last_ns:
+            self._counters["late_frames"] += 1
+        else:
+            self._last_ns, self._is_restored = observation.stamp_ns, False
+        try:
+            return self._tracker.update(observation)
+        except Exception:  # a state that fails once fails at every frame
+            self._counters["tracker_failures"] += 1
+            self._tracker.reset()
+            raise
+
     def _compare_cameras(
         self, observation: Observation, tracks: Sequence[Track], frame: PendingFrame
     ) -> None:
         """Compare a frame with the people that other cameras find."""
-        if not self._groups.is_apart(observation.camera):
-            self._drift.add_frame(observation, tracks)
-            self._groups.correct_stamps(self._drift, frame.time_ns)
+        self._drift.add_frame(observation, tracks)
+        self._clocks.correct_stamps(self._drift, frame.time_ns)
         self._absence.add_frame(observation, tracks, frame.arrived_ns)
 
     def _pose_before(self, frame: PendingFrame) -> TransformEstimate | None:
@@ -311,7 +314,8 @@ class TrackerNode(StatefulNode):
             return []
         with span("prediction"):
             ended = self._schedule.ends(now_ns)
-            predicted = [] if ended else self._groups.predict(due.time_ns)
+            time_ns = max(due.time_ns, self._last_ns or due.time_ns)
+            predicted = [] if ended else self._tracker.predict(time_ns)
         tracks = self._output.predicted_tracks(due, predicted)
         if not self._schedule.publishes(tracks, now_ns):
             return []

@@ -21,6 +21,7 @@ from services.tracker.interface import (
 
 PEOPLE_MAX = 128  # most detections of a frame, by score; matching takes their cube
 POSE_SIGMA_MIN_M = 0.01  # least standard deviation of a pose that adds a covariance [m]
+RANGE_MAX_M = 100.0  # largest distance from the camera of a used position [m]
 LENGTH_MIN = 1e-6  # least length of an embedding that has a direction
 VELOCITY_MAX_MPS = 15.0  # largest speed of a person [m/s]
 VELOCITY_SIGMA_MPS = 0.03  # change of a velocity within a frame [m/s]
@@ -33,19 +34,25 @@ def observe(
     detections: Detections,
     embeddings: Embeddings | None,
     pose: TransformEstimate,
-    max_range_m: float,
     counters: Counter[str],
     pose_before: TransformEstimate | None = None,
 ) -> Observation:
     """Return the usable detections of one frame; the others are counted.
 
-    The pose is the camera's in the tracking frame; positions with a coordinate beyond
-    `max_range_m` are dropped, and the lowest scores beyond PEOPLE_MAX. The pose
-    before is that at the beginning of the detections' velocities; without it they do not count.
+    Positions with a coordinate beyond RANGE_MAX_M are dropped, and the lowest scores beyond
+    PEOPLE_MAX.
+
+    Args:
+        detections: The detections.
+        embeddings: Their embeddings, if there are any.
+        pose: Pose of the camera in the tracking frame.
+        counters: Counters of what is dropped.
+        pose_before: Pose at the beginning of the interval of the measured velocities; without it
+            they are dropped.
     """
     people, map_from_camera = detections.detections, pose.matrix
     vectors = _unit_vectors(embeddings, len(people), counters) if embeddings else {}
-    positions_m = _positions_m(people, map_from_camera, max_range_m)
+    positions_m = _positions_m(people, map_from_camera)
     covariances_m2 = _covariances_m2(people, map_from_camera)
     velocities = _velocities(detections, pose, pose_before, counters)
     measurements, unlocated = list[Measurement](), list[UnlocatedDetection]()
@@ -95,9 +102,7 @@ def observe(
     )
 
 
-def _positions_m(
-    people: Sequence[Detection], map_from_camera: F64, max_range_m: float
-) -> dict[int, F64]:
+def _positions_m(people: Sequence[Detection], map_from_camera: F64) -> dict[int, F64]:
     """Return the positions in the map by index, unless far from the camera or the map's origin."""
     known = {i: p.position_m for i, p in enumerate(people) if p.position_m is not None}
     if not known:
@@ -105,7 +110,7 @@ def _positions_m(
     in_camera = np.array(list(known.values()))
     # One product each, so that no position depends on the others in its last digit.
     in_map = apply(map_from_camera, in_camera[:, None])[:, 0]
-    near = np.abs(in_camera).max(axis=1) <= max_range_m
+    near = np.abs(in_camera).max(axis=1) <= RANGE_MAX_M
     near &= np.abs(in_map).max(axis=1) <= MAX_M / 2
     return {index: in_map[k] for k, index in enumerate(known) if near[k]}
 

@@ -8,8 +8,9 @@ from common.transport.stream_clock import EXTRAPOLATION_MAX_NS
 from people4d.messages import Detections, Tracks
 from people4d.messages.base import MAX_STAMP_NS
 from services.tracker.cameras.frame_join import PendingFrame
-from services.tracker.config import TrackerConfig
 
+QUIET_NS = 200_000_000  # least silence of detections before predictions are published [ns]
+PERIOD_NS = 100_000_000  # interval of predictions [ns]
 SLOW_FACTOR = 3  # usual intervals between frames after which detections count as stopped
 
 
@@ -24,15 +25,14 @@ class DuePrediction(NamedTuple):
 class PredictionSchedule:
     """Decides when tracks are predicted instead of measured.
 
-    Predictions begin `predict_after_s` after the last frame, or later where frames are slow, and
-    go on with `predict_hz` for EXTRAPOLATION_MAX_NS after it, or until no track is left.
+    Predictions begin QUIET_NS after the last frame, or later if frames are slow, and follow each
+    other every PERIOD_NS until EXTRAPOLATION_MAX_NS after it, or until no track is left.
 
     Attributes:
         counters: People that were not predicted for longer.
     """
 
-    def __init__(self, config: TrackerConfig) -> None:
-        self._config = config
+    def __init__(self) -> None:
         self._last: PendingFrame | None = None  # the last frame tracked
         self._intervals_ns: deque[int] = deque(maxlen=9)
         self._published = 0  # tracks in the last message
@@ -52,7 +52,7 @@ class PredictionSchedule:
         self._last = frame
         # A playback slower than real time is no outage: wait longer where frames are slow.
         period_ns = median(self._intervals_ns) if self._intervals_ns else 0
-        quiet_ns = max(self._config.predict_after_s * 1e9, SLOW_FACTOR * period_ns)
+        quiet_ns = max(QUIET_NS, SLOW_FACTOR * period_ns)
         self.wake_ns = frame.arrived_ns + int(quiet_ns)
 
     def due(self, now_ns: int) -> DuePrediction | None:
@@ -75,7 +75,7 @@ class PredictionSchedule:
     def publishes(self, tracks: Tracks, now_ns: int) -> bool:
         """Return whether to publish predicted tracks: after the last track one empty message."""
         before, self._published = self._published, len(tracks.tracks)
-        self.wake_ns = now_ns + int(1e9 / self._config.predict_hz) if tracks.tracks else None
+        self.wake_ns = now_ns + PERIOD_NS if tracks.tracks else None
         return bool(before or tracks.tracks)
 
     def clear(self) -> None:

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
-from msgspec.structs import replace
 
 from common.io.images import encode_png16
 from common.ros2 import types
@@ -18,13 +17,9 @@ from common.transport.clock import TimeReply
 from deploy import compose
 from people4d.codec import encode
 from services.events.journal import Journal
-from services.tracker.image_sort.box_kalman import TRACK
-from services.tracker.image_sort.image_tracker import ImageTrackerCheckpoint
-from services.tracker.node import NodeCheckpoint
-from services.tracker.stateful import TrackerCheckpoint, pack, unpack
 from tests.camera.ros.bags import Ros, depth_mm, frames
 from tests.contract.examples import BY_NAME
-from tests.fuzz.state import COMPOSE, METHODS, checkpoint_seeds
+from tests.fuzz.state import COMPOSE
 
 
 @dataclass(frozen=True)
@@ -82,38 +77,6 @@ def _broken_journal(folder: Path) -> bytes:
     with closing(sqlite3.connect(folder / "events.sqlite")) as database, database:
         database.execute("UPDATE events SET message = 5")
     return (folder / "events.sqlite").read_bytes()
-
-
-def _later_tracks(_: Path) -> bytes:
-    """A checkpoint of the service whose tracks are of a later time."""
-    (saved,) = (seed for seed in checkpoint_seeds(_) if seed[0] == METHODS.index("sort3d"))
-    outer = unpack(saved[1:], NodeCheckpoint)
-    inner = unpack(outer.tracker, TrackerCheckpoint)
-    later = replace(inner, stamp_ns=outer.stamp_ns + 1)
-    return saved[:1] + pack(replace(outer, tracker=pack(later)))
-
-
-def _decades_later(_: Path) -> bytes:
-    """A checkpoint of the service that was saved decades after its tracks."""
-    (saved,) = (seed for seed in checkpoint_seeds(_) if seed[0] == METHODS.index("sort3d"))
-    outer = unpack(saved[1:], NodeCheckpoint)
-    earlier = replace(unpack(outer.tracker, TrackerCheckpoint), stamp_ns=10**18)
-    return saved[:1] + pack(replace(outer, tracker=pack(earlier)))
-
-
-def _odd_boxes(value: float, *names: str) -> bytes:
-    """Return a checkpoint of SORT in the image with a value in columns of its tracks."""
-    (saved,) = (seed for seed in checkpoint_seeds(Path()) if seed[0] == METHODS.index("image_sort"))
-    outer = unpack(saved[1:], NodeCheckpoint)
-    inner = unpack(outer.tracker, ImageTrackerCheckpoint)
-    images = {}
-    for camera, (one, direction) in inner.images.items():
-        tracks = np.frombuffer(one.tracks, TRACK).copy()
-        tracks["x"][:, 0] += 1e4  # [px] so that no detection matches
-        for name in names:
-            tracks[name] = value
-        images[camera] = (one._replace(tracks=tracks.tobytes()), direction)
-    return saved[:1] + pack(replace(outer, tracker=pack(replace(inner, images=images))))
 
 
 def _many_replicas(_: Path) -> bytes:
@@ -207,26 +170,6 @@ REGRESSIONS: Sequence[Regression] = (
         "truth in MOT text",
         "a position of 6e19 m was read, and could not be sent",
         lambda _: b"1,7,10,20,30,40,1,2.5,-2.5,66666666666666666666\n[Sequence]\nframeRate=5\n",
-    ),
-    Regression(
-        "checkpoint of the tracker",
-        "tracks later than their checkpoint, or of a score of 1e158, were restored and raised",
-        _later_tracks,
-    ),
-    Regression(
-        "checkpoint of the tracker",
-        "tracks of decades before their checkpoint were predicted in steps of a tenth of a second",
-        _decades_later,
-    ),
-    Regression(
-        "checkpoint of the tracker",
-        "boxes of 1e77 pixels were restored and raised at the next frame",
-        lambda _: _odd_boxes(1e20, "x", "box"),
-    ),
-    Regression(
-        "checkpoint of the tracker",
-        "boxes of a score of -2e14 were restored and raised at the next frame",
-        lambda _: _odd_boxes(-2e14, "score"),
     ),
     Regression(
         "plan of a run",

@@ -13,57 +13,11 @@ from deploy import compose
 from deploy.launcher.launcher import read_plan
 from deploy.launcher.state import State
 from people4d.codec import encode
-from people4d.messages import Detections, Embeddings, Message
-from services.tracker.build import build
-from services.tracker.config import TrackerConfig
-from services.tracker.node import TrackerNode
 from tests import ROOT
 from tests.contract.examples import FULL
 from tests.fuzz.target import Target
 
-METHODS = ("strongsort3d", "sort3d", "image_sort")
 COMPOSE = ROOT / "deploy" / "compose.yaml"
-FRAME_NS = 100_000_000
-
-
-def _node(method: str) -> TrackerNode:
-    return build(TrackerConfig(tracker=method))
-
-
-def _frames(count: int) -> list[Message]:
-    """Return detections and appearance of the same people in frames after each other."""
-    examples = [m for m in FULL if isinstance(m, Detections | Embeddings)]
-    return [
-        msgspec.structs.replace(m, stamp_ns=m.stamp_ns + k * FRAME_NS, sequence=m.sequence + k)
-        for k in range(count)
-        for m in examples
-    ]
-
-
-def _track(node: TrackerNode, messages: Sequence[Message]) -> None:
-    for message in messages:
-        for output in (*node.handle(message, message.stamp_ns), *node.flush(message.stamp_ns)):
-            encode(output)
-
-
-def _checkpoint(data: bytes, _: Path) -> None:
-    """Restore a checkpoint whose checksum is valid, and track people; the first byte chooses."""
-    node = _node(METHODS[data[0] % len(METHODS) if data else 0])
-    try:
-        node.restore(data[1:], 1)
-    finally:  # refused or not, it works
-        _track(node, FRAMES)
-        node.save()
-
-
-def checkpoint_seeds(_: Path) -> Sequence[bytes]:
-    """Return a checkpoint of each method after some frames, behind the method's number."""
-    seeds = []
-    for number, method in enumerate(METHODS):
-        node = _node(method)
-        _track(node, FRAMES)
-        seeds.append(bytes([number]) + node.save())
-    return seeds
 
 
 def _files(data: bytes, folder: Path) -> None:
@@ -126,11 +80,9 @@ def _time(data: bytes, _: Path) -> None:
     monitor.gauges()
 
 
-FRAMES = _frames(3)
 PLAN = compose.read(COMPOSE, {})
 
 TARGETS = (
-    Target("checkpoint of the tracker", _checkpoint, checkpoint_seeds, max_bytes=32768),
     Target("files of a checkpoint", _files, _files_seeds),
     Target(
         "plan of a run",

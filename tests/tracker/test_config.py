@@ -43,8 +43,8 @@ def test_nested_fields_are_set_by_name() -> None:
         ("strongsort3d.distance_max_m=0", "distance_max_m: expected .* > 0"),
         ("strongsort3d.cosine_distance_max.osnet=3", "cosine_distance_max.*: expected .* <= 2"),
         ("sort3d.t_lost=0", "t_lost: expected .* >= 1"),
-        ("sort3d.sigma_measurement_m=nan", "sigma_measurement_m: expected"),
-        ("predict_hz=0", "predict_hz: expected .* > 0"),
+        ("strongsort3d.sigma_measurement_m=nan", "sigma_measurement_m: expected"),
+        ("max_lost_s=0", "max_lost_s: expected .* > 0"),
         ("embedding_wait_s=-1", "embedding_wait_s: expected .* >= 0"),
     ],
 )

@@ -83,7 +83,7 @@ def test_a_late_frame_gives_the_tracks_that_it_gives_in_time() -> None:
         expected = in_time.update(frame)
     for frame in (*frames[:8], *frames[9:11]):
         late.update(frame)
-    (then,) = late.update_late(frames[8], frames[10].stamp_ns)
+    (then,) = late.update(frames[8])
     np.testing.assert_allclose(then.position_m[:2], [3.8, 0.02 * 64], atol=0.1)
     found = late.update(frames[11])
     np.testing.assert_allclose(found[0].position_m, expected[0].position_m, atol=1e-9)
@@ -97,7 +97,7 @@ def test_a_late_frame_without_people_changes_no_state() -> None:
     for k in range(10):
         tracker.update(frame_of(k, measured(3.0 + 0.1 * k, 0.0), camera="a"))
     (before,) = tracker.predict(frame_of(10).stamp_ns)
-    tracker.update_late(frame_of(7, camera="b"), frame_of(9).stamp_ns)
+    tracker.update(frame_of(7, camera="b"))
     (after,) = tracker.predict(frame_of(10).stamp_ns)
     np.testing.assert_array_equal(after.position_m, before.position_m)
     np.testing.assert_array_equal(after.covariance, before.covariance)
@@ -108,8 +108,7 @@ def test_a_person_whom_a_late_frame_alone_has_is_tracked_at_the_present() -> Non
     for k in range(10):
         tracker.update(frame_of(k, measured(3.0, 0.0), camera="a"))
         if k >= 3:
-            other = frame_of(k - 3, measured(4.0, 2.0 + 0.1 * k), camera="b")
-            tracker.update_late(other, frame_of(k).stamp_ns)
+            tracker.update(frame_of(k - 3, measured(4.0, 2.0 + 0.1 * k), camera="b"))
     people = {t.id: t for t in tracker.predict(frame_of(9).stamp_ns)}
     assert set(people) == {1, 2}
     assert people[2].time_since_update_s == pytest.approx(0.3)

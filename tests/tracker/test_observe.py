@@ -35,7 +35,7 @@ def test_covariances_turn_with_the_camera() -> None:
     )
     uncertain = Detection(box_xyxy_px=BOX, score=0.9, position_m=np.array([0.0, 0.0, 2.0]))
     found = observe(
-        detections(certain, uncertain), None, TransformEstimate(LINK_FROM_OPTICAL), 100.0, Counter()
+        detections(certain, uncertain), None, TransformEstimate(LINK_FROM_OPTICAL), Counter()
     )
     first, second = (m.covariance_m2 for m in found.measurements)
     assert first is not None
@@ -64,7 +64,7 @@ def test_covariance_is_added_above_a_pose_sigma() -> None:
     person = Detection(box_xyxy_px=BOX, score=0.9, position_m=np.array([0.0, 0.0, 2.0]))
     for sigma_m, is_doubted in ((0.0, False), (0.005, False), (0.05, True)):
         position = TransformEstimate(LINK_FROM_OPTICAL, sigma_m, 0.0)
-        (found,) = observe(detections(person), None, position, 100.0, Counter()).measurements
+        (found,) = observe(detections(person), None, position, Counter()).measurements
         assert (found.added_covariance_m2 is not None) == is_doubted
 
 
@@ -75,7 +75,7 @@ def test_of_too_many_people_those_of_the_highest_scores_are_tracked() -> None:
     ]
     counters = Counter[str]()
     pose = TransformEstimate(LINK_FROM_OPTICAL)
-    found = observe(detections(*people), None, pose, 100.0, counters)
+    found = observe(detections(*people), None, pose, counters)
     assert {m.index for m in found.measurements} == set(range(500 - PEOPLE_MAX, 500))
     assert counters["too_many"] == 500 - PEOPLE_MAX
 
@@ -84,7 +84,7 @@ def test_bearing_leads_from_the_camera_to_the_person() -> None:
     # The camera looks along +x from the origin; the person is 45 deg to the right.
     person = Detection(box_xyxy_px=BOX, score=0.9, position_m=np.array([2.0, 0.0, 2.0]))
     pose = TransformEstimate(LINK_FROM_OPTICAL)
-    (found,) = observe(detections(person), None, pose, 100.0, Counter()).measurements
+    (found,) = observe(detections(person), None, pose, Counter()).measurements
     assert found.bearing_rad == pytest.approx(np.radians(-45))
 
 
@@ -102,7 +102,7 @@ def moving(velocity_mps: F64, position_m: F64) -> Detections:
 def test_velocity_before_a_fixed_camera_turns_with_it() -> None:
     pose = TransformEstimate(LINK_FROM_OPTICAL)
     found = moving(np.array([1.0, 0.5, 2.0]), np.array([0.0, 0.0, 3.0]))
-    (measurement,) = observe(found, None, pose, 100.0, Counter(), pose).measurements
+    (measurement,) = observe(found, None, pose, Counter(), pose).measurements
     assert measurement.velocity is not None
     np.testing.assert_allclose(measurement.velocity.mps, [2.0, -1.0, -0.5])
     expected = np.diag([0.03, 0.01, 0.02]) + VELOCITY_SIGMA_MPS**2 * np.eye(3)
@@ -120,7 +120,7 @@ def test_person_who_stands_before_a_camera_that_moves_has_no_velocity() -> None:
     assert np.linalg.norm(velocity_mps) > 1.0
     found = moving(velocity_mps, position_m)
     poses = TransformEstimate(now), TransformEstimate(before)
-    (one,) = observe(found, None, poses[0], 100.0, Counter(), poses[1]).measurements
+    (one,) = observe(found, None, poses[0], Counter(), poses[1]).measurements
     assert one.velocity is not None
     np.testing.assert_allclose(one.velocity.mps, 0.0, atol=1e-9)
     # A tenth is uncertain of what the camera adds, 1 m/s along and 3.88 m * 2 degrees in
@@ -133,7 +133,7 @@ def test_velocity_of_a_person_at_the_camera_is_known() -> None:
     pose = TransformEstimate(LINK_FROM_OPTICAL)
     for position_m in (np.zeros(3), np.array([0.0, 0.0, 0.05])):
         found = moving(np.array([1.0, 0.5, 2.0]), position_m)
-        (measurement,) = observe(found, None, pose, 100.0, Counter(), pose).measurements
+        (measurement,) = observe(found, None, pose, Counter(), pose).measurements
         assert measurement.velocity is not None
         np.testing.assert_allclose(measurement.velocity.mps, [2.0, -1.0, -0.5])
 
@@ -141,9 +141,9 @@ def test_velocity_of_a_person_at_the_camera_is_known() -> None:
 def test_absurd_velocities_are_counted_and_those_of_unknown_times_do_not_count() -> None:
     pose, counters = TransformEstimate(LINK_FROM_OPTICAL), Counter[str]()
     found = moving(np.array([1e6, 0.0, 0.0]), np.array([0.0, 0.0, 3.0]))
-    (measurement,) = observe(found, None, pose, 100.0, counters, pose).measurements
+    (measurement,) = observe(found, None, pose, counters, pose).measurements
     assert measurement.velocity is None
     assert counters == {"velocities_out_of_range": 1}
     found = moving(np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 3.0]))
-    (measurement,) = observe(found, None, pose, 100.0, counters).measurements
+    (measurement,) = observe(found, None, pose, counters).measurements
     assert measurement.velocity is None

@@ -121,18 +121,6 @@ def test_stream_with_all_faults_at_once(config: TrackerConfig, seed: int) -> Non
 
 
 @every_tracker
-def test_the_same_stream_gives_the_same_tracks(config: TrackerConfig) -> None:
-    def bare(results: Sequence[Tracks]) -> list[tuple[int, list[tuple[int, bytes, bytes]]]]:
-        return [
-            (t.stamp_ns, [(p.id, p.position_m.tobytes(), p.covariance.tobytes()) for p in t.tracks])
-            for t in results
-        ]
-
-    messages = stream(5, frames=60)
-    assert bare(play(config, messages)) == bare(play(config, messages))
-
-
-@every_tracker
 def test_two_hundred_people(config: TrackerConfig) -> None:
     results = play(config, stream(7, frames=6, people=200))
     check(results)

@@ -56,9 +56,10 @@ def variants(base: ImageSortConfig, dynamic: ImageSortConfig) -> Settings:
 
 def run(config: ImageSortConfig, ride: Ride) -> Run:
     """Track one ride."""
-    tracker = ImageSort(msgspec.structs.replace(config, fov_deg=ride.fov_deg))
+    tracker = ImageSort(config)
     tracks, times_us = list[BoxTracks](), []
-    for frame in ride.turned():
+    for turned in ride.turned():
+        frame = replace(turned, fov_deg=ride.fov_deg)
         start_ns = time.perf_counter_ns()
         tracks.append(tracker.update(frame))
         times_us.append((time.perf_counter_ns() - start_ns) / 1e3)

@@ -3,8 +3,8 @@
 The time from a frame's stamp to its arrival, without the stages that its trace measured, is the
 offset of two clocks plus a delay that is never negative: its least value over some seconds changes
 only with the clock or with the path of the messages. The difference of two cameras' least values is
-the offset of their clocks plus the difference of their least unmeasured delays. A large one is
-taken for the clocks'; of a smaller one people before both cameras show how much is (see `adjust`).
+the offset of their clocks plus the difference of their least unmeasured delays. A large difference
+counts as an offset of the clocks; people before both cameras divide a smaller one (see `adjust`).
 """
 
 from collections import deque
@@ -13,10 +13,10 @@ from dataclasses import dataclass, field
 
 from people4d.messages import Detections, Span
 from people4d.messages.base import MAX_CAMERAS
+from services.tracker.cameras.drift import CameraDrift
 
 # Difference of delays above which a camera has another clock, unless people show one [ns]
 TOLERANCE_NS = 350_000_000
-OFFSET_MAX_NS = 2_000_000_000  # largest offset of a clock that is corrected; else it is apart [ns]
 HALF_WINDOW_NS = 5_000_000_000  # half of the window of the least delay [ns]
 DELAY_MAX_NS = 900_000_000  # largest difference of two delays; a larger one is of clocks [ns]
 RISE_NS = 250_000_000  # rise of the least delay that shows a clock set back [ns]
@@ -25,6 +25,9 @@ TRACE_MAX_NS = 2_000_000_000  # largest sum of the stages in a trace [ns]
 ACTIVE_NS = 3_000_000_000  # longest silence of an active camera [ns]
 INTERVALS = 9  # last intervals between frames of a camera; the longest one counts
 REFERENCE_NS = 30_000_000_000  # silence of the reference after which another replaces it [ns]
+# Least error of stamps that is corrected, and in standard deviations: the first, and later ones
+FIRST_MIN_S, FIRST_SIGMAS = 0.015, 3.0
+LATER_MIN_S, LATER_SIGMAS = 0.005, 1.0
 
 
 class LeastDelay:
@@ -76,9 +79,8 @@ class CameraClock:
 class CameraClocks:
     """Corrections of stamps to the time of the reference camera.
 
-    The first camera is the reference. A stamp is corrected by an offset that changes when frames
-    come earlier or later, without their delay, than it says by more than TOLERANCE_NS, and
-    by `adjust`. A camera whose clock differs by more than OFFSET_MAX_NS is apart.
+    The first camera is the reference. The offset of a camera changes when its frames come earlier
+    or later than the offset says, without their delay, by more than TOLERANCE_NS, and by `adjust`.
     """
 
     def __init__(self) -> None:
@@ -95,12 +97,7 @@ class CameraClocks:
         return len(self._clocks) > 1
 
     def add_detections(self, detections: Detections, now_ns: int) -> int | None:
-        """Take the arrival of detections; return their time [ns], None beyond MAX_CAMERAS cameras.
-
-        Args:
-            detections: The detections.
-            now_ns: Monotonic time.
-        """
+        """Return the common time of detections that arrive now [ns]; None beyond MAX_CAMERAS."""
         camera, stamp_ns = detections.camera, detections.stamp_ns
         clock = self._clocks.get(camera) or self._begin(camera, now_ns)
         if clock is None:
@@ -132,37 +129,41 @@ class CameraClocks:
         clock = self._clocks.get(camera)
         return max(clock.intervals_ns, default=0) if clock else 0
 
-    def is_apart(self, camera: str) -> bool:
-        """Check that the clock of a camera differs by too much."""
-        return abs(self._ahead_ns(camera)) > OFFSET_MAX_NS
-
     def restart(self, camera: str, now_ns: int) -> bool:
         """Restart the clock of a camera; return True if other cameras continue."""
         others = [
             name
             for name, clock in self._clocks.items()
-            if name != camera and now_ns - clock.heard_ns < ACTIVE_NS and not self.is_apart(name)
+            if name != camera and now_ns - clock.heard_ns < ACTIVE_NS
         ]
-        was_apart = self.is_apart(camera)
         self._clocks.pop(camera, None)
         self._restored.pop(camera, None)
         if camera == self.reference:
             self._restored_ns = None
         if camera == self.reference and others:
             self.reference = others[0]
-        return was_apart or bool(others)
+        return bool(others)
 
-    def is_adjusted(self, camera: str) -> bool:
-        """Check that people have shown that the stamps of a camera are wrong."""
-        clock = self._clocks.get(camera)
-        return clock is not None and clock.delay_ns != 0
+    def correct_stamps(self, watch: CameraDrift, time_ns: int) -> None:
+        """Correct the stamps of cameras that differ by the people before two of them."""
+        while self.corrected:
+            watch.forget(self.corrected.pop())
+        for camera, error in watch.stamp_errors(self.reference, time_ns).items():
+            clock = self._clocks.get(camera)
+            least_s, sigmas = FIRST_MIN_S, FIRST_SIGMAS
+            if clock is not None and clock.delay_ns:  # its stamps are known to be wrong
+                least_s, sigmas = LATER_MIN_S, LATER_SIGMAS
+            ahead_ns = round(error.ahead_s * 1e9)
+            is_significant = abs(error.ahead_s) > max(least_s, sigmas * error.sigma_s)
+            if is_significant and self.adjust(camera, ahead_ns):
+                watch.restamp(camera, ahead_ns)
 
     def adjust(self, camera: str, ahead_ns: int) -> bool:
-        """Correct the stamps of a camera further, as people show; return False if they are wrong.
+        """Correct the stamps of a camera further, as people show; return False if implausible.
 
         Args:
             camera: Name of the camera.
-            ahead_ns: By so much its corrected stamps are ahead of the reference's.
+            ahead_ns: Error of its corrected stamps, against the reference's.
         """
         clock, reference = self._clocks.get(camera), self._clocks.get(self.reference)
         if clock is None or reference is None or camera == self.reference:
@@ -176,19 +177,15 @@ class CameraClocks:
         clock.offset_ns, clock.delay_ns = offset_ns, delay_ns
         return True
 
-    def offsets_ms(self, now_ns: int) -> dict[str, float]:
-        """Return by how much the clocks of active cameras are ahead of the reference's [ms]."""
-        return {camera: self._ahead_ns(camera) / 1e6 for camera in self._active(now_ns)}
-
-    def delays_ms(self, now_ns: int) -> dict[str, float]:
-        """Return by how much later messages of active cameras come than the reference's [ms]."""
-        return {
-            camera: (self._ahead_ns(camera) - self._measured_ahead_ns(camera)) / 1e6
-            for camera in self._active(now_ns)
-        }
-
-    def _active(self, now_ns: int) -> list[str]:
-        return [c for c, clock in self._clocks.items() if now_ns - clock.heard_ns < ACTIVE_NS]
+    def gauges(self, now_ns: int) -> dict[str, float]:
+        """Return offsets and delays of active cameras against the reference, if several [ms]."""
+        active = [c for c, clock in self._clocks.items() if now_ns - clock.heard_ns < ACTIVE_NS]
+        if len(active) < 2:
+            return {}
+        offsets_ns = {camera: self._ahead_ns(camera) for camera in active}
+        delays_ns = {c: offsets_ns[c] - self._measured_ahead_ns(c) for c in active}
+        offsets_ms = {f"camera_offset_{c}_ms": ns / 1e6 for c, ns in offsets_ns.items()}
+        return offsets_ms | {f"camera_delay_{c}_ms": ns / 1e6 for c, ns in delays_ns.items()}
 
     def save(self) -> dict[str, int]:
         """Return the offsets [ns] by camera, the reference first."""
@@ -215,9 +212,7 @@ class CameraClocks:
     def _choose_reference(self, camera: str, now_ns: int) -> None:
         if not self._reference_ns:
             self._reference_ns = now_ns
-        # One apart waits longer, so that one that is not comes first.
-        wait_ns = REFERENCE_NS * (2 if self.is_apart(camera) else 1)
-        if not self.reference or now_ns - self._reference_ns > wait_ns:
+        if not self.reference or now_ns - self._reference_ns > REFERENCE_NS:
             self.reference = camera
         if camera == self.reference:
             self._reference_ns = now_ns

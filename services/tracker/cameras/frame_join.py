@@ -7,6 +7,7 @@ from typing import TypeAlias
 
 from people4d.messages import Detections, Embeddings
 from people4d.messages.base import MAX_CAMERAS
+from services.tracker.cameras.stamp_guard import JUMP_NS
 from services.tracker.config import TrackerConfig
 
 ACTIVE_NS = 1_000_000_000  # longest silence of an active camera [ns]
@@ -154,18 +155,15 @@ class FrameJoin:
         self._frames.append(PendingFrame(detections, time_ns, now_ns, self._early.pop(key, None)))
         self._frames.sort(key=lambda f: (f.time_ns, f.detections.camera, f.detections.sequence))
 
-    def add_embeddings(self, embeddings: Embeddings, jump_ns: int) -> None:
-        """Add embeddings to their frame, or store them until it comes, unless they are late.
-
-        Those that are behind by more than `jump_ns` are the first after a clock reset.
-        """
+    def add_embeddings(self, embeddings: Embeddings) -> None:
+        """Add embeddings to their frame, or store them until it comes, unless they are late."""
         self._timeouts_in_row = 0
         key = _key(embeddings)
         for frame in self._frames:
             if _key(frame.detections) == key:
                 frame.embeddings = embeddings
                 return
-        if self._is_late(embeddings, jump_ns):
+        if self._is_late(embeddings):
             self.counters["late_embeddings"] += 1
             return
         self._early[key] = embeddings
@@ -203,11 +201,11 @@ class FrameJoin:
             key: e for key, e in self._early.items() if e.camera != camera or e.stamp_ns <= stamp_ns
         }
 
-    def _is_late(self, embeddings: Embeddings, jump_ns: int) -> bool:
+    def _is_late(self, embeddings: Embeddings) -> bool:
         stream = self._streams.get(embeddings.camera)
         if stream is None or not stream.is_late(embeddings):
             return False
-        return stream.behind_ns(embeddings) <= jump_ns
+        return stream.behind_ns(embeddings) <= JUMP_NS  # else the first after a clock reset
 
     def _lacks_embeddings(self, frame: PendingFrame) -> bool:
         wanted = self._embedding_ns > 0 and len(frame.detections.detections) > 0

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from people4d.messages import Detections
 from services.tracker.cameras.clocks import CameraClocks
 
+JUMP_NS = 1_000_000_000  # least jump of a clock: such stamps wait until more confirm them [ns]
 SILENT_NS = 1_000_000_000  # least silence of the old time after which a clock was set [ns]
 SILENT_INTERVALS = 3  # the same in longest intervals of a camera whose frames are rare
 SILENT_MAX_NS = 4_000_000_000  # largest such silence [ns]
@@ -36,11 +37,9 @@ class StampGuard:
     """Lets frames pass in the time of their camera, and holds others until it is given up.
 
     Args:
-        jump_ns: Distance of a stamp from the camera's time beyond which it is held [ns].
         clocks: Clocks of all cameras.
     """
 
-    jump_ns: int
     clocks: CameraClocks
     counters: Counter[str] = field(default_factory=lambda: Counter(stray_frames=0))
     _held: dict[str, list[ArrivedFrame]] = field(default_factory=dict)  # by camera
@@ -50,10 +49,10 @@ class StampGuard:
         """Take a frame; return it if it is to be tracked now, see `due` for those that are held."""
         camera, frame = detections.camera, ArrivedFrame(detections, now_ns)
         held, ahead_ns = self._held.get(camera, []), self._ahead_ns(detections, now_ns)
-        if ahead_ns is None or abs(ahead_ns) <= self.jump_ns:
+        if ahead_ns is None or abs(ahead_ns) <= JUMP_NS:
             self._drop(camera, now_ns)
             return [frame]
-        if held and abs(_between_ns(held[-1], frame)) > self.jump_ns:
+        if held and abs(_between_ns(held[-1], frame)) > JUMP_NS:
             self._drop(camera, now_ns)
         held = self._held.get(camera, [])
         # An old message that is sent again and again is no camera that goes on.
@@ -69,6 +68,11 @@ class StampGuard:
             self.counters["stray_frames"] += 1
             del held[1]
         return []
+
+    def is_reset(self, detections: Detections) -> bool:
+        """Check that the clock of a camera went back by more than a late frame explains."""
+        newest_ns = self.clocks.newest_ns(detections.camera)
+        return newest_ns is not None and newest_ns - detections.stamp_ns > JUMP_NS
 
     def due(self, now_ns: int, flush: bool = False) -> list[ArrivedFrame]:
         """Return the frames that nothing contradicted for a while; all, if no more frames come."""

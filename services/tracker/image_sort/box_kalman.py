@@ -50,18 +50,15 @@ def begin(tracks: States, boxes: F64) -> None:
     write_boxes(tracks)
 
 
-def predict(tracks: States, steps: float) -> None:
-    """Predict the states a number of frames ahead.
-
-    An area that would vanish stops shrinking, as in SORT.
-    """
+def predict(tracks: States) -> None:
+    """Predict the states one frame ahead; an area that would vanish stops shrinking, as in SORT."""
     x, v, pp, pv, vv = (tracks[name] for name in ("x", "v", "pp", "pv", "vv"))
-    v[..., 2] = np.where(x[..., 2] + steps * v[..., 2] <= 0, 0.0, v[..., 2])
-    x[..., :3] += steps * v
-    pp[..., :3] += steps * (2 * pv + steps * vv)
-    pv += steps * vv
-    vv += steps * PROCESS_VELOCITY
-    pp += steps * PROCESS
+    v[..., 2] = np.where(x[..., 2] + v[..., 2] <= 0, 0.0, v[..., 2])
+    x[..., :3] += v
+    pp[..., :3] += 2 * pv + vv
+    pv += vv
+    vv += PROCESS_VELOCITY
+    pp += PROCESS
     write_boxes(tracks)
 
 

@@ -1,13 +1,12 @@
 """SORT in the image as a tracker: boxes are associated, depth gives the positions."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import msgspec
 import numpy as np
 
-from people4d.errors import DecodeError
 from people4d.messages import ImageTrack, Track
 from people4d.messages.base import MAX_PX
 from services.tracker.config import TrackerConfig
@@ -29,7 +28,6 @@ from services.tracker.interface import (
     IdCounter,
     Measurement,
     Observation,
-    Tracker,
     UnlocatedDetection,
 )
 from services.tracker.motion.lifecycle import Lifecycle
@@ -38,7 +36,6 @@ from services.tracker.motion.track_set import TrackSet
 from services.tracker.motion.yaw_sources import make_yaw
 from services.tracker.stateful import TrackerCheckpoint, TrackSetTracker, pack, unpack
 
-METHOD = "image_sort"
 NEVER = 2**62  # frames: tracks end in the image
 
 
@@ -75,13 +72,21 @@ class ImageTracker(TrackSetTracker):
         )
         motion = PositionMotion(config.strongsort3d)
         yaw = make_yaw(config.yaw, config.yaw_speed_min_mps)
-        super().__init__(METHOD, TrackSet(motion, lifecycle, yaw))
+        super().__init__(TrackSet(motion, lifecycle, yaw))
         self.ids = IdCounter()
         self._images: dict[str, CameraTracks] = {}
         self._image_tracks: tuple[ImageTrack, ...] = ()
 
     def update(self, observation: Observation) -> list[Track]:
-        """Track the boxes, then update the positions of the tracks."""
+        """Track the boxes, then update the positions of the tracks.
+
+        Boxes do not go back: a late frame counts as one of the last one's time.
+        """
+        if self.tracks.stamp_ns is not None and observation.stamp_ns < self.tracks.stamp_ns:
+            observation = replace(observation, stamp_ns=self.tracks.stamp_ns)
+        skipped_ns = self.tracks.bridge_absence(observation.stamp_ns)
+        for one in self._images.values():
+            one.sort.postpone(skipped_ns)
         image = self._images.setdefault(observation.camera, CameraTracks(ImageSort(self._config)))
         image.sort.raise_to(self.ids.next)
         matched = image.sort.update(_frame(observation, image))
@@ -90,10 +95,6 @@ class ImageTracker(TrackSetTracker):
             image.sort.tracks, set(matched.ids.tolist()), observation.stamp_ns
         )
         return self._update_positions(observation, matched)
-
-    def update_late(self, observation: Observation, now_ns: int) -> list[Track]:
-        """Process a late frame as one of the last one's time: boxes do not go back."""
-        return Tracker.update_late(self, observation, now_ns)
 
     def image_tracks(self) -> tuple[ImageTrack, ...]:
         """Return the tracks in the image of the last update, ordered by id."""
@@ -116,30 +117,11 @@ class ImageTracker(TrackSetTracker):
     def restore(self, saved: bytes) -> None:
         """Continue from a checkpoint."""
         state = unpack(saved, ImageTrackerCheckpoint)
-        images = {
-            name: CameraTracks(ImageSort(self._config), direction)
-            for name, (_, direction) in state.images.items()
-        }
-        try:
-            for name, (checkpoint, _) in state.images.items():
-                sort = images[name].sort
-                sort.restore(checkpoint)
-                _image_tracks(sort.tracks, set(), checkpoint.stamp_ns or 0)  # can be published
-            stamps = [c.stamp_ns for c, _ in state.images.values() if c.stamp_ns is not None]
-            if stamps and max(stamps) > (state.positions.stamp_ns or 0):
-                raise ValueError("expected no boxes later than the positions")
-        except ValueError as error:
-            raise DecodeError(f"checkpoint: {error}") from error
+        for name, (checkpoint, direction) in state.images.items():
+            self._images[name] = CameraTracks(ImageSort(self._config), direction)
+            self._images[name].sort.restore(checkpoint)
         self.restore_checkpoint(state.positions)
-        self._images = images
-        next_ids = [state.next_id, *(image.sort.next_id for image in images.values())]
-        self.ids.raise_to(max(next_ids))
-
-    def postpone(self, duration_ns: int) -> None:
-        """Skip a time without frames."""
-        super().postpone(duration_ns)
-        for image in self._images.values():
-            image.sort.postpone(duration_ns)
+        self.ids.raise_to(state.next_id)
 
     def _update_positions(self, observation: Observation, matched: BoxTracks) -> list[Track]:
         """Update the positions of tracks that exist in any image."""
@@ -154,7 +136,7 @@ class ImageTracker(TrackSetTracker):
             if index in by_index
         }
         ids = {i for image in self._images.values() for i in image.sort.tracks["id"].tolist()}
-        tracks.records = [record for record in tracks.records if record.id in ids]
+        tracks.end({record.id for record in tracks.records} - ids)
         known = [(t, measured.pop(t.id)) for t in tracks.records if t.id in measured]
         tracks.update(known, observation)
         for identity, measurement in measured.items():

@@ -6,6 +6,7 @@ from services.tracker.motion.track_record import TrackRecord
 
 MISSES_MIN = 2  # least number of hidden frames that a track survives
 SEVERAL_HITS = 1  # additional matches that confirm a track while several cameras send
+ABSENCE_MAX_S = 30.0  # longest time without frames after which tracks continue [s]
 TENTATIVE_S = 1.0  # time without a match after which a tentative track ends then [s]
 
 
@@ -17,6 +18,10 @@ class Lifecycle:
     tentative_frames: int  # unmatched frames after which a tentative track is deleted
     lost_frames: int  # unmatched frames after which a confirmed track is deleted
     lost_s: float  # seconds without a match after which any track is deleted
+
+    def bridges(self, absent_s: float) -> bool:
+        """Check for a time without frames that would end all tracks, and that they survive."""
+        return self.lost_s < absent_s <= ABSENCE_MAX_S
 
     def confirms(self, record: TrackRecord, several_cameras: bool) -> bool:  # noqa: ARG002
         """Check for enough matches; `several_cameras` send."""

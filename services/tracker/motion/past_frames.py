@@ -12,12 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from people4d.messages import F64
-from services.tracker.interface import Measurement, Observation
+from services.tracker.interface import LATE_MAX_NS, Measurement, Observation
 from services.tracker.motion.state_filter import FilterState
 from services.tracker.motion.track_filter import TrackFilter
 from services.tracker.motion.track_record import TrackRecord
 
-LENGTH_NS = 1_000_000_000  # time for which frames are stored [ns]
 LASTS_MAX_S = 0.2  # longest acceleration between frames of several cameras [s]
 
 
@@ -80,7 +79,7 @@ class PastFrames:
         self._matches = {}
         insort(self._frames, frame, key=lambda f: f.stamp_ns)
         newest_ns = self._frames[-1].stamp_ns
-        while self._frames[0].stamp_ns < newest_ns - LENGTH_NS:
+        while self._frames[0].stamp_ns < newest_ns - LATE_MAX_NS:
             del self._frames[0]
 
     def noise_factor(self, observation: Observation, dt_s: float) -> float:

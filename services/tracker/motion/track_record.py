@@ -8,9 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from people4d.messages import F64
-from people4d.messages.base import MAX_M
 
-ROUNDING = 1e-9  # largest negative eigenvalue, as a part of the trace
 BOOL = npt.NDArray[np.bool_]
 
 
@@ -31,11 +29,6 @@ class ImmState:
     x: F64  # 2xn states
     P: F64  # 2xnxn, their covariances
     mode_probability: F64  # 2
-
-    def fits(self, n: int) -> bool:
-        """Check that these are states of n numbers."""
-        shapes = self.x.shape, self.P.shape, self.mode_probability.shape
-        return shapes == ((2, n), (2, n, n), (2,)) and bool(np.all(self.mode_probability > 0))
 
 
 @dataclass(slots=True)
@@ -71,17 +64,3 @@ class TrackRecord:
 def stack(records: Sequence[TrackRecord]) -> tuple[F64, F64]:
     """Return the states (Nxn) and covariances (Nxnxn) of N tracks."""
     return np.array([t.x for t in records]), np.array([t.P for t in records])
-
-
-def check_state(x: F64, P: F64) -> None:
-    """Check states (...n) and covariances (...nxn) of a checkpoint.
-
-    Raises:
-        ValueError: They are out of range, or a covariance is not positive semidefinite.
-    """
-    if np.abs(x).max() > MAX_M or np.abs(P).max() > MAX_M**2:
-        raise ValueError(f"expected states of at most {MAX_M:g} m, and variances of its square")
-    least = ROUNDING * np.trace(P, axis1=-2, axis2=-1)
-    symmetric = np.allclose(P, P.swapaxes(-1, -2), atol=float(np.abs(least).max()))
-    if not symmetric or (np.linalg.eigvalsh(P)[..., 0] < -least).any():
-        raise ValueError("expected symmetric covariances without a negative eigenvalue")

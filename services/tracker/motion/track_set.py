@@ -13,11 +13,12 @@ from services.tracker.motion.motion import Motion
 from services.tracker.motion.past_frames import PastFrames, PastMatch
 from services.tracker.motion.state_filter import KalmanFilter, StateFilter
 from services.tracker.motion.track_filter import TrackFilter
-from services.tracker.motion.track_record import TrackRecord, check_state
+from services.tracker.motion.track_record import TrackRecord
 from services.tracker.motion.yaw import VelocityYaw
 
 SENDS_NS = 1_000_000_000  # time since the last frame of a camera that sends [ns]
 INTERVAL_MAX_NS = 200_000_000  # longest part of a time without frames that counts as missed [ns]
+MOVED_S = 1.0  # longest time for which people move during an absence of frames [s]
 
 
 class TrackSet:
@@ -69,22 +70,33 @@ class TrackSet:
     def clear(self) -> None:
         """Delete all tracks and the time; identities go on counting."""
         self.records, self.stamp_ns, self._frame_ns = [], None, {}
+        self._now_ns = None
         self._past.clear()
 
-    def go_back(self, stamp_ns: int) -> None:
-        """Set all tracks to their states before a late frame, which is tracked then."""
-        self._now_ns = self.stamp_ns
-        self.stamp_ns = self._past.go_back(self.records, stamp_ns)
+    def bridge_absence(self, stamp_ns: int) -> int:
+        """Skip most of a long time without frames before a frame; return the time skipped [ns].
 
-    def go_forward(self) -> None:
-        """Return to the present from the time of a late frame."""
-        if self._now_ns is None or self.stamp_ns is None:
-            return
-        self._past.go_forward(self.records, self.stamp_ns)
-        self.stamp_ns, self._now_ns = self._now_ns, None
+        After a short one people are found where they were going, after a long one where they were.
+        """
+        absent_s = self._seconds_to(stamp_ns)
+        if self.stamp_ns is None or not self._lifecycle.bridges(absent_s):
+            return 0
+        skipped_ns = int((absent_s - MOVED_S) * 1e9)
+        self.stamp_ns += skipped_ns
+        for record in self.records:
+            record.matched_ns += skipped_ns
+            record.begun_ns += skipped_ns
+        return skipped_ns
 
     def predict(self, observation: Observation) -> None:
-        """Delete expired tracks and predict the others to the frame's time."""
+        """Delete expired tracks and predict the others to the frame's time.
+
+        Before a late frame all tracks go back to their states then; `manage` ends that.
+        """
+        if self.stamp_ns is not None and observation.stamp_ns < self.stamp_ns:
+            self._now_ns = self.stamp_ns
+            self.stamp_ns = self._past.go_back(self.records, observation.stamp_ns)
+        self.bridge_absence(observation.stamp_ns)
         dt_s = self._seconds_to(observation.stamp_ns)
         before_ns = self.stamp_ns
         self.elapsed_ns = 0 if before_ns is None else observation.stamp_ns - before_ns
@@ -132,7 +144,10 @@ class TrackSet:
             record.confirmed |= self._lifecycle.confirms(record, self._of_several)
 
     def manage(self, unmatched: Sequence[Measurement], observation: Observation) -> list[Track]:
-        """Delete ended tracks, begin one for each unmatched measurement and return all tracks."""
+        """Delete ended tracks, begin one for each unmatched measurement and return all tracks.
+
+        After a late frame the tracks return to the present, with all that was matched since.
+        """
         self.records = [t for t in self.records if not self._lifecycle.ended(t)]
         for record in self.records:
             if record.missed:
@@ -140,7 +155,11 @@ class TrackSet:
         for measurement in unmatched:
             self.begin(measurement, observation, self.ids.new())
         self._past.add_frame(self.records, observation)
-        return self.tracks(observation.stamp_ns)
+        tracks = self.tracks(observation.stamp_ns)
+        if self._now_ns is not None:
+            self._past.go_forward(self.records, observation.stamp_ns)
+            self.stamp_ns, self._now_ns = self._now_ns, None
+        return tracks
 
     def begin(self, measurement: Measurement, observation: Observation, identity: int) -> None:
         """Begin a track."""
@@ -179,45 +198,15 @@ class TrackSet:
         ]
 
     def restore(self, records: list[TrackRecord], stamp_ns: int | None) -> None:
-        """Continue with tracks of a checkpoint.
-
-        Raises:
-            ValueError: Their states are not of this motion model, or an identity is there twice.
-        """
-        n = self._motion.size
-        if any(t.x.shape != (n,) or t.P.shape != (n, n) for t in records):
-            raise ValueError(f"expected states of {n} numbers, got others")
-        if any(t.imm and not t.imm.fits(n) for t in records):
-            raise ValueError(f"expected two states of {n} numbers each, got others")
-        for t in records:
-            check_state(t.x, t.P)
-            if t.imm:
-                check_state(t.imm.x, t.imm.P)
-            if t.yaw is not None:
-                self._yaw.check(t.yaw)
-        if len({t.id for t in records}) < len(records) or any(t.id < 1 for t in records):
-            raise ValueError("expected identities >= 1, each once")
+        """Continue with tracks of a checkpoint."""
         self.records, self.stamp_ns = records, stamp_ns
-        self.ids.raise_to(max((t.id + 1 for t in records if self.ids.is_own(t.id)), default=1))
-
-    def postpone(self, duration_ns: int) -> None:
-        """Skip a time without frames: all stamps become so much later."""
-        if self.stamp_ns is not None:
-            self.stamp_ns += duration_ns
-        for record in self.records:
-            record.matched_ns += duration_ns
-            record.begun_ns += duration_ns
 
     def _alive(self, stamp_ns: int) -> list[TrackRecord]:
         expired = self._lifecycle.expired
         return [t for t in self.records if not expired(t, stamp_ns, self._of_several)]
 
     def _seconds_to(self, stamp_ns: int) -> float:
-        if self.stamp_ns is None:
-            return 0.0
-        if stamp_ns < self.stamp_ns:
-            raise ValueError(f"stamp_ns: expected >= {self.stamp_ns}, got {stamp_ns}")
-        return (stamp_ns - self.stamp_ns) / 1e9
+        return 0.0 if self.stamp_ns is None else (stamp_ns - self.stamp_ns) / 1e9
 
     def _track(self, record: TrackRecord, stamp_ns: int) -> Track:
         x = record.x

@@ -39,14 +39,6 @@ class VelocityYaw:
         slow = speed_mps == 0 or speed_mps < self._speed_min_mps
         return None if slow else wrap(math.atan2(v_y, v_x))
 
-    def check(self, state: F64) -> None:  # noqa: ARG002
-        """Check a state of a checkpoint.
-
-        Raises:
-            ValueError: It is out of range, or of another filter.
-        """
-        raise ValueError("expected no yaw")
-
 
 def measured_rad(measurement: Measurement) -> float:
     """Return the measured yaw in radians; NaN if there is none."""

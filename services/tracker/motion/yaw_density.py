@@ -33,8 +33,6 @@ TURN_MAX_RAD = math.radians(60)  # largest step of a turn in one frame
 OUTLIERS_MAX = 0.9
 SINCE_MIN_S = 0.05  # least time over which a step gives a rate [s]
 OTHER_VIEW_RAD = math.radians(20)  # least angle between the lines of sight of two cameras
-LARGEST = np.array([3.2, 1e6, 3.2])  # largest yaw, rate and bearing of a checkpoint
-TIME_MAX_S = 1e12  # largest time of a checkpoint [s]
 
 # Elements of a state: the most likely angle, the probability within 60 degrees of it, the rate of
 # turning, the time since the last update, the line of sight of that one, and the density
@@ -106,17 +104,6 @@ class DensityYaw(VelocityYaw):
         if state is None or state[SHARE] < SHARE_MIN:
             return None
         return wrap(float(state[YAW]))
-
-    def check(self, state: F64) -> None:
-        """Check a state of a checkpoint, see `VelocityYaw.check`."""
-        if state.shape != (DENSITY.stop,):
-            raise ValueError(f"expected yaws of {DENSITY.stop} numbers, got {state.shape}")
-        density = state[DENSITY]
-        is_density = bool((density > 0.0).all()) and abs(float(density.sum()) - 1.0) < 1e-6
-        in_range = bool((np.abs(state[[YAW, RATE, BEARING]]) <= LARGEST).all())
-        in_range = in_range and 0.0 <= state[SINCE] <= TIME_MAX_S
-        if not (in_range and is_density):
-            raise ValueError("expected yaws in range with a density")
 
 
 def likelihood_measured(yaws: YawMeasurements, factor: F64) -> F64:

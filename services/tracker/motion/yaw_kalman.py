@@ -14,7 +14,6 @@ from services.tracker.motion.yaw import States, VelocityYaw, measured_rad
 SIGMA_ACCELERATION_RADPS2 = 6.0  # acceleration of the yaw [rad/s^2]
 SIGMA_RAD = 0.35  # measured yaw [rad]
 SIGMA_START_RATE_RADPS = 1.0  # rate of a new track [rad/s]
-STATE_MAX = 1e12  # largest number of a checkpoint, a variance
 
 
 class KalmanYaw(VelocityYaw):
@@ -38,14 +37,6 @@ class KalmanYaw(VelocityYaw):
     def read(self, state: F64 | None, velocity_mps: F64) -> float | None:  # noqa: ARG002
         """Return psi."""
         return None if state is None else wrap(float(state[0]))
-
-    def check(self, state: F64) -> None:
-        """Check a state of a checkpoint, see `VelocityYaw.check`."""
-        if state.shape != (5,) or np.abs(state).max() > STATE_MAX:
-            raise ValueError("expected yaws of 5 numbers in range")
-        _, _, p, c, v = state.tolist()
-        if not (p > 0.0 and c * c <= p * v * 1.001):
-            raise ValueError("expected yaws with a positive covariance")
 
     def _updated(self, state: F64 | None, yaw_rad: float) -> F64 | None:
         if math.isnan(yaw_rad):

@@ -6,10 +6,11 @@ import numpy as np
 
 from common import kalman
 from people4d.messages import F64
-from services.tracker.config import Sort3dConfig
 from services.tracker.interface import Measurement
 from services.tracker.motion.motion import SIGMA_START_VELOCITY_MPS
 
+SIGMA_ACCELERATION_MPS2 = 2.0  # acceleration of a person [m/s^2]
+SIGMA_POSITION_M = 0.15  # standard deviation of the measured position [m]
 SIGMA_CENTRE_PX = 5.0  # standard deviation of the measured centre [px]
 SIGMA_ACCELERATION_PXPS2 = 500.0  # acceleration of the centre [px/s^2]
 SIGMA_START_CENTRE_PXPS = 300.0  # velocity of the centre of a new track [px/s]
@@ -34,9 +35,6 @@ class BoxMotion:
     _speeds = [7, 8, 9, 10, 11, 12]  # noqa: RUF012
     _point = np.ix_([4, 5, 6, 10, 11, 12], [4, 5, 6, 10, 11, 12])
 
-    def __init__(self, config: Sort3dConfig) -> None:
-        self._config = config
-
     def predict(self, x: F64, P: F64, dt_s: float, noise_factor: float = 1.0) -> tuple[F64, F64]:
         """Move states ahead; an area that would vanish stops shrinking, as in SORT."""
         x = x.copy()
@@ -59,7 +57,7 @@ class BoxMotion:
         sigmas[:, :2] = SIGMA_CENTRE_PX
         sigmas[:, 2] = SIGMA_AREA_RATIO * z[:, 2]
         sigmas[:, 3] = SIGMA_ASPECT
-        sigmas[:, 4:] = self._config.sigma_measurement_m
+        sigmas[:, 4:] = SIGMA_POSITION_M
         return np.asarray(np.square(sigmas)[:, :, None] * np.eye(7))
 
     def start(self, measurement: Measurement) -> tuple[F64, F64]:
@@ -86,7 +84,7 @@ class BoxMotion:
         ones = np.ones_like(area_px2)
         centre = SIGMA_ACCELERATION_PXPS2 * ones
         area = SIGMA_ACCELERATION_AREA_RATIO * area_px2
-        person = self._config.sigma_acceleration_mps2 * ones
+        person = SIGMA_ACCELERATION_MPS2 * ones
         sigmas = np.column_stack([centre, centre, area, person, person, person])
         pp, pv, vv = kalman.acceleration_noise(dt_s, sigmas)
         Q = np.zeros((len(area_px2), 13, 13))

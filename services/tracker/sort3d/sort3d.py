@@ -29,7 +29,7 @@ class Sort3d(TrackSetTracker):
 
     def __init__(self, config: TrackerConfig) -> None:
         self._config = config.sort3d
-        self._motion = BoxMotion(self._config)
+        self._motion = BoxMotion()
         lifecycle = Lifecycle(
             confirm_hits=self._config.min_hits,
             tentative_frames=self._config.t_lost,
@@ -37,10 +37,7 @@ class Sort3d(TrackSetTracker):
             lost_s=config.max_lost_s,
         )
         yaw = make_yaw(config.yaw, config.yaw_speed_min_mps)
-        super().__init__(
-            "sort3d",
-            TrackSet(self._motion, lifecycle, yaw),
-        )
+        super().__init__(TrackSet(self._motion, lifecycle, yaw))
         self._tau_m = np.inf
 
     def update(self, observation: Observation) -> list[Track]:

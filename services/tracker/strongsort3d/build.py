@@ -1,7 +1,6 @@
 """Composition of StrongSORT-3D and its policies from the configuration."""
 
 from services.tracker.config import TrackerConfig
-from services.tracker.identity.reidentification import Reidentification
 from services.tracker.motion.lifecycle import HitsLifecycle, Lifecycle
 from services.tracker.motion.motion import PositionMotion
 from services.tracker.motion.state_filter import (
@@ -15,6 +14,7 @@ from services.tracker.motion.track_set import TrackSet
 from services.tracker.motion.yaw_sources import make_yaw
 from services.tracker.strongsort3d.base_drift import BaseDrift
 from services.tracker.strongsort3d.config import StrongSort3dConfig
+from services.tracker.strongsort3d.identity import Reidentification
 from services.tracker.strongsort3d.likelihood import Likelihood
 from services.tracker.strongsort3d.policies import (
     CostPolicy,

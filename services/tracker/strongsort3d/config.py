@@ -10,13 +10,9 @@ import msgspec
 from msgspec import Meta
 
 from common.config import Config
-from people4d.messages.base import (
-    Positive,
-    PositiveInt,
-)
+from people4d.messages.base import Positive, PositiveInt
 
 CosineDistance = Annotated[float, Meta(gt=0, le=2)]
-Seconds = Annotated[float, Meta(ge=0, le=60)]
 
 # Measured on crops of the lab, with 2 % false matches in the second line; of the
 # appearance network on the lab and real people.
@@ -29,27 +25,13 @@ class IdentityConfig(Config, frozen=True, kw_only=True):
     """People who return are re-identified."""
 
     enabled: bool = True  # section 5: False
-    # Gallery
-    views: PositiveInt = 8  # embeddings per person, as different from each other as possible
-    view_gap: Annotated[float, Meta(ge=0, le=2)] = 0.03  # cosine distance of two views, at least
-    identities_max: PositiveInt = 100  # people; the longest unseen is deleted first
-    retention_s: Positive = 600.0  # [s] since the last match
-    # [s] time without frames after which people are re-identified unless they stand apart
-    absent_s: Seconds = 1.0
-    # Rule of the decision
+    retention_s: Positive = 600.0  # [s] time in the gallery since the last match
     # Largest cosine distance of the same person; absent: of REIDENTIFICATION_MAX, else C_cos
     match_max: CosineDistance | None = None
-    # Cosine distance that makes a match e times less probable; of real people 0.08 to 0.11 with the
-    # histogram and 0.05 to 0.07 with OSNet
-    temperature: Positive = 0.07
 
     def limit(self, embedder: str, other: float) -> float:
         """Return the largest cosine distance of the same person; `other` of unknown embedders."""
         return self.match_max or REIDENTIFICATION_MAX.get(embedder, other)
-
-    def is_gap(self, elapsed_ns: int) -> bool:
-        """Check for a time without frames after which everyone would be absent."""
-        return self.enabled and elapsed_ns >= self.absent_s * 1e9
 
 
 class StrongSort3dConfig(Config, frozen=True, kw_only=True):

@@ -46,7 +46,7 @@ class StrongSort3d(TrackSetTracker, AreaTracker):
         tracks: TrackSet,
         policies: Policies,
     ) -> None:
-        super().__init__("strongsort3d", tracks)
+        super().__init__(tracks)
         self._config, self._motion, self._policies = config, motion, policies
         self._embedder = ("", 0)
 

@@ -19,8 +19,7 @@ def test_embeddings_of_invented_frames_and_cameras_are_bounded() -> None:
     for number in range(60):
         vectors = np.zeros((1, 250_000), np.float32)  # 1 MB each
         join.add_embeddings(
-            msgspec.structs.replace(example, stamp_ns=number, detections=(0,), vectors=vectors),
-            jump_ns=10**9,
+            msgspec.structs.replace(example, stamp_ns=number, detections=(0,), vectors=vectors)
         )
     assert sum(e.vectors.nbytes for e in join._early.values()) <= EARLY_MAX_BYTES
     assert join.counters["late_embeddings"] >= 40

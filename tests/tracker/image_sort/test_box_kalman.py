@@ -24,7 +24,7 @@ def test_prediction_and_correction_by_hand() -> None:
     # One axis of u. Start: position variance 10, velocity variance 10^4.
     # Predicted by one frame: 10 + 10^4 + 1 = 10011, covariance 10^4, velocity 10^4 + 0.01.
     track = begun(10, 20, 30, 60)
-    box_kalman.predict(track, 1.0)
+    box_kalman.predict(track)
     assert (track["pp"][0], track["pv"][0]) == (10011, 10000)
     assert track["vv"][0] == pytest.approx(10000.01)
     # Measured 5 px to the right, R = 1: K = 10011/10012 and 10000/10012.
@@ -44,18 +44,9 @@ def test_an_area_that_would_vanish_stops_shrinking() -> None:
     track["v"][2] = -500.0
     areas = []
     for _ in range(3):
-        box_kalman.predict(track, 1.0)
+        box_kalman.predict(track)
         areas.append(track["x"][2])
     assert areas == [300, 300, 300]
-
-
-def test_one_step_of_two_frames_equals_two_steps() -> None:
-    one, two = begun(10, 20, 30, 60), begun(10, 20, 30, 60)
-    one["v"][:] = two["v"][:] = [3.0, -2.0, 5.0]
-    box_kalman.predict(one, 2.0)
-    box_kalman.predict(two, 1.0)
-    box_kalman.predict(two, 1.0)
-    np.testing.assert_allclose(one["x"], two["x"])
 
 
 def full(track: np.void) -> tuple[F64, F64]:
@@ -77,7 +68,7 @@ def test_equals_the_filter_of_seven_states() -> None:
     for _ in range(20):
         box = box + rng.normal([4.0, 1.0, 4.5, 1.2], 1.0)
         x, P = kalman.predict(x, P, F, Q)
-        box_kalman.predict(track, 1.0)
+        box_kalman.predict(track)
         width, height = box[2:] - box[:2]
         z = np.array([*(box[:2] + box[2:]) / 2, width * height, width / height])
         x, P = kalman.update(x, P, z, R)

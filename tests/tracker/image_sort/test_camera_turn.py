@@ -111,7 +111,7 @@ def standing(config: ImageSortConfig, px_per_frame: float, turn: Turn) -> list[l
         u += px_per_frame * jerk
         box = np.array([[u - 20, 100, u + 20, 200]])
         frame = BoxFrame(
-            number * FRAME_NS, box, np.ones(1), (640, 480), turn if jerk else Turn(0.0)
+            number * FRAME_NS, box, np.ones(1), (640, 480), turn if jerk else Turn(0.0), 60.0
         )
         results.append(tracker.update(frame).ids.tolist())
     return results
@@ -122,7 +122,7 @@ def test_a_standing_person_keeps_the_identity_only_with_the_correction(projectio
     # 30 px a jerk: boxes 40 px wide overlap by 10/70 < 0.3. 60 degrees over 640 px, so that is
     # 2.8 degrees at every place, or less than that near the middle of a pinhole's image.
     turn = Turn(math.radians(60 * 30 / 640))
-    base = {"confirm": "once", "min_hits": 0, "fov_deg": 60.0, "projection": projection}
+    base = {"confirm": "once", "min_hits": 0, "projection": projection}
     corrected = ImageSortConfig(**base, ego_motion="odometry")  # type: ignore[arg-type]
     plain = ImageSortConfig(**base)  # type: ignore[arg-type]
     assert standing(corrected, 30.0, turn) == [[1]] * 12
@@ -133,12 +133,14 @@ def test_a_standing_person_keeps_the_identity_only_with_the_correction(projectio
 
 def test_the_velocity_holds_only_the_persons_own_motion() -> None:
     # A steady turn of 12 px a frame; after ten frames a prediction without a turn stays in place.
-    config = ImageSortConfig(confirm="once", min_hits=0, ego_motion="odometry", fov_deg=64.0)
+    config = ImageSortConfig(confirm="once", min_hits=0, ego_motion="odometry")
     turn = Turn(math.radians(64 * 12 / 640))
     tracker = ImageSort(config)
     for number in range(10):
         box = np.array([[100.0 + 12 * number, 100, 140 + 12 * number, 200]])
-        tracks = tracker.update(BoxFrame(number * FRAME_NS, box, np.ones(1), (640, 480), turn))
+        tracks = tracker.update(
+            BoxFrame(number * FRAME_NS, box, np.ones(1), (640, 480), turn, 64.0)
+        )
     assert tracks.boxes_xyxy_px[0] == pytest.approx([208, 100, 248, 200], abs=0.1)
     still = np.array([[208.0, 100, 248, 200]])
     tracks = tracker.update(BoxFrame(10 * FRAME_NS, still, np.ones(1), (640, 480), Turn(0.0)))

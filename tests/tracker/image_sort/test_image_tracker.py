@@ -4,12 +4,10 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-import msgspec
 import numpy as np
 import pytest
 
 from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
-from people4d.errors import DecodeError
 from people4d.messages import (
     CameraInfo,
     Detection,
@@ -159,16 +157,6 @@ def test_a_robot_that_turns_left_sees_the_image_move_right(projection: str) -> N
     assert ids(corrected, -30.0)[-1] > 3  # the wrong sign is worse than none
 
 
-def test_the_field_of_view_of_the_configuration_wins() -> None:
-    # Were 60 degrees taken for 20, the correction would be threefold, and 90 px off by 60.
-    step_rad = math.radians(60 * 30 / 640)
-    thetas = np.cumsum([step_rad * (k % 3 == 2) for k in range(12)]).tolist()
-    moved = [odometry(k, theta) for k, theta in enumerate(thetas)]
-    target = image_node({**ONCE, "ego_motion": "odometry", "fov_deg": 20.0})
-    answers(target, INFO, on("base_link"))
-    assert ids_while_turning(target, moved, 30.0)[-1] > 3
-
-
 def test_a_camera_on_a_turning_head_needs_no_odometry() -> None:
     step_rad = math.radians(60 * 30 / 640)
     thetas = np.cumsum([step_rad * (k % 3 == 2) for k in range(12)]).tolist()
@@ -233,28 +221,6 @@ def test_identities_outlive_the_process(pause: int) -> None:
         assert [p.id for p in boxes.tracks] == [1, 2, 3]
         assert [p.id for p in tracks.tracks] == [1]
     assert after.next_number() == 4
-
-
-def test_damaged_checkpoint_restores_numbers_only() -> None:
-    before = image_node()
-    answers(before, TRANSFORM, *(detected(k, [person(), flat(0)]) for k in range(5)))
-    good = msgspec.msgpack.decode(before.save())
-    state = msgspec.msgpack.decode(good["tracker"])
-    stamp_ns, frames, tracks = state["images"]["front"][0]
-    for change in (
-        {"positions": {**state["positions"], "method": "sort3d"}},
-        {"images": {"front": [[stamp_ns, frames, tracks[:-1]], None]}},
-        {"images": {"front": [[stamp_ns, frames, b"\xff" * len(tracks)], None]}},
-        {"positions": b""},
-    ):
-        bad = msgspec.msgpack.encode(
-            {**good, "tracker": msgspec.msgpack.encode({**state, **change})}
-        )
-        after = image_node()
-        with pytest.raises(DecodeError):
-            after.restore(bad, before.next_number())
-        ((boxes, _),) = answers(after, detected(9, [person()]))
-        assert [p.id for p in boxes.tracks] == [3]
 
 
 def test_unusable_boxes_are_ignored_and_indices_stay() -> None:

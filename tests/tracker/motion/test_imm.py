@@ -108,8 +108,6 @@ def test_covariances_stay_positive_definite() -> None:
         modes = models.update_modes(*modes, rng.normal(4, 0.1, (1, 3)), 0.02 * np.eye(3)[None])
         (mean,) = models.means(*modes)
         assert np.linalg.eigvalsh(mean.P).min() > 0
-        assert mean.imm is not None
-        assert mean.imm.fits(6)
 
 
 @pytest.mark.parametrize(("measured_mps", "walks"), [(0.0, False), (1.0, True)])

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.tracker.config import Sort3dConfig
 from services.tracker.interface import Measurement
 from services.tracker.motion.motion import (
     PositionMotion,
@@ -68,14 +67,14 @@ def test_point_starts_with_zero_velocity_and_its_variance() -> None:
 
 def test_box_is_measured_as_centre_area_and_aspect() -> None:
     # 40 wide, 100 high at (100, 50): centre (120, 100), area 4000, aspect 0.4.
-    motion = BoxMotion(Sort3dConfig())
+    motion = BoxMotion()
     np.testing.assert_allclose(motion.measure([measurement()]), [[120, 100, 4000, 0.4, 1, 2, 3]])
     x, _ = motion.start(measurement())
     np.testing.assert_allclose(motion.boxes(x[None]), [[100, 50, 140, 150]])
 
 
 def test_box_moves_with_constant_velocity_and_keeps_its_aspect() -> None:
-    motion = BoxMotion(Sort3dConfig())
+    motion = BoxMotion()
     x = np.array([[120.0, 100.0, 4000.0, 0.4, 1, 2, 3, 10.0, -20.0, 500.0, 0.1, 0.2, 0.3]])
     moved, _ = motion.predict(x, np.eye(13)[None], 0.5)
     np.testing.assert_allclose(moved[0, :7], [125, 90, 4250, 0.4, 1.05, 2.1, 3.15])
@@ -84,12 +83,12 @@ def test_box_moves_with_constant_velocity_and_keeps_its_aspect() -> None:
 
 def test_box_noise_of_the_area_is_relative() -> None:
     # 10 % of 4000 = 400, squared 160000; 5 px squared 25; 0.1 squared 0.01; 0.15 m squared 0.0225.
-    R = BoxMotion(Sort3dConfig()).noise([measurement()])[0]
+    R = BoxMotion().noise([measurement()])[0]
     np.testing.assert_allclose(np.diag(R), [25, 25, 160000, 0.01, 0.0225, 0.0225, 0.0225])
 
 
 def test_a_shrinking_area_stays_positive() -> None:
-    motion = BoxMotion(Sort3dConfig())
+    motion = BoxMotion()
     x = np.zeros((1, 13))
     x[0, [2, 3, 9]] = 100.0, 0.5, -50.0
     moved, _ = motion.predict(x, np.eye(13)[None], 1.0)

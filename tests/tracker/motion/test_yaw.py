@@ -36,14 +36,6 @@ def test_yaw_can_be_left_out() -> None:
     assert make_yaw("none", 0.2).read(None, np.ones(3)) is None
 
 
-@pytest.mark.parametrize("source", ["velocity", "none"])
-def test_checkpoint_with_a_yaw_is_refused_where_there_is_no_filter(
-    source: Literal["velocity", "none"],
-) -> None:
-    with pytest.raises(ValueError, match="expected no yaw"):
-        make_yaw(source, 0.2).check(np.ones(5))
-
-
 # In a tracker
 
 

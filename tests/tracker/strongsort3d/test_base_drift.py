@@ -77,7 +77,7 @@ def test_odometry_with_covariance_widens_tracks_in_the_node() -> None:
 
 def track_variance_m2(rate: float | None) -> float:
     """Return the sideways variance of a track after a turn, given the rate of yaw variance."""
-    node = build(TrackerConfig(frame_id="odom", embedding_wait_s=0.0, odometry_wait_s=0.0))
+    node = build(TrackerConfig(frame_id="odom", embedding_wait_s=0.0))
     node.handle(builders.static_transform(LINK_FROM_OPTICAL, parent="base_link", child="camera"), 0)
     variance_m2 = 0.0
     for k in range(6):

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from people4d.messages import F64
-from services.tracker.identity.gallery import Gallery
 from services.tracker.interface import GalleryEntry, Observation
 from services.tracker.motion.track_record import BOOL, IdentityDecision, TrackRecord
 from services.tracker.motion.track_set import TrackSet
 from services.tracker.sort3d.association import distances, match_probabilities
 from services.tracker.strongsort3d.config import IdentityConfig
+from services.tracker.strongsort3d.gallery import TEMPERATURE, Gallery
 from services.tracker.strongsort3d.policies import (
     AssociationResult,
     FrameContext,
@@ -19,6 +19,7 @@ from services.tracker.strongsort3d.policies import (
     Match,
 )
 
+ABSENT_NS = 1_000_000_000  # time without frames after which people may have changed places [ns]
 AMBIGUITY_RATIO = 0.5  # of the distances to the nearest detection and to the nearest rival
 DISTANCE_PROBABILITY = 0.5  # of a match of round 2, which goes by the distance alone
 
@@ -38,7 +39,7 @@ class Reidentification(IdentityPolicy):
 
     def __init__(self, config: IdentityConfig) -> None:
         self._config = config
-        self._gallery = Gallery(config)
+        self._gallery = Gallery(config.retention_s)
 
     def clear(self) -> None:
         """Drop all embeddings."""
@@ -68,7 +69,7 @@ class Reidentification(IdentityPolicy):
 
         Such a time counts as one more missed frame: the distance alone says little then.
         """
-        if not self._config.is_gap(tracks.elapsed_ns):
+        if tracks.elapsed_ns < ABSENT_NS:
             return
         for record in tracks.records:
             record.missed += 1
@@ -104,7 +105,7 @@ class Reidentification(IdentityPolicy):
         first = result.by_appearance
         probabilities = dict[tuple[int, int], float]()
         if first.cost.size:
-            table = match_probabilities(first.cost, self._config.temperature)
+            table = match_probabilities(first.cost, TEMPERATURE)
             rows = {record.id: i for i, record in enumerate(first.tracks)}
             columns = {m.index: j for j, m in enumerate(first.detections)}
             probabilities = {

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from people4d.messages import F64
-from services.tracker.identity.gallery import Gallery, add_view
-from services.tracker.strongsort3d.config import IdentityConfig
+from services.tracker.strongsort3d import gallery as galleries
+from services.tracker.strongsort3d.gallery import Gallery, add_view
 from tests.tracker.scene import unit
 
 S = 1_000_000_000
@@ -20,7 +20,7 @@ def embedding(angle_deg: float) -> F64:
 
 def gallery(**people_deg: float) -> Gallery:
     """Person 1, 2, ... seen here at time 0, each from one side."""
-    people = Gallery(IdentityConfig())
+    people = Gallery(600)
     for number, angle_deg in enumerate(people_deg.values(), 1):
         people.add(number, HERE, 0, embedding(angle_deg))
     return people
@@ -60,17 +60,17 @@ def test_of_two_similar_candidates_the_absent_one_is_chosen() -> None:
 
 
 def test_similar_views_are_dropped_and_their_number_is_bounded() -> None:
-    # 1 - cos 10 = 0.015 is no other view, 1 - cos 20 = 0.06 is. Of five, 0 and 30 are most alike.
+    # 1 - cos 10 = 0.015 is no other view, 1 - cos 25 = 0.09 is. Of nine, 0 and 25 are most alike.
     views: list[F64] = []
-    for angle in (0, 10, 90, 180, 30, 270):
-        add_view(views, embedding(angle), gap=0.03, most=4)
-    np.testing.assert_allclose(
-        views, [embedding(90), embedding(180), embedding(30), embedding(270)]
-    )
+    for angle in (0, 10, 60, 100, 140, 180, 220, 260, 300, 25):
+        add_view(views, embedding(angle))
+    kept = (60, 100, 140, 180, 220, 260, 300, 25)
+    np.testing.assert_allclose(views, [embedding(angle) for angle in kept])
 
 
-def test_longest_unseen_person_is_deleted_first() -> None:
-    people = Gallery(IdentityConfig(identities_max=2, retention_s=60))
+def test_longest_unseen_person_is_deleted_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(galleries, "PEOPLE_MAX", 2)
+    people = Gallery(60)
     for number, time_s in ((1, 0), (2, 1), (1, 2), (3, 3)):
         people.add(number, HERE, time_s * S, unit([1, number]))
     assert list(people.entries) == [1, 3]

@@ -7,16 +7,21 @@ import numpy as np
 from people4d.messages import F64
 from services.tracker.interface import GalleryEntry
 from services.tracker.motion.track_record import IdentityDecision
-from services.tracker.strongsort3d.config import IdentityConfig
 
+PEOPLE_MAX = 100  # most people; the longest unseen one is deleted first
+VIEWS_MAX = 8  # most embeddings of a person, as different from each other as possible
+VIEW_GAP = 0.03  # least cosine distance of two views
+# Cosine distance that makes a match e times less probable: of real people 0.08 to 0.11 with the
+# histogram and 0.05 to 0.07 with OSNet
+TEMPERATURE = 0.07
 NEAREST_VIEWS = 2  # of a person: one may be a bad crop
 
 
 class Gallery:
     """The people of one tracker and one embedder; the numbers of people and views are bounded."""
 
-    def __init__(self, config: IdentityConfig) -> None:
-        self._config = config
+    def __init__(self, retention_s: float) -> None:
+        self._retention_s = retention_s  # time in the gallery since the last match
         self.entries: dict[int, GalleryEntry] = {}  # by identity, longest unseen first
         self.neighbours: Mapping[int, GalleryEntry] = {}  # people of other areas, by identity
 
@@ -38,18 +43,18 @@ class Gallery:
         if entry.matches == 1 and identity in self.neighbours:
             entry.views = list(self.neighbours[identity].views)
         self.entries[identity] = entry  # at the end: the first one is the longest unseen
-        if len(self.entries) > self._config.identities_max:
+        if len(self.entries) > PEOPLE_MAX:
             del self.entries[next(iter(self.entries))]
         if embedding is None or (occluded and entry.views and not entry.occluded):
             return
         if entry.occluded:
             entry.views.clear()
         entry.occluded = occluded
-        add_view(entry.views, embedding, self._config.view_gap, self._config.views)
+        add_view(entry.views, embedding)
 
     def drop_old(self, stamp_ns: int) -> None:
         """Delete people who were not seen for too long."""
-        oldest_ns = stamp_ns - self._config.retention_s * 1e9
+        oldest_ns = stamp_ns - self._retention_s * 1e9
         while self.entries:
             identity = next(iter(self.entries))
             if self.entries[identity].matched_ns >= oldest_ns:
@@ -77,9 +82,7 @@ class Gallery:
         distances = [view_distance(embedding, known[k].views, NEAREST_VIEWS) for k in candidates]
         order = sorted(range(len(candidates)), key=lambda k: (distances[k], candidates[k]))
         best = order[0]
-        weights = np.exp(
-            -(np.array([*distances, limit]) - min(*distances, limit)) / self._config.temperature
-        )
+        weights = np.exp(-(np.array([*distances, limit]) - min(*distances, limit)) / TEMPERATURE)
         confidences = weights / weights.sum()
         reason = f"cosine distance {distances[best]:.2f} to {candidates[best]}"
         reason += f", {distances[order[1]]:.2f} to {candidates[order[1]]}" if len(order) > 1 else ""
@@ -107,15 +110,15 @@ def view_distance(embedding: F64, views: Sequence[F64], count: int = 1) -> float
     return min(max(float(nearest.mean()), 0.0), 2.0)
 
 
-def add_view(views: list[F64], embedding: F64, gap: float, most: int) -> None:
-    """Add an embedding that differs from all others by more than a gap.
+def add_view(views: list[F64], embedding: F64) -> None:
+    """Add an embedding that differs from all others by more than VIEW_GAP.
 
     If there are too many then, the older of the two most similar ones is deleted.
     """
-    if views and view_distance(embedding, views) <= gap:
+    if views and view_distance(embedding, views) <= VIEW_GAP:
         return
     views.append(embedding)
-    if len(views) > most:
+    if len(views) > VIEWS_MAX:
         similarity = np.asarray(views) @ np.asarray(views).T
         np.fill_diagonal(similarity, -np.inf)
         first, second = np.unravel_index(int(np.argmax(similarity)), similarity.shape)

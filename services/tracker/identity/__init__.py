@@ -1,1 +1,0 @@
-"""Identities of people who return."""
