@@ -31,7 +31,7 @@ from evaluation.pipeline import track_again
 from evaluation.recordings.recordings import plan_recordings, render_recording
 from people4d.codec import decode, encode
 from people4d.messages import F64, Track, Tracks, Truth
-from services.predictor.build import build, warm_up
+from services.predictor.build import build
 from services.predictor.config import PredictorConfig
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data" / "trajectories"
@@ -184,7 +184,6 @@ def cost_table() -> tuple[str, str]:
 
 def costs(count: int) -> tuple[list[float], list[float]]:
     """Return the processor times of messages of a number of people [ms]: node, codec."""
-    warm_up(PredictorConfig())
     node = build(PredictorConfig())
     node_ms, codec_ms = [], []
     for number in range(WARM_UP + ROUNDS):

@@ -1,5 +1,6 @@
 """Forecast of people on the ground: mean and covariance at each horizon."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,8 +8,14 @@ import numpy as np
 from people4d.messages import F64
 from services.predictor.groups import GroupFinder
 from services.predictor.memory import ForecastMemory, Situation
-from services.predictor.mixtures import integrate_motion, mix_modes, unit_samples
-from services.predictor.motion import STANDING, Integers, velocity_decay
+from services.predictor.motion import (
+    POSITION,
+    STANDING,
+    VELOCITY,
+    Integers,
+    MotionEstimate,
+    velocity_decay,
+)
 from services.predictor.motion_filter import MotionFilter, TrackedMotion
 
 MOTION_HORIZON_S = 3.0  # horizon of the probabilities of motion [s]
@@ -16,7 +23,9 @@ MOTION_HORIZON_S = 3.0  # horizon of the probabilities of motion [s]
 # which it applies: single steps are individual
 COHESION, COHESION_FROM_S = 0.6, 1.0
 ACCELERATIONS = (0.1, 0.2, 0.6)  # densities of white acceleration in forecasts [m/s^2 sqrt(s)]
-UNIT_SAMPLES = unit_samples()
+STANDING_RADIUS_M = 0.6  # maximum displacement of a standing person [m]
+GOING_ON_RAD = math.radians(25.0)  # maximum change of direction of a person going on [rad]
+SAMPLES = 64  # number of points of the normal distribution
 
 
 @dataclass(frozen=True)
@@ -57,9 +66,11 @@ class Forecaster:
         self._memory = ForecastMemory(horizons_s)
         self._groups = GroupFinder()
         self._cohesion = COHESION * (1 - np.exp(-((horizons_s / COHESION_FROM_S) ** 2)))
-        # Displacement per velocity [s], by mode and horizon
-        self._reach = np.ascontiguousarray(velocity_decay(horizons_s[:, None])[1].T)
-        self._noise = np.array(ACCELERATIONS) ** 2
+        # Displacement per velocity [s], by horizon and mode
+        self._reach = velocity_decay(horizons_s[:, None])[1]  # Hx3
+        # Variance of the position by white acceleration, Hx3 [m^2]
+        self._noise_m2 = np.array(ACCELERATIONS) ** 2 * horizons_s[:, None] ** 3 / 3
+        self._samples = unit_samples()
 
     def forecast_people(self, now_s: float, people: PeopleState) -> Forecast:
         """Return the forecast of people tracked at a time [s]."""
@@ -69,10 +80,7 @@ class Forecaster:
         groups = self._groups.find_groups(
             now_s, people.ids, position_m, velocity_mps, people.yaws_rad
         )
-        expected_m, covariances_m2 = mix_modes(
-            *(motion.positions_m, motion.velocities_mps, motion.covariances, motion.modes),
-            *(self._horizons_s, self._reach, self._noise),
-        )
+        expected_m, covariances_m2 = self._mix_modes(motion)
         displacements_m = expected_m - position_m[:, None]
         situation = Situation(
             ids=people.ids,
@@ -90,11 +98,24 @@ class Forecaster:
             self._memory.add_forecasts(now_s, settled, situation, displacements_m)
         scales = self._memory.scales(situation.standing)[..., None, None]
         covariances_m2 = covariances_m2 * scales**2 + people.covariances_m2[:, None]
+        at = int(np.argmin(np.abs(self._horizons_s - MOTION_HORIZON_S)))
         probabilities = motion_probabilities(
-            velocity_mps, displacements_m, covariances_m2, self._horizons_s
+            velocity_mps, displacements_m[:, at], covariances_m2[:, at], self._samples
         )
         means_m = position_m[:, None] + displacements_m
         return Forecast(velocity_mps, means_m, covariances_m2, probabilities, groups)
+
+    def _mix_modes(self, motion: MotionEstimate) -> tuple[F64, F64]:
+        """Return mean (NxHx2) and covariance (NxHx2x2) of all modes at the horizons."""
+        reach, states = self._reach, motion.states[:, None]  # Hx3, Nx1x3x2x2
+        positions_m = states[..., POSITION] + reach[:, :, None] * states[..., VELOCITY]
+        means_m = np.einsum("nj,nhja->nha", motion.modes, positions_m)
+        off_m, C = positions_m - means_m[:, :, None], motion.covariances[:, None]
+        variances_m2 = C[..., 0, 0] + 2 * reach * C[..., 0, 1] + reach**2 * C[..., 1, 1]
+        within_m2 = np.einsum("nj,nhj->nh", motion.modes, variances_m2 + self._noise_m2)
+        squares_m2 = off_m[..., :, None] * off_m[..., None, :]
+        spread_m2 = np.einsum("nj,nhjab->nhab", motion.modes, squares_m2)
+        return means_m, within_m2[..., None, None] * np.eye(2) + spread_m2
 
 
 def apply_cohesion(displacements_m: F64, groups: Integers, cohesion: F64) -> F64:
@@ -110,10 +131,34 @@ def apply_cohesion(displacements_m: F64, groups: Integers, cohesion: F64) -> F64
 
 
 def motion_probabilities(
-    velocities_mps: F64, displacements_m: F64, covariances_m2: F64, horizons_s: F64
+    velocities_mps: F64, displacements_m: F64, covariances_m2: F64, samples: F64
 ) -> F64:
-    """Integrate the forecast (NxHx2, NxHx2x2) at about 3 s over the regions of motion, Nx3."""
-    at = int(np.argmin(np.abs(horizons_s - MOTION_HORIZON_S)))
-    mean_m = np.ascontiguousarray(displacements_m[:, at])
-    covariance_m2 = np.ascontiguousarray(covariances_m2[:, at])
-    return integrate_motion(velocities_mps, mean_m, covariance_m2, UNIT_SAMPLES)
+    """Integrate normal distributions over the regions of standing, going on and turning.
+
+    Args:
+        velocities_mps: Nx2, present velocities.
+        displacements_m: Nx2 means.
+        covariances_m2: Nx2x2.
+        samples: 2xS points of a standard normal distribution.
+
+    Returns:
+        Nx3 probabilities: within 0.6 m; outside, within 25 deg of the velocity; elsewhere.
+    """
+    xx, xy, yy = (covariances_m2[:, i, j, None] for i, j in ((0, 0), (0, 1), (1, 1)))
+    root, rest = np.sqrt(xx), np.sqrt(np.maximum(yy - xy * xy / xx, 0.0))
+    x = displacements_m[:, :1] + root * samples[0]
+    y = displacements_m[:, 1:] + xy / root * samples[0] + rest * samples[1]
+    distance_m, (v_x, v_y) = np.sqrt(x * x + y * y), velocities_mps.T[..., None]
+    standing = distance_m < STANDING_RADIUS_M
+    least = math.cos(GOING_ON_RAD) * np.hypot(v_x, v_y)
+    going_on = ~standing & (x * v_x + y * v_y > least * distance_m)
+    regions = standing, going_on, ~(standing | going_on)
+    return np.stack([region.mean(axis=1) for region in regions], axis=1)
+
+
+def unit_samples() -> F64:
+    """Return 2xS points of a standard normal distribution, on a spiral of equal probabilities."""
+    number = np.arange(SAMPLES) + 0.5
+    radius = np.sqrt(-2 * np.log(1 - number / SAMPLES))
+    angle = number * np.pi * (3 - np.sqrt(5))
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle)])

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from people4d.messages import F64
-from services.predictor.habits import weigh_errors
 from services.predictor.motion import Flags, Integers
 from services.predictor.motion_filter import Samples
 
@@ -20,6 +20,7 @@ OWN_AFTER_S = 10.0  # minimum age of forecasts of the same person [s]
 SCALE = (1.3, 1.0)  # initial scale of standard deviations: walking, standing
 SCALE_GAIN_FIRST, SCALE_GAIN = 0.5, 0.03  # first and least gain of the logarithm of a scale
 CHI2_2DOF_90 = 4.6052
+FAR = 36.0  # maximum squared distance of a similar situation, in standard deviations
 ERROR_MIN_M = 0.005  # error below which weights are constant [m]
 SCALE_STEP = 0.3  # maximum change of the logarithm of a scale by one message
 SCALE_RANGE = (-2.5, 2.0)  # range of the logarithm of a scale
@@ -167,13 +168,13 @@ class ForecastMemory:
         if not self._filled:
             return plain_m
         past = slice(self._filled)
-        total, errors_m = weigh_errors(
-            *(situation.ids, _features(situation), now_s, OWN_AFTER_S),
-            *(self._ids[past], self._times_s[past], self._features[past]),
-            *(self._known[past], self._errors_m[past]),
-        )
-        share = self._trust / (total + PRIOR_WEIGHT)
-        found: F64 = plain_m + errors_m * share[..., None]
+        distance2 = cdist(_features(situation), self._features[past], "sqeuclidean")
+        own = situation.ids[:, None] == self._ids[past]
+        own &= now_s - self._times_s[past] < OWN_AFTER_S
+        weights = np.where(own | (distance2 > FAR), 0.0, np.exp(-distance2 / 2))
+        errors_m = weights @ self._errors_m[past].reshape(self._filled, -1)
+        share = self._trust / (weights @ self._known[past] + PRIOR_WEIGHT)
+        found: F64 = plain_m + errors_m.reshape(plain_m.shape) * share[..., None]
         return found
 
     def scales(self, standing: Flags) -> F64:

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from common import imm
 from people4d.messages import F64
-from services.predictor.motion_modes import MODES, advance_modes, measure_modes
 
 Integers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
@@ -30,50 +30,53 @@ class MotionEstimate:
     Both axes have the same covariance, since motion and measurement are isotropic.
     """
 
-    positions_m: F64  # Nx3x2, by mode
-    velocities_mps: F64  # Nx3x2, by mode
+    states: F64  # Nx3x2x2: mode, axis, position and velocity
     covariances: F64  # Nx3x2x2, of position and velocity along an axis, by mode
     modes: F64  # Nx3, probability of each mode
 
     @property
     def position_m(self) -> F64:
         """Expected positions, Nx2."""
-        found: F64 = np.einsum("nk,nki->ni", self.modes, self.positions_m)
-        return found
+        return self._expected(POSITION)
 
     @property
     def velocity_mps(self) -> F64:
         """Expected velocities, Nx2."""
-        found: F64 = np.einsum("nk,nki->ni", self.modes, self.velocities_mps)
-        return found
+        return self._expected(VELOCITY)
 
     def select_people(self, rows: Integers | Flags) -> "MotionEstimate":
         """Return the motion of a selection of people."""
-        parts = (self.positions_m, self.velocities_mps, self.covariances, self.modes)
-        return MotionEstimate(*(part[rows] for part in parts))
+        return MotionEstimate(self.states[rows], self.covariances[rows], self.modes[rows])
+
+    def _expected(self, part: int) -> F64:
+        found: F64 = np.einsum("nk,nki->ni", self.modes, self.states[..., part])
+        return found
 
 
 def initial_motion(positions_m: F64, sigma_m: F64) -> MotionEstimate:
     """Return the motion of new people with positions (Nx2) and standard deviations (N)."""
-    count = len(positions_m)
-    covariances = np.zeros((count, MODES, 2, 2))
+    count, modes = len(positions_m), len(FIRST)
+    states = np.zeros((count, modes, 2, 2))
+    states[..., POSITION] = positions_m[:, None]
+    covariances = np.zeros((count, modes, 2, 2))
     covariances[:, :, 0, 0] = sigma_m[:, None] ** 2
     covariances[:, STRAIGHT:, 1, 1] = SIGMA_FIRST_MPS**2
     covariances[:, STANDING, 1, 1] = SWAY_MPS**2
-    return MotionEstimate(
-        positions_m=np.repeat(positions_m[:, None], MODES, axis=1),
-        velocities_mps=np.zeros((count, MODES, 2)),
-        covariances=covariances,
-        modes=np.tile(np.array(FIRST), (count, 1)),
-    )
+    return MotionEstimate(states, covariances, np.tile(np.array(FIRST), (count, 1)))
 
 
 def predict_motion(motion: MotionEstimate, elapsed_s: F64) -> MotionEstimate:
     """Mix the modes and predict over N intervals [s]."""
-    rates, sigma = np.array(CHANGE_RATES_HZ), np.array(ACCELERATIONS)
+    weight, modes = imm.mixing_weights(motion.modes, _transitions(elapsed_s))
+    axes = [imm.moments(weight, motion.states[:, :, a], motion.covariances) for a in range(2)]
     decay, reach = velocity_decay(elapsed_s[:, None])  # Nx3
-    parts = (motion.positions_m, motion.velocities_mps, motion.covariances, motion.modes)
-    return MotionEstimate(*advance_modes(*parts, elapsed_s, rates, decay, reach, sigma**2))
+    F = np.zeros((*decay.shape, 2, 2))
+    F[..., 0, 0], F[..., 0, 1], F[..., 1, 1] = 1.0, reach, decay
+    covariances = F @ ((axes[0][1] + axes[1][1]) / 2) @ F.swapaxes(-1, -2)
+    t = elapsed_s[:, None]
+    Q = np.array([[t**3 / 3, t**2 / 2], [t**2 / 2, t]]) * np.array(ACCELERATIONS) ** 2
+    states = np.stack([mean for mean, _ in axes], axis=2) @ F.swapaxes(-1, -2)
+    return MotionEstimate(states, covariances + np.moveaxis(Q, (0, 1), (2, 3)), modes)
 
 
 def update_motion(motion: MotionEstimate, part: int, values: F64, sigma: F64) -> MotionEstimate:
@@ -85,8 +88,14 @@ def update_motion(motion: MotionEstimate, part: int, values: F64, sigma: F64) ->
         values: Nx2 [m or m/s].
         sigma: N standard deviations, per axis.
     """
-    parts = (motion.positions_m, motion.velocities_mps, motion.covariances, motion.modes)
-    return MotionEstimate(*measure_modes(*parts, part, values, sigma))
+    y, cross = values[:, None] - motion.states[..., part], motion.covariances[..., part, :]
+    S = cross[..., part] + sigma[:, None] ** 2
+    K = cross / S[..., None]
+    return MotionEstimate(
+        motion.states + y[..., None] * K[:, :, None],
+        motion.covariances - K[..., :, None] * cross[..., None, :],
+        imm.weighed(motion.modes, (y**2).sum(axis=-1) / S, 2 * np.log(S)),
+    )
 
 
 def velocity_decay(elapsed_s: F64) -> tuple[F64, F64]:
@@ -94,3 +103,13 @@ def velocity_decay(elapsed_s: F64) -> tuple[F64, F64]:
     times = np.array(DECAYS_S)
     decay = np.exp(-elapsed_s / times)
     return decay, times * (1 - decay)
+
+
+def _transitions(elapsed_s: F64) -> F64:
+    """Return the probabilities (Nx3x3) of mode changes over N intervals [s]."""
+    rates = np.array(CHANGE_RATES_HZ)
+    leave = rates.sum(axis=1)
+    stay = np.exp(-leave * elapsed_s[:, None])  # Nx3
+    change = (1 - stay)[:, :, None] * rates / np.maximum(leave, 1e-12)[:, None]
+    result: F64 = change + stay[:, :, None] * np.eye(len(rates))
+    return result

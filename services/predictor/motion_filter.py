@@ -165,8 +165,8 @@ class MotionFilter:
         self._noise_m = float(np.clip(self._noise_m * factor, 1e-4, 0.2))
 
 
-def _parts(motion: MotionEstimate) -> tuple[F64, F64, F64, F64]:
-    return motion.positions_m, motion.velocities_mps, motion.covariances, motion.modes
+def _parts(motion: MotionEstimate) -> tuple[F64, F64, F64]:
+    return motion.states, motion.covariances, motion.modes
 
 
 def _join(one: MotionEstimate, two: MotionEstimate) -> MotionEstimate:

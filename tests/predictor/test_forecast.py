@@ -12,6 +12,7 @@ from services.predictor.forecast import (
     PeopleState,
     apply_cohesion,
     motion_probabilities,
+    unit_samples,
 )
 from services.predictor.groups import GroupFinder
 from services.predictor.memory import ForecastMemory, Situation
@@ -89,10 +90,10 @@ def test_measured_motion_counts_at_short_horizons_until_errors_are_known() -> No
 
 def test_motion_probabilities_by_hand() -> None:
     # Spread of 1 cm: at rest within 0.6 m; 3 m ahead; 3 m to the left.
-    means = np.array([[[0.1, 0.0]], [[3.0, 0.0]], [[0.0, 3.0]]])
-    covariances = np.tile(1e-4 * np.eye(2), (3, 1, 1, 1))
+    means = np.array([[0.1, 0.0], [3.0, 0.0], [0.0, 3.0]])
+    covariances = np.tile(1e-4 * np.eye(2), (3, 1, 1))
     velocities = np.tile([1.0, 0.0], (3, 1))
-    found = motion_probabilities(velocities, means, covariances, np.array([3.0]))
+    found = motion_probabilities(velocities, means, covariances, unit_samples())
     np.testing.assert_allclose(found, np.eye(3))
 
 

@@ -10,6 +10,7 @@ from services.predictor.motion import (
     SIGMA_FIRST_MPS,
     STANDING,
     STRAIGHT,
+    VELOCITY,
     initial_motion,
     predict_motion,
     update_motion,
@@ -82,9 +83,9 @@ def test_prediction_without_measurement_by_hand(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(motion_models, "CHANGE_RATES_HZ", np.zeros((3, 3)))
     monkeypatch.setattr(motion_models, "DECAYS_S", (1.3, 1e6, 1e6))
     motion = initial_motion(np.array([[1.0, 2.0]]), np.array([0.1]))
-    motion.velocities_mps[:] = [0.5, -0.5]
+    motion.states[..., VELOCITY] = [0.5, -0.5]
     after = predict_motion(motion, np.array([2.0]))
-    np.testing.assert_allclose(after.positions_m[0, STRAIGHT], [2.0, 1.0], atol=1e-5)
+    np.testing.assert_allclose(after.states[0, STRAIGHT, :, POSITION], [2.0, 1.0], atol=1e-5)
     expected = 0.1**2 + 4 * SIGMA_FIRST_MPS**2 + ACCELERATIONS[STRAIGHT] ** 2 * 8 / 3
     assert after.covariances[0, STRAIGHT, 0, 0] == pytest.approx(expected, rel=1e-5)
 
@@ -93,6 +94,6 @@ def test_measurement_by_hand() -> None:
     # Variance 1 and a measurement of variance 1 at distance 2: halfway, variance 1/2.
     motion = initial_motion(np.array([[0.0, 0.0]]), np.array([1.0]))
     after = update_motion(motion, POSITION, np.array([[2.0, 0.0]]), np.array([1.0]))
-    np.testing.assert_allclose(after.positions_m[0], [[1.0, 0.0]] * 3)
+    np.testing.assert_allclose(after.states[0, ..., POSITION], [[1.0, 0.0]] * 3)
     np.testing.assert_allclose(after.covariances[0, :, 0, 0], 0.5)
     assert after.modes.sum() == pytest.approx(1.0)

@@ -9,7 +9,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from common import kalman
+from common import imm, kalman
 from people4d.messages import F64
 from services.tracker.interface import VelocityMeasurement
 from services.tracker.motion.motion import Motion, PositionMotion
@@ -25,7 +25,6 @@ CHI2_3DOF_999 = 16.27  # largest squared distance of a velocity that a mode expl
 IS_POSITION = np.pad(np.ones((3, 3)), (0, 3))  # elements of a covariance
 ON_POSITION = IS_POSITION * np.eye(6)
 OWN = np.array([IS_POSITION, np.ones((6, 6))])  # covariances that each mode estimates
-PROBABILITY_MIN = 1e-6  # least probability of a mode
 UNKNOWN_M2PS2 = 1e6  # variance of an unknown velocity [m^2/s^2]
 
 Velocities: TypeAlias = Sequence[VelocityMeasurement | None]
@@ -156,7 +155,7 @@ class Imm:
         """
         stop, start = (-math.expm1(-dt_s / s) for s in (WALKING_S, STANDING_S))
         transition = np.array([[1 - start, start], [stop, 1 - stop]])
-        x, P, probability = mix(x, P, probability, transition)
+        x, P, probability = imm.mix(x, P, probability, transition)
         walking = self._decay(x[:, WALKING], P[:, WALKING], unmatched, dt_s)
         x[:, WALKING], P[:, WALKING] = self._motion.predict(*walking, dt_s, noise_factor)
         self._stand(x[:, STANDING], P[:, STANDING], dt_s, noise_factor)
@@ -171,7 +170,7 @@ class Imm:
         inverse = inverted(S)
         d_m2 = kalman.squared_lengths(y, inverse)
         x, P = kalman.corrected(x, P, y, R, inverse)
-        return x, P, weighed(probability, d_m2, S)
+        return x, P, imm.weighed(probability, d_m2, np.linalg.slogdet(S)[1])
 
     def update_velocities(
         self, x: F64, P: F64, probability: F64, v: F64, R: F64
@@ -188,12 +187,12 @@ class Imm:
         x, P = x.copy(), P.copy()
         updated = kalman.update_velocity(x[used, WALKING], P[used, WALKING], v[used], R[used])
         x[used, WALKING], P[used, WALKING] = updated
-        after = weighed(probability, d_m2, S)
+        after = imm.weighed(probability, d_m2, np.linalg.slogdet(S)[1])
         return x, P, np.where(used[:, None], after, probability)
 
     def means(self, x: F64, P: F64, probability: F64) -> list[FilterState]:
         """Return mean state and covariance of both modes, for N tracks, with these modes."""
-        mean, covariance = moments(probability[:, None], x, P * OWN + self._still)
+        mean, covariance = imm.moments(probability[:, None], x, P * OWN + self._still)
         modes = map(ImmState, x, P, probability)
         return list(map(FilterState, mean[:, 0], covariance[:, 0], modes))
 
@@ -213,36 +212,6 @@ class Imm:
         P += drift_m2 * ON_POSITION + self._begins_to_walk
 
 
-def mix(x: F64, P: F64, probability: F64, transition: F64) -> tuple[F64, F64, F64]:
-    """Return the mixed initial states (Nx2x6), covariances and probabilities (Nx2) of the modes.
-
-    Element i, j of `transition` is the probability of a transition from mode i to mode j.
-    """
-    joint = probability[:, :, None] * transition  # N, from, to
-    after = joint.sum(axis=1)
-    return *moments((joint / after[:, None]).swapaxes(1, 2), x, P), after
-
-
-def moments(weight: F64, x: F64, P: F64) -> tuple[F64, F64]:
-    """Return means (NxMxn) and covariances of mixtures (NxMx2) of two states (Nx2xn) each.
-
-    The spread of two states about their mean is w_0 w_1 d d^T, d their difference.
-    """
-    n = x.shape[-1]
-    off = x[:, 0] - x[:, 1]
-    spread = (off[:, :, None] * off[:, None])[:, None]
-    within = (weight @ P.reshape(len(P), 2, n * n)).reshape(*weight.shape[:2], n, n)
-    return weight @ x, within + (weight[..., 0] * weight[..., 1])[..., None, None] * spread
-
-
-def weighed(probability: F64, d_m2: F64, S: F64) -> F64:
-    """Return probabilities (Nx2) of modes after innovations of covariances S (Nx2xmxm)."""
-    logs = -0.5 * (d_m2 + np.linalg.slogdet(S)[1])
-    greatest = np.maximum.reduce(logs, axis=1, keepdims=True)
-    weight = normalised(probability * np.exp(logs - greatest))
-    return normalised(np.maximum(weight, PROBABILITY_MIN))
-
-
 def stacked(velocities: Velocities) -> tuple[F64, F64]:
     """Return velocities (Nx3) and covariances (Nx3x3), large ones where unknown."""
     unknown = VelocityMeasurement(np.zeros(3), UNKNOWN_M2PS2 * np.eye(3))
@@ -253,12 +222,6 @@ def stacked(velocities: Velocities) -> tuple[F64, F64]:
 def inverted(S: F64) -> F64:
     """Return the inverses of matrices."""
     return np.asarray(np.linalg.inv(S), np.float64)
-
-
-def normalised(weights: F64) -> F64:
-    """Return weights (NxM) over their sums."""
-    result: F64 = weights / np.add.reduce(weights, axis=1, keepdims=True)
-    return result
 
 
 StateFilter: TypeAlias = KalmanFilter | Imm

@@ -5,10 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
+from common.imm import mix
 from people4d.messages import F64
 from services.tracker.interface import VelocityMeasurement
 from services.tracker.motion.motion import PositionMotion
-from services.tracker.motion.state_filter import STANDING, WALKING, Imm, mix
+from services.tracker.motion.state_filter import STANDING, WALKING, Imm
 from services.tracker.motion.track_record import ImmState
 from services.tracker.strongsort3d.build import build_strongsort3d
 from tests.tracker.scene import frame, person, published, published_config

@@ -64,8 +64,8 @@ def test_similar_views_are_dropped_and_their_number_is_bounded() -> None:
     views: list[F64] = []
     for angle in (0, 10, 60, 100, 140, 180, 220, 260, 300, 25):
         add_view(views, embedding(angle))
-    kept = (60, 100, 140, 180, 220, 260, 300, 25)
-    np.testing.assert_allclose(views, [embedding(angle) for angle in kept])
+    expected = (60, 100, 140, 180, 220, 260, 300, 25)
+    np.testing.assert_allclose(views, [embedding(angle) for angle in expected])
 
 
 def test_longest_unseen_person_is_deleted_first(monkeypatch: pytest.MonkeyPatch) -> None:
