@@ -37,6 +37,7 @@ check: $(VENV)/.dev
 	$(BIN)/codespell
 	$(BIN)/python -m scripts.message_docs --check
 	$(BIN)/python -m scripts.conventions
+	$(BIN)/python -m scripts.table_age
 
 format: $(VENV)/.dev
 	$(BIN)/ruff format .
