@@ -30,12 +30,11 @@ def mesh_of(points_m: npt.ArrayLike, edges: Sequence[tuple[int, int]]) -> BodyMe
     grid[rows, columns] = np.arange(len(points))
     return BodyMesh(
         points_m=points,
-        normals=np.tile((0.0, 0.0, -1.0), (len(points), 1)),
         pixels_px=pixels,
         indptr=np.searchsorted(starts, np.arange(len(points) + 1)).astype(np.int32),
         indices=ends.astype(np.int32),
         lengths_m=lengths,
-        resolution_m=float(np.median(lengths)) if len(lengths) else 0.0,
+        neighbours=np.full((len(points), 8), -1, np.int32),
         grid=grid,
         left_px=0,
         top_px=0,

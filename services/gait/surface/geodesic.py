@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import dijkstra
 from common.compiled import compiled
 from people4d.messages import F64
 from services.gait.surface.mesh import BodyMesh
-from services.gait.surface.segmentation import I32, I64, root_of
+from services.gait.surface.segmentation import I32, I64
 
 PERSISTENCE_M = 0.06  # Minimum persistence of an extremity [m]
 
@@ -108,3 +108,12 @@ def _flood(
         basin[v] = root_of(merged, basin[v])
         if island[v] == v:
             persistence[v] = max(height[v] - height[order[-1]], least)
+
+
+@compiled
+def root_of(parents: I64, label: int) -> int:
+    """Return the root of a node in a tree of parents, whose paths are halved."""
+    while parents[label] != label:
+        parents[label] = parents[parents[label]]
+        label = parents[label]
+    return label

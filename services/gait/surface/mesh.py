@@ -31,7 +31,6 @@ EDGE_M, EDGE_STRETCH, EDGE_NOISE_PER_M2 = 0.015, 2.0, 0.003
 # Distance about a vertex within which depth is averaged [px]: the residual noise of a stereo camera
 # is longer than the edges and would lengthen all paths along the surface; published: 0
 SMOOTH_PX = 6
-NORMAL_PASSES = 1  # Passes of averaging normals with their neighbours'; published: 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,12 +38,11 @@ class BodyMesh:
     """Mesh of one body; V vertices."""
 
     points_m: F64  # Vx3, optical frame
-    normals: F64  # Vx3, unit length, towards the sensor
     pixels_px: F64  # Vx2, u and v in the image
     indptr: I32  # V + 1: the neighbours of vertex i are indices[indptr[i] : indptr[i + 1]]
     indices: I32  # E
     lengths_m: F64  # E, of the edges
-    resolution_m: float  # median length of the edges; 0 without edges
+    neighbours: I32  # Vx8, in the order of NEIGHBOURS; -1: no edge
     grid: I32  # rows x columns of the vertices, -1 off the body
     left_px: int  # of the grid in the image
     top_px: int
@@ -54,6 +52,25 @@ class BodyMesh:
     def middle_m(self) -> F64:
         """Median of the points, 3."""
         return np.asarray(np.median(self.points_m, axis=0))
+
+    @cached_property
+    def normals(self) -> F64:
+        """Normals, Vx3, unit length, towards the sensor.
+
+        Means over the faces of a vertex, weighted by their angles [Thürmer 1998].
+        """
+        known = self.neighbours >= 0
+        edges = self.points_m[self.neighbours] - self.points_m[:, None]
+        others = np.roll(edges, -1, axis=1)
+        faces = np.cross(edges, others)
+        areas = np.linalg.norm(faces, axis=2)
+        angles = np.arctan2(areas, (edges * others).sum(axis=2))
+        weights = angles * (known & np.roll(known, -1, axis=1)) / np.maximum(areas, 1e-12)
+        normals = (weights[..., None] * faces).sum(axis=1)
+        lone = np.linalg.norm(normals, axis=1) < 1e-9  # no face
+        normals[lone] = -self.points_m[lone]
+        normals[(normals * self.points_m).sum(axis=1) > 0] *= -1
+        return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
 
     def vertices_at(self, pixels_px: npt.ArrayLike) -> I64:
         """Return the vertices (M) at pixels (Mx2: u, v); -1 off the body."""
@@ -91,26 +108,22 @@ def build_mesh(body: BodySegment, info: CameraInfo) -> BodyMesh:
     pixels = samples[:, :2] + (body.left_px, body.top_px)
     points = deproject(pixels, samples[:, 2], info)
     limits = _edge_limits_m(samples[:, 2], step, info)
-    indptr = np.zeros(count + 1, np.int32)
-    indices, lengths = np.empty(8 * count, np.int32), np.empty(8 * count)
-    normals = np.empty((count, 3))
-    edges = _connect_and_orient(grid, points, limits, NEIGHBOURS, indptr, indices, lengths, normals)
-    indices, lengths = indices[:edges].copy(), lengths[:edges].copy()
-    for _ in range(NORMAL_PASSES):
-        normals = _smooth_normals(normals, indptr, indices)
-    resolution = float(np.median(lengths)) if edges else 0.0
+    near, long_m = np.full((count, 8), -1, np.int32), np.empty((count, 8))
+    _connect(grid, points, limits, NEIGHBOURS, near, long_m)
+    linked = near >= 0
+    indptr = np.concatenate([[0], np.cumsum(linked.sum(axis=1))]).astype(np.int32)
+    indices, lengths = near[linked], long_m[linked]
     cells = max(-(-JOIN_PX // step), 1)
     indptr, indices, lengths = bridge_pieces(
         grid, points, (indptr, indices, lengths), cells, JOIN_M
     )
     return BodyMesh(
         points_m=points,
-        normals=normals,
         pixels_px=pixels,
         indptr=indptr,
         indices=indices,
         lengths_m=lengths,
-        resolution_m=resolution,
+        neighbours=near,
         grid=grid,
         left_px=body.left_px,
         top_px=body.top_px,
@@ -194,31 +207,6 @@ def _smooth_depth(
 
 
 @compiled
-def _connect_and_orient(
-    grid: I32,
-    points: F64,
-    limits: F64,
-    neighbours: I32,
-    indptr: I32,
-    indices: I32,
-    lengths: F64,
-    normals: F64,
-) -> int:
-    """Set the edges between neighbours and the normals; return the number of edges."""
-    near, long = np.full((len(points), 8), -1, np.int32), np.empty((len(points), 8))
-    _connect(grid, points, limits, neighbours, near, long)
-    edges = 0
-    for here in range(len(points)):
-        for k in range(8):
-            if near[here, k] >= 0:
-                indices[edges], lengths[edges] = near[here, k], long[here, k]
-                edges += 1
-        indptr[here + 1] = edges
-        _normal(points, here, near, long, normals)
-    return edges
-
-
-@compiled
 def _connect(grid: I32, points: F64, limits: F64, neighbours: I32, near: I32, long: F64) -> None:
     """Set the neighbours of vertices, in the order of NEIGHBOURS, and their distances."""
     rows, columns = grid.shape
@@ -239,53 +227,3 @@ def _connect(grid: I32, points: F64, limits: F64, neighbours: I32, near: I32, lo
                 if length <= min(limits[here], limits[there]):
                     near[here, k], near[there, k + 4] = there, here
                     long[here, k] = long[there, k + 4] = length
-
-
-@compiled
-def _normal(points: F64, here: int, near: I32, long: F64, normals: F64) -> None:
-    """Set the normal of a vertex: the mean over its faces, weighted by angle [Thürmer 1998]."""
-    px, py, pz = points[here, 0], points[here, 1], points[here, 2]
-    x = y = z = 0.0
-    for k in range(8):
-        m = (k + 1) % 8
-        one, other = near[here, k], near[here, m]
-        if one < 0 or other < 0:
-            continue
-        ax, ay, az = points[one, 0] - px, points[one, 1] - py, points[one, 2] - pz
-        bx, by, bz = points[other, 0] - px, points[other, 1] - py, points[other, 2] - pz
-        fx, fy, fz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-        area = np.sqrt(fx * fx + fy * fy + fz * fz)
-        both = long[here, k] * long[here, m]
-        if area <= 1e-12 * both:
-            continue
-        weight = _angle((ax * bx + ay * by + az * bz) / both) / area
-        x, y, z = x + weight * fx, y + weight * fy, z + weight * fz
-    size = np.sqrt(x * x + y * y + z * z)
-    if size < 1e-9:  # no face: the normal points to the sensor
-        x, y, z = -px, -py, -pz
-        size = np.sqrt(x * x + y * y + z * z)
-    if x * px + y * py + z * pz > 0:
-        size = -size
-    normals[here, 0], normals[here, 1], normals[here, 2] = x / size, y / size, z / size
-
-
-@compiled
-def _angle(cosine: float) -> float:
-    """Return an angle by its cosine, in radians, to 0.0001 [Abramowitz 1964]."""
-    c = min(abs(cosine), 1.0)
-    angle = np.sqrt(1 - c) * (1.5707288 + c * (-0.2121144 + c * (0.0742610 - 0.0187293 * c)))
-    return float(np.pi - angle if cosine < 0 else angle)
-
-
-@compiled
-def _smooth_normals(normals: F64, indptr: I32, indices: I32) -> F64:
-    """Return each normal averaged with its neighbours'."""
-    smooth = np.empty_like(normals)
-    for here in range(len(normals)):
-        x, y, z = normals[here, 0], normals[here, 1], normals[here, 2]
-        for k in range(indptr[here], indptr[here + 1]):
-            there = indices[k]
-            x, y, z = x + normals[there, 0], y + normals[there, 1], z + normals[there, 2]
-        size = max(np.sqrt(x * x + y * y + z * z), 1e-12)
-        smooth[here, 0], smooth[here, 1], smooth[here, 2] = x / size, y / size, z / size
-    return smooth

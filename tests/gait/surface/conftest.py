@@ -18,7 +18,6 @@ MESH = {
     "EDGE_STRETCH": 0.0,
     "EDGE_NOISE_PER_M2": 0.0,
     "SMOOTH_PX": 0,
-    "NORMAL_PASSES": 0,
 }
 
 

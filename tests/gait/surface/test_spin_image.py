@@ -110,15 +110,13 @@ def test_bins_share_a_point_in_proportion(monkeypatch: pytest.MonkeyPatch) -> No
     # beta 0.1 from the middle row 2 of 4. Itself: alpha 0, beta 0, all in (2, 0).
     mesh = plane()
     points = np.array([[0.0, 0.0, 1.0], [0.004, 0.0, 0.999]])
-    normals = np.array([[0.0, 0.0, -1.0]] * 2)
     two = BodyMesh(
         points_m=points,
-        normals=normals,
         pixels_px=np.zeros((2, 2)),
         indptr=mesh.indptr[:1].repeat(3),
         indices=mesh.indices[:0],
         lengths_m=np.zeros(0),
-        resolution_m=0.0,
+        neighbours=np.full((2, 8), -1, np.int32),
         grid=mesh.grid[:0],
         left_px=0,
         top_px=0,
