@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import BinaryIO, Literal, Protocol, Self
+from typing import BinaryIO, Self
 
 import msgspec
 from mcap.writer import CompressionType, IndexType, Writer
@@ -25,42 +25,6 @@ from people4d.topics import BY_MESSAGE, prefix, topic_of_key
 PROFILE = "people4d"
 ENCODING = "msgpack"
 
-Container = Literal["records", "chunks", "compressed"]
-
-
-class ForeignMessage(Protocol):
-    """A message in the encoding of other programs."""
-
-    @property
-    def topic(self) -> str:
-        """Name of its channel, which no topic of ours has."""
-        ...
-
-    @property
-    def encoding(self) -> str:
-        """Encoding of the message, for example "protobuf"."""
-        ...
-
-    @property
-    def schema_name(self) -> str:
-        """Name of its schema."""
-        ...
-
-    @property
-    def schema_encoding(self) -> str:
-        """Encoding of its schema."""
-        ...
-
-    @property
-    def schema(self) -> bytes:
-        """Its schema."""
-        ...
-
-    @property
-    def data(self) -> bytes:
-        """The message."""
-        ...
-
 
 class RecordingWriter:
     """Writes messages to a file; use it in a `with` block.
@@ -71,30 +35,24 @@ class RecordingWriter:
     Args:
         path: The file; its folder is made, an existing file is replaced.
         quality: JPEG quality of frames that arrive uncompressed, 1 to 100.
-        container: "records": each message is a record of its own, so that a crash costs at most
-            the last; "chunks": with an index, which viewers need to seek, so that a crash costs at
-            most a megabyte; "compressed": likewise, with Zstandard and no profile, for messages of
-            other programs alone.
     """
 
-    def __init__(self, path: Path, quality: int = 90, container: Container = "records") -> None:
+    def __init__(self, path: Path, quality: int = 90) -> None:
         self._path = path
         self._quality = quality
         self._channels: dict[str, int] = {}
-        self._schemas: dict[str, int] = {}
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file: BinaryIO = path.open("wb")
         except OSError as error:
             raise SourceError(f"recording {path} cannot be written: {error.strerror}") from error
-        chunks, compressed = container != "records", container == "compressed"
         self._writer = Writer(
             self._file,
-            compression=CompressionType.ZSTD if compressed else CompressionType.NONE,
-            index_types=IndexType.ALL if chunks else IndexType.NONE,
-            use_chunking=chunks,
+            compression=CompressionType.NONE,
+            index_types=IndexType.NONE,
+            use_chunking=False,
         )
-        self._writer.start("" if compressed else PROFILE, "people4d")
+        self._writer.start(PROFILE, "people4d")
 
     def write(self, message: Message, log_time_ns: int) -> None:
         """Append a message at its time of reception; an uncompressed frame is compressed first."""
@@ -107,16 +65,6 @@ class RecordingWriter:
                 data=encode(message),
                 publish_time=max(message.stamp_ns, 0),
                 sequence=message.sequence & 0xFFFFFFFF,
-            )
-
-    def write_foreign(self, message: ForeignMessage, log_time_ns: int) -> None:
-        """Append a message for other programs, which our readers pass over."""
-        with self._source_errors():
-            self._writer.add_message(
-                self._foreign_channel(message),
-                log_time=max(log_time_ns, 0),
-                data=message.data,
-                publish_time=max(log_time_ns, 0),
             )
 
     def write_metadata(self, name: str, values: Mapping[str, str]) -> None:
@@ -160,19 +108,6 @@ class RecordingWriter:
         if topic not in self._channels:
             self._channels[topic] = self._writer.register_channel(topic, ENCODING, schema_id=0)
         return self._channels[topic]
-
-    def _foreign_channel(self, message: ForeignMessage) -> int:
-        if message.topic not in self._channels:
-            schema = self._schemas.get(message.schema_name)
-            if schema is None:
-                schema = self._writer.register_schema(
-                    message.schema_name, message.schema_encoding, message.schema
-                )
-                self._schemas[message.schema_name] = schema
-            self._channels[message.topic] = self._writer.register_channel(
-                message.topic, message.encoding, schema
-            )
-        return self._channels[message.topic]
 
 
 class RecordingSummary(msgspec.Struct, frozen=True, kw_only=True):

@@ -1,18 +1,16 @@
-"""Our messages as messages of Foxglove's schemas, which its app opens without a plug-in."""
+"""Messages of people4d in Foxglove's schemas, which its app opens without a plug-in."""
 
-import json
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
+from foxglove import Schema
 from foxglove import messages as fox
 
 from common.geometry.transform_buffer import transform_from_odometry
-from common.io.images import decode_png16
+from common.io.images import decode_png16, encode_jpeg
 from common.runtime.latency import end_to_end, merge_stages, segments
-from deploy.viewers.colour_images import ColourEncoder
 from deploy.viewers.foxglove_people import (
     annotations,
     people_update,
@@ -37,60 +35,61 @@ from people4d.messages import (
     Tracks,
 )
 
-REPEAT_NS = 10**9  # after which calibration and fixed transforms come again, for late clients
+REPEAT_NS = 10**9  # period of calibrations and static transforms, for late clients [ns]
+JPEG_QUALITY = 80
 DISTORTION = {"none": "plumb_bob"}
 
-LATENCY_SCHEMA = {
-    "type": "object",
-    "title": "people4d.Latency",
-    "properties": {
-        "end_to_end_ms": {"type": "number"},
-        "stages_ms": {"type": "object", "additionalProperties": {"type": "number"}},
+STRING = {"type": "string"}
+NUMBERS = {"type": "object", "additionalProperties": {"type": "number"}}
+JSON_SCHEMAS: dict[str, dict[str, Any]] = {  # by topic
+    "/latency": {
+        "type": "object",
+        "title": "people4d.Latency",
+        "properties": {"end_to_end_ms": {"type": "number"}, "stages_ms": NUMBERS},
     },
-}
-HEALTH_SCHEMA = {
-    "type": "object",
-    "title": "people4d.Health",
-    "properties": {
-        "instance": {"type": "string"},
-        "host": {"type": "string"},
-        "state": {"type": "string"},
-        "reason": {"type": "string"},
-        "gauges": {"type": "object", "additionalProperties": {"type": "number"}},
-        "counters": {"type": "object", "additionalProperties": {"type": "number"}},
+    "/health": {
+        "type": "object",
+        "title": "people4d.Health",
+        "properties": {
+            **dict.fromkeys(("instance", "host", "state", "reason"), STRING),
+            **dict.fromkeys(("gauges", "counters"), NUMBERS),
+        },
     },
 }
 
 
-@dataclass(frozen=True, slots=True)
-class FoxgloveItem:
-    """An encoded message of one of Foxglove's schemas, or of a JSON schema."""
+class FoxgloveMessage(Protocol):
+    """Message of one of Foxglove's schemas."""
 
-    topic: str
-    encoding: str  # of the message: "protobuf" or "json"
-    schema_name: str  # for example "foxglove.SceneUpdate"
-    schema_encoding: str  # "protobuf" or "jsonschema"
-    schema: bytes
-    data: bytes
+    @classmethod
+    def get_schema(cls) -> Schema:
+        """Return the schema."""
+
+    def encode(self) -> bytes:
+        """Return the message in protobuf."""
+
+
+Content = FoxgloveMessage | dict[str, Any]  # the latter by JSON_SCHEMAS
+Item = tuple[str, Content]  # topic and content
 
 
 class FoxgloveConverter:
-    """Converts messages as they come.
+    """Converts messages to topics and contents of Foxglove.
 
     Args:
-        images: Encodes colour; None leaves colour and depth out.
+        images: Include colour and depth.
     """
 
-    def __init__(self, images: ColourEncoder | None) -> None:
+    def __init__(self, images: bool) -> None:
         self._images = images
         self._scene = PeopleScene()
         self._static: dict[str, StaticTransform] = {}
         self._repeated_ns: int | None = None
-        self.bad_images = 0  # frames left out since they could not be decoded
+        self.bad_images = 0  # number of frames that could not be decoded
 
-    def convert(self, message: Message, log_time_ns: int) -> Iterator[FoxgloveItem]:
-        """Yield what a message becomes; `log_time_ns` is when it was received."""
-        people = self._scene.add(message)
+    def convert(self, message: Message, log_time_ns: int) -> Iterator[Item]:
+        """Yield the topics and contents of a message that was received at `log_time_ns`."""
+        people = self._scene.add_message(message)
         if isinstance(message, CameraInfo | StaticTransform):
             if isinstance(message, StaticTransform):
                 self._static[message.child] = message
@@ -102,56 +101,54 @@ class FoxgloveConverter:
         if isinstance(message, RgbdFrame | CompressedRgbdFrame):
             yield from self._frame(message)
         elif isinstance(message, MovingTransform):
-            yield _item(
-                "/tf",
-                _transforms(message.stamp_ns, (message.parent, message.child, message.matrix)),
-            )
+            edge = message.parent, message.child, message.matrix
+            yield "/tf", _transforms(message.stamp_ns, edge)
         elif isinstance(message, Odometry):
-            frames = message.frame_id, message.child_frame_id, transform_from_odometry(message)
-            yield _item("/tf", _transforms(message.stamp_ns, frames))
+            edge = message.frame_id, message.child_frame_id, transform_from_odometry(message)
+            yield "/tf", _transforms(message.stamp_ns, edge)
         elif isinstance(message, Predictions):
-            yield _item("/predictions", predictions_update(message))
+            yield "/predictions", predictions_update(message)
         elif isinstance(message, Skeletons):
-            yield _item("/skeletons", skeletons_update(self._scene.skeletons(message)))
+            yield "/skeletons", skeletons_update(self._scene.skeletons(message))
         elif isinstance(message, Health):
-            yield _json("/health", HEALTH_SCHEMA, _health(message))
+            yield "/health", _health(message)
         if people:
-            yield _item("/people", people_update(people))
-            yield _item(f"/{people.tracks.camera}/annotations", annotations(people))
+            yield "/people", people_update(people)
+            yield f"/{people.tracks.camera}/annotations", annotations(people)
             if people.skeletons:
-                yield _item("/skeletons", skeletons_update(people.skeletons))
+                yield "/skeletons", skeletons_update(people.skeletons)
             if people.tracks.trace:
-                yield _json("/latency", LATENCY_SCHEMA, _latency(people.tracks))
+                yield "/latency", _latency(people.tracks)
 
-    def _latched(self, log_time_ns: int) -> Iterator[FoxgloveItem]:
+    def _latched(self, log_time_ns: int) -> Iterator[Item]:
         for info in self._scene.infos.values():
-            yield _item(f"/{info.camera}/calibration", _calibration(info, log_time_ns))
+            yield f"/{info.camera}/calibration", _calibration(info, log_time_ns)
         if self._static:
             static = ((t.parent, t.child, t.matrix) for t in self._static.values())
-            yield _item("/tf_static", _transforms(log_time_ns, *static))
+            yield "/tf_static", _transforms(log_time_ns, *static)
 
-    def _frame(self, frame: RgbdFrame | CompressedRgbdFrame) -> Iterator[FoxgloveItem]:
-        if self._images is None:
+    def _frame(self, frame: RgbdFrame | CompressedRgbdFrame) -> Iterator[Item]:
+        if not self._images:
             return
         info = self._scene.infos.get(frame.camera)
         header: dict[str, Any] = {
             "timestamp": stamp(frame.stamp_ns),
             "frame_id": info.frame_id if info else f"{frame.camera}_optical_frame",
         }
-        try:
-            colour = self._images.encode(frame)
-            depth_mm = (
-                frame.depth_mm if isinstance(frame, RgbdFrame) else decode_png16(frame.depth_png)
-            )
-        except DecodeError:
-            self.bad_images += 1
-            return
-        kind = fox.CompressedVideo if self._images.format == "h264" else fox.CompressedImage
-        yield _item(
-            f"/{frame.camera}/image", kind(**header, data=colour, format=self._images.format)
+        if isinstance(frame, RgbdFrame):
+            jpeg, depth_mm = encode_jpeg(frame.rgb, JPEG_QUALITY), frame.depth_mm
+        else:
+            try:
+                jpeg, depth_mm = frame.rgb_jpeg, decode_png16(frame.depth_png)
+            except DecodeError:
+                self.bad_images += 1
+                return
+        yield (
+            f"/{frame.camera}/image",
+            fox.CompressedImage(**header, data=jpeg, format="jpeg"),
         )
         height, width = depth_mm.shape
-        yield _item(
+        yield (
             f"/{frame.camera}/depth",
             fox.RawImage(
                 **header,
@@ -162,19 +159,6 @@ class FoxgloveConverter:
                 data=np.ascontiguousarray(depth_mm, "<u2").tobytes(),
             ),
         )
-
-
-def _item(topic: str, message: Any) -> FoxgloveItem:
-    schema = message.get_schema()
-    return FoxgloveItem(
-        topic, "protobuf", schema.name, schema.encoding, schema.data, message.encode()
-    )
-
-
-def _json(topic: str, schema: dict[str, Any], values: dict[str, Any]) -> FoxgloveItem:
-    described = json.dumps(schema).encode()
-    data = json.dumps(values, allow_nan=False).encode()
-    return FoxgloveItem(topic, "json", schema["title"], "jsonschema", described, data)
 
 
 def _calibration(info: CameraInfo, log_time_ns: int) -> fox.CameraCalibration:
@@ -191,9 +175,9 @@ def _calibration(info: CameraInfo, log_time_ns: int) -> fox.CameraCalibration:
     )
 
 
-def _transforms(stamp_ns: int, *frames: tuple[str, str, F64]) -> fox.FrameTransforms:
+def _transforms(stamp_ns: int, *edges: tuple[str, str, F64]) -> fox.FrameTransforms:
     transforms = []
-    for parent, child, matrix in frames:
+    for parent, child, matrix in edges:
         translation, rotation = pose_parts(matrix)
         transforms.append(
             fox.FrameTransform(

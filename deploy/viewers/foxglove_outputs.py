@@ -1,63 +1,65 @@
-"""Outputs of Foxglove's messages: a WebSocket server, a file of theirs, a recording of ours."""
+"""Server and file of Foxglove's messages, by its SDK."""
 
-from collections.abc import Callable
+import json
 from pathlib import Path
 
 import foxglove
-from foxglove import Channel, Context, Schema
+from foxglove import Channel, Context
 from foxglove.websocket import WebSocketServer
 
-from common.io.recording import RecordingWriter
-from deploy.viewers.foxglove_messages import FoxgloveConverter
-from people4d.errors import ConfigError
+from deploy.viewers.foxglove_messages import JSON_SCHEMAS, Content, FoxgloveConverter
+from people4d.errors import ConfigError, SourceError
 from people4d.messages import Message
 
-# Messages that wait for a slow client, whose oldest are dropped beyond.
-BACKLOG = 256
+BACKLOG = 256  # maximum number of messages that wait for a slow client; the oldest are dropped
 
 
-class _Channels:
-    """Channels of a context, made as their first messages come."""
+class FoxgloveOutput:
+    """Converts messages and logs them in a context; channels open with their first message."""
 
-    def __init__(self) -> None:
-        self.context = Context()
+    def __init__(self, converter: FoxgloveConverter) -> None:
+        self._converter, self._context = converter, Context()
         self._channels: dict[str, Channel] = {}
 
-    def write(self, converter: FoxgloveConverter, message: Message, log_time_ns: int) -> None:
-        for item in converter.convert(message, log_time_ns):
-            if item.topic not in self._channels:
-                schema = Schema(
-                    name=item.schema_name, encoding=item.schema_encoding, data=item.schema
-                )
-                self._channels[item.topic] = Channel(
-                    item.topic,
-                    schema=schema,
-                    message_encoding=item.encoding,
-                    context=self.context,
-                )
-            self._channels[item.topic].log(item.data, log_time=max(log_time_ns, 0))
+    def write(self, message: Message, log_time_ns: int) -> None:
+        """Log a message that was received at a time."""
+        for topic, content in self._converter.convert(message, log_time_ns):
+            if topic not in self._channels:
+                self._channels[topic] = self._open_channel(topic, content)
+            data = (
+                json.dumps(content, allow_nan=False).encode()
+                if isinstance(content, dict)
+                else content.encode()
+            )
+            self._channels[topic].log(data, log_time=max(log_time_ns, 0))
+
+    def _open_channel(self, topic: str, content: Content) -> Channel:
+        if isinstance(content, dict):
+            return Channel(topic, schema=JSON_SCHEMAS[topic], context=self._context)
+        schema = content.get_schema()
+        return Channel(topic, schema=schema, message_encoding="protobuf", context=self._context)
 
 
-class FoxgloveServer:
+class FoxgloveServer(FoxgloveOutput):
     """Serves messages to Foxglove's app by its WebSocket protocol.
 
     Args:
         converter: Converts the messages.
-        host: Address to listen at.
+        host: Address of the server.
         port: TCP port; 0: a free one.
 
     Raises:
-        ConfigError: The address is in use or not of this machine.
+        ConfigError: The address is in use, or not an address of this machine.
     """
 
     def __init__(self, converter: FoxgloveConverter, host: str, port: int) -> None:
-        self._converter, self._channels = converter, _Channels()
+        super().__init__(converter)
         try:
             self._server: WebSocketServer = foxglove.start_server(
                 name="people4d",
                 host=host,
                 port=port,
-                context=self._channels.context,
+                context=self._context,
                 message_backlog_size=BACKLOG,
             )
         except RuntimeError as error:
@@ -66,49 +68,30 @@ class FoxgloveServer:
             ) from error
         self.port = self._server.port
 
-    def write(self, message: Message, log_time_ns: int) -> None:
-        """Send a message to the clients."""
-        self._channels.write(self._converter, message, log_time_ns)
-
     def close(self) -> None:
         """Stop the server."""
         self._server.stop()
 
 
-class FoxgloveFile:
-    """Writes an MCAP file of Foxglove's messages alone, compressed and indexed.
+class FoxgloveFile(FoxgloveOutput):
+    """Writes a compressed, indexed MCAP file of Foxglove's messages.
 
-    SourceError if it cannot be written.
+    Raises:
+        SourceError: The file cannot be written, on opening and closing.
     """
 
     def __init__(self, converter: FoxgloveConverter, path: Path) -> None:
-        self._converter = converter
-        self._writer = RecordingWriter(path, container="compressed")
-
-    def write(self, message: Message, log_time_ns: int) -> None:
-        """Append what a message is for Foxglove."""
-        for item in self._converter.convert(message, log_time_ns):
-            self._writer.write_foreign(item, log_time_ns)
+        super().__init__(converter)
+        self._path = path
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = foxglove.open_mcap(path, allow_overwrite=True, context=self._context)
+        except (OSError, RuntimeError) as error:
+            raise SourceError(f"{path} cannot be written: {error}") from error
 
     def close(self) -> None:
         """Finish the file."""
-        self._writer.close()
-
-
-class FoxgloveRecordingWriter(RecordingWriter):
-    """A recording of ours with Foxglove's messages beside, indexed so that its app can seek."""
-
-    def __init__(self, path: Path, converter: FoxgloveConverter) -> None:
-        super().__init__(path, container="chunks")
-        self._converter = converter
-
-    def write(self, message: Message, log_time_ns: int) -> None:
-        """Append a message and what it is for Foxglove."""
-        super().write(message, log_time_ns)
-        for item in self._converter.convert(message, log_time_ns):
-            self.write_foreign(item, log_time_ns)
-
-
-def recording_opener(make: Callable[[], FoxgloveConverter]) -> Callable[[Path], RecordingWriter]:
-    """Return the function that opens a recording with a converter of its own."""
-    return lambda path: FoxgloveRecordingWriter(path, make())
+        try:
+            self._file.close()
+        except (OSError, RuntimeError) as error:
+            raise SourceError(f"{self._path} cannot be written: {error}") from error

@@ -1,4 +1,4 @@
-"""People for Foxglove: entities of the 3D panel, annotations of the image panel."""
+"""People in Foxglove: entities of the 3D panel, annotations of the image panel."""
 
 import math
 from collections.abc import Iterator
@@ -6,20 +6,26 @@ from collections.abc import Iterator
 import numpy as np
 from foxglove import messages as fox
 
-from common.drawing.people import ARROW_M, CONFIDENCE_MIN, LIMBS
+from common.drawing.people import ARROW_M
 from deploy.viewers.foxglove_primitives import colour, point3, pose_at, stamp
-from deploy.viewers.scene import PeopleFrame, ScenePerson, SceneSkeleton, SkeletonFrame
-from people4d.messages import F32, F64, Predictions, Track
+from deploy.viewers.scene import (
+    PeopleFrame,
+    ScenePerson,
+    SceneSkeleton,
+    SkeletonFrame,
+    predicted_path,
+)
+from people4d.messages import F64, Predictions, Track
 
-BODY_M = 1.7  # height of the cylinder around the position, which lies in the torso
-TORSO_M = 1.2  # height of the position above the ground, about
-PALE = 0.35  # opacity of what is predicted
+BODY_M = 1.7  # height of the cylinder of a person [m]
+TORSO_M = 1.2  # approximate height of the position above the ground [m]
+PALE = 0.35  # opacity of predicted joints and limbs
 CLEAR = fox.SceneEntityDeletion(type=fox.SceneEntityDeletionType.All)
 Vector = fox.Vector3
 
 
 def people_update(frame: PeopleFrame) -> fox.SceneUpdate:
-    """Return cylinder, ellipse of uncertainty, heading, label and trajectory of each."""
+    """Return cylinder, uncertainty, heading, label and trajectory of each person."""
     stamp_ns, frame_id = frame.tracks.stamp_ns, frame.tracks.frame_id
     entities = [
         fox.SceneEntity(
@@ -38,7 +44,7 @@ def people_update(frame: PeopleFrame) -> fox.SceneUpdate:
 
 
 def skeletons_update(frame: SkeletonFrame) -> fox.SceneUpdate:
-    """Return the skeletons; joints that are predicted are pale."""
+    """Return the skeletons, with pale predicted joints."""
     entities = [
         fox.SceneEntity(
             timestamp=stamp(frame.stamp_ns),
@@ -56,8 +62,7 @@ def predictions_update(message: Predictions) -> fox.SceneUpdate:
     """Return the predicted path of each person, with an ellipse of 95 % at each horizon."""
     entities = []
     for person in message.people:
-        ground_m = float(person.position_m[2])
-        path = np.column_stack([person.means_m, np.full(len(person.means_m), ground_m)])
+        path = predicted_path(person)
         ellipses = [
             _ellipse(mean_m, covariance_m2, colour(person.id, 0.15))
             for mean_m, covariance_m2 in zip(path, person.covariances_m2, strict=True)
@@ -87,14 +92,14 @@ def annotations(frame: PeopleFrame) -> fox.ImageAnnotations:
         corners = [(left, top), (right, top), (right, bottom), (left, bottom)]
         shapes = [(fox.PointsAnnotationType.LineLoop, corners)]
         if view.detection.keypoints is not None:
-            limbs = list(_limbs_px(view.detection.keypoints))
+            limbs = [(float(u), float(v)) for ends in view.limbs_px() for u, v in ends]
             shapes.append((fox.PointsAnnotationType.LineList, limbs))
         points += [
             fox.PointsAnnotation(
                 timestamp=time,
                 type=kind,
                 points=[fox.Point2(x=u, y=v) for u, v in pixels],
-                outline_color=colour(_id_of(view)),
+                outline_color=colour(view.id),
                 thickness=2.0,
             )
             for kind, pixels in shapes
@@ -107,7 +112,7 @@ def annotations(frame: PeopleFrame) -> fox.ImageAnnotations:
                 text=view.label,
                 font_size=14.0,
                 text_color=fox.Color(r=1, g=1, b=1, a=1),
-                background_color=colour(_id_of(view), 0.8),
+                background_color=colour(view.id, 0.8),
             )
         )
     return fox.ImageAnnotations(timestamp=time, points=points, texts=texts)
@@ -116,10 +121,6 @@ def annotations(frame: PeopleFrame) -> fox.ImageAnnotations:
 def _above(position_m: F64, height_m: float) -> F64:
     raised: F64 = position_m + np.array([0.0, 0.0, height_m])
     return raised
-
-
-def _id_of(view: ScenePerson) -> int | None:
-    return view.track.id if view.track else None
 
 
 def _body(track: Track) -> fox.CylinderPrimitive:
@@ -139,7 +140,7 @@ def _uncertainty(track: Track) -> fox.CylinderPrimitive:
 
 
 def _ellipse(centre_m: F64, covariance_m2: F64, shade: fox.Color) -> fox.CylinderPrimitive:
-    """Return a flat cylinder that holds 95 % of a normal distribution of x and y."""
+    """Return the 95 % ellipse of x and y as a flat cylinder."""
     values, vectors = np.linalg.eigh(covariance_m2)
     minor_m, major_m = (2 * math.sqrt(5.991 * max(float(v), 0.0)) for v in values)
     yaw_rad = math.atan2(vectors[1, 1], vectors[0, 1])
@@ -213,10 +214,3 @@ def _line(
         points=points,
         color=colour(track_id, opacity),
     )
-
-
-def _limbs_px(keypoints: F32) -> Iterator[tuple[float, float]]:
-    for limb in LIMBS:
-        if (keypoints[list(limb), 2] >= CONFIDENCE_MIN).all():
-            for k in limb:
-                yield float(keypoints[k, 0]), float(keypoints[k, 1])

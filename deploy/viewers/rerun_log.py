@@ -1,4 +1,4 @@
-"""Messages in Rerun: images, depth, boxes, skeletons, tracks, transforms, latency, predictions."""
+"""Messages in Rerun: images, people, transforms, latency and predictions."""
 
 from contextlib import suppress
 from pathlib import Path
@@ -8,12 +8,18 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from common.drawing.people import ARROW_M, CONFIDENCE_MIN, LIMBS
-from common.drawing.strokes import GREY, Colour, colour_of
+from common.drawing.people import ARROW_M
+from common.drawing.strokes import colour_of
 from common.io.images import encode_jpeg, encode_png16
 from common.runtime.latency import end_to_end, merge_stages, segments
 from deploy.viewers.rerun_viewer import PORT, start_viewer
-from deploy.viewers.scene import PeopleFrame, PeopleScene, ScenePerson, SkeletonFrame
+from deploy.viewers.scene import (
+    PeopleFrame,
+    PeopleScene,
+    ScenePerson,
+    SkeletonFrame,
+    predicted_path,
+)
 from people4d.errors import SourceError
 from people4d.messages import (
     CameraInfo,
@@ -28,22 +34,20 @@ from people4d.messages import (
 )
 
 SKELETONS = "map/skeletons"
-VIEWS_MAX = 64  # of cameras; Rerun has two threads more for each arrangement that it is sent
-PALE = 90  # opacity of what is predicted, of 255
-QUALITY = 80  # of JPEG
-MILLIMETRES = 1000.0  # of depth in a metre
-FLUSH_S = (
-    3.0  # for the last messages to arrive; Rerun waits without a limit for a viewer that ended
-)
-SIGMAS = 2.4477  # of an ellipse that holds 95 % of a normal distribution of x and y
+VIEWS_MAX = 64  # maximum number of cameras with a view: each blueprint costs Rerun two threads
+PALE = 90  # opacity of predicted joints and limbs, 0 to 255
+JPEG_QUALITY = 80
+MILLIMETRES = 1000.0  # units of depth images in a metre
+FLUSH_S = 3.0  # maximum wait at the end: Rerun waits without a limit for a viewer that ended [s]
+SIGMAS = 2.4477  # half axes of a 95 % ellipse of x and y, in standard deviations
 
 
 class RerunLog:
     """Writes messages into a stream of Rerun, which goes to a viewer or to a file.
 
     Args:
-        stream: The stream, with its sink.
-        viewer: The viewer's process, if it was started for this stream.
+        stream: Stream with its sink.
+        viewer: Process of the viewer, if it was started for this stream.
     """
 
     def __init__(self, stream: rr.RecordingStream, viewer: "Popen[bytes] | None" = None) -> None:
@@ -53,7 +57,7 @@ class RerunLog:
         self._cameras: set[str] = set()
 
     def write(self, message: Message, log_time_ns: int) -> None:
-        """Take a message, received at this time.
+        """Log a message that was received at a time.
 
         Raises:
             SourceError: The viewer ended.
@@ -63,7 +67,7 @@ class RerunLog:
             raise SourceError("Rerun's viewer ended", hint)
         self._stream.set_time("stamp", timestamp=np.datetime64(message.stamp_ns, "ns"))
         self._stream.set_time("received", timestamp=np.datetime64(log_time_ns, "ns"))
-        people = self._scene.add(message)
+        people = self._scene.add_message(message)
         if isinstance(message, CameraInfo):
             self._calibrate(message)
         elif isinstance(message, RgbdFrame | CompressedRgbdFrame):
@@ -83,7 +87,7 @@ class RerunLog:
             self._latency(people.tracks)
 
     def close(self) -> None:
-        """Send what waits, and end the stream."""
+        """Send waiting messages, and end the stream."""
         with suppress(RuntimeError):  # the viewer is gone
             self._stream.flush(timeout_sec=FLUSH_S)
         self._stream.disconnect()
@@ -103,7 +107,7 @@ class RerunLog:
 
     def _frame(self, frame: RgbdFrame | CompressedRgbdFrame) -> None:
         if isinstance(frame, RgbdFrame):
-            colour, depth = encode_jpeg(frame.rgb, QUALITY), encode_png16(frame.depth_mm)
+            colour, depth = encode_jpeg(frame.rgb, JPEG_QUALITY), encode_png16(frame.depth_mm)
         else:
             colour, depth = frame.rgb_jpeg, frame.depth_png
         path = f"map/{frame.camera}"
@@ -177,11 +181,7 @@ class RerunLog:
         )
 
     def _predict(self, message: Predictions) -> None:
-        heights = [float(person.position_m[2]) for person in message.people]
-        paths = [
-            np.column_stack([person.means_m, np.full(len(person.means_m), height)])
-            for person, height in zip(message.people, heights, strict=True)
-        ]
+        paths = [predicted_path(person) for person in message.people]
         colours = [colour_of(person.id) for person in message.people]
         self._stream.log("map/predictions", rr.LineStrips3D(paths, colors=colours))
         horizons = len(message.horizons_s)
@@ -208,7 +208,7 @@ class RerunLog:
 
 
 def open_log(robot: str, file: Path | None) -> RerunLog:
-    """Open Rerun's viewer, which is started, or a file.
+    """Open a file, or start Rerun's viewer.
 
     Raises:
         SourceError: The file cannot be written, or the viewer cannot be started.
@@ -231,7 +231,7 @@ def open_log(robot: str, file: Path | None) -> RerunLog:
 
 
 def blueprint(cameras: list[str]) -> rrb.Blueprint:
-    """Return the arrangement of the viewer: images, people in 3D, latency, health."""
+    """Return the blueprint of the viewer: images, people in 3D, latency, health."""
     images = [rrb.Spatial2DView(origin=f"map/{camera}", name=camera) for camera in cameras]
     return rrb.Blueprint(
         rrb.Horizontal(
@@ -250,38 +250,25 @@ def blueprint(cameras: list[str]) -> rrb.Blueprint:
     )
 
 
-def _colour(view: ScenePerson) -> Colour:
-    return colour_of(view.track.id) if view.track else GREY
-
-
 def _boxes(people: tuple[ScenePerson, ...]) -> rr.Boxes2D:
     detected = [(view, view.detection) for view in people if view.detection]
     return rr.Boxes2D(
         array=np.array([d.box_xyxy_px for _, d in detected], np.float32).reshape(-1, 4),
         array_format=rr.Box2DFormat.XYXY,
         labels=[view.label for view, _ in detected],
-        colors=[_colour(view) for view, _ in detected],
+        colors=[colour_of(view.id) for view, _ in detected],
     )
 
 
 def _limbs_px(people: tuple[ScenePerson, ...]) -> rr.LineStrips2D:
-    segments_px, colours = [], []
-    for view in people:
-        keypoints = view.detection.keypoints if view.detection else None
-        if keypoints is None:
-            continue
-        for limb in LIMBS:
-            if (keypoints[list(limb), 2] >= CONFIDENCE_MIN).all():
-                segments_px.append(keypoints[list(limb), :2])
-                colours.append(_colour(view))
-    return rr.LineStrips2D(segments_px, colors=colours)
+    limbs = [(ends, colour_of(view.id)) for view in people for ends in view.limbs_px()]
+    return rr.LineStrips2D([ends for ends, _ in limbs], colors=[colour for _, colour in limbs])
 
 
 def _skeletons(frame: SkeletonFrame) -> rr.LineStrips3D:
     segments_m, colours = [], []
     for skeleton in frame.skeletons:
-        shade = GREY if skeleton.id is None else colour_of(skeleton.id)
         for ends_m, measured in skeleton.limbs():
             segments_m.append(ends_m)
-            colours.append([*shade, 255 if measured else PALE])
+            colours.append([*colour_of(skeleton.id), 255 if measured else PALE])
     return rr.LineStrips3D(segments_m, colors=colours)

@@ -1,4 +1,4 @@
-"""People of one frame, with everything that a viewer draws of them."""
+"""People of one frame, joined from detections and tracks for the viewers."""
 
 from collections import deque
 from collections.abc import Iterator, Mapping
@@ -6,11 +6,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from common.drawing.people import LIMBS
+from common.drawing.people import CONFIDENCE_MIN, LIMBS
 from common.geometry.keypoints import lift
 from common.geometry.transform_buffer import TransformBuffer
 from common.geometry.transforms import apply
 from people4d.messages import (
+    F32,
     F64,
     JOINTS,
     CameraInfo,
@@ -25,18 +26,24 @@ from people4d.messages import (
     Tracks,
 )
 from people4d.messages.base import MAX_CAMERAS
+from people4d.messages.prediction import PersonPrediction
 
-WAITING_MAX = 32  # detections whose tracks have not come
-TRAJECTORY_S = 10.0
-TRAJECTORIES_MAX = 256
+WAITING_MAX = 32  # maximum number of detections without their tracks
+TRAJECTORY_S = 10.0  # length of a trajectory [s]
+TRAJECTORIES_MAX = 256  # maximum number of trajectories
 
 
 @dataclass(frozen=True, slots=True)
 class ScenePerson:
-    """A person in a frame: a detection, the track that it belongs to, or both."""
+    """Person in a frame: a detection, a track, or a detection with its track."""
 
     track: Track | None = None
     detection: Detection | None = None
+
+    @property
+    def id(self) -> int | None:
+        """Identity; None for a detection without a track."""
+        return self.track.id if self.track else None
 
     @property
     def label(self) -> str:
@@ -45,17 +52,27 @@ class ScenePerson:
             return f"#{self.track.id}  {np.linalg.norm(self.track.velocity_mps):.1f} m/s"
         return f"{self.detection.score:.2f}" if self.detection else ""
 
+    def limbs_px(self) -> Iterator[F32]:
+        """Yield the ends (2x2) of each visible limb in the image."""
+        keypoints = self.detection.keypoints if self.detection else None
+        if keypoints is None:
+            return
+        for limb in LIMBS:
+            ends = keypoints[list(limb)]
+            if (ends[:, 2] >= CONFIDENCE_MIN).all():
+                yield ends[:, :2]
+
 
 @dataclass(frozen=True, slots=True)
 class SceneSkeleton:
     """Joints of a person in 3D."""
 
-    id: int | None  # of the track; None of a detection without one
-    joints_m: F64  # 17x3; NaN for what is unknown
-    measured: tuple[bool, ...] = (True,) * len(JOINTS)  # of each joint; else it is predicted
+    id: int | None  # identity; None for a detection without a track
+    joints_m: F64  # 17x3; NaN for unknown joints
+    measured: tuple[bool, ...] = (True,) * len(JOINTS)  # measured (else predicted), by joint
 
     def limbs(self) -> Iterator[tuple[F64, bool]]:
-        """Yield the ends (2x3) of each limb that is known, and whether both are measured."""
+        """Yield the ends (2x3) of each known limb, and whether both are measured."""
         for a, b in LIMBS:
             ends_m = self.joints_m[[a, b]]
             if np.isfinite(ends_m).all():
@@ -67,7 +84,7 @@ class SkeletonFrame:
     """Skeletons of one frame."""
 
     stamp_ns: int
-    frame_id: str  # frame of the joints, that of the tracks
+    frame_id: str  # frame of the joints and tracks
     skeletons: tuple[SceneSkeleton, ...]
 
 
@@ -76,16 +93,16 @@ class PeopleFrame:
     """People of one frame."""
 
     tracks: Tracks
-    info: CameraInfo | None  # of the camera whose frame it is
-    frame_from_optical: F64 | None  # 4x4, of that camera in the frame of the tracks
+    info: CameraInfo | None  # calibration of the camera
+    frame_from_optical: F64 | None  # pose of the camera in the frame of the tracks, 4x4
     people: tuple[ScenePerson, ...] = ()
-    # keypoints lifted by depth; None where topic skeletons has better ones, or the pose is unknown
+    # keypoints lifted by depth; None if the pose is unknown, or topic skeletons has better joints
     skeletons: SkeletonFrame | None = None
-    trajectories: Mapping[int, F64] = field(default_factory=dict)  # [m] Nx3 by id, last seconds
+    trajectories: Mapping[int, F64] = field(default_factory=dict)  # recent positions Nx3 [m], by id
 
 
 class PeopleScene:
-    """Joins detections with their tracks, and gathers trajectories; bounded memory."""
+    """Joins detections with their tracks, and collects trajectories in bounded memory."""
 
     inputs: tuple[type[Message], ...] = (
         CameraInfo,
@@ -103,10 +120,10 @@ class PeopleScene:
         self._waiting: dict[tuple[str, int], Detections] = {}
         self._trajectories: dict[int, deque[tuple[int, F64]]] = {}
         self._newest_ns = 0
-        self._skeleton_cameras: set[str] = set()  # with skeletons of their own topic
+        self._skeleton_cameras: set[str] = set()  # cameras with a topic of skeletons
 
-    def add(self, message: Message) -> PeopleFrame | None:
-        """Take a message; return the people of a frame when its tracks come."""
+    def add_message(self, message: Message) -> PeopleFrame | None:
+        """Add a message; return the people of a frame when its tracks arrive."""
         if isinstance(message, CameraInfo):
             if message.camera in self.infos or len(self.infos) < MAX_CAMERAS:
                 self.infos[message.camera] = message
@@ -121,7 +138,7 @@ class PeopleScene:
         return None
 
     def skeletons(self, message: Skeletons) -> SkeletonFrame:
-        """Return the skeletons of a message; from now on those of its camera come from there."""
+        """Return the skeletons of a message, which replace lifted keypoints of its camera."""
         if len(self._skeleton_cameras) < MAX_CAMERAS:
             self._skeleton_cameras.add(message.camera)
         people = (
@@ -136,7 +153,7 @@ class PeopleScene:
         pose = None
         if info:
             pose = self.transforms.camera_pose(tracks.frame_id, info.frame_id, tracks.stamp_ns)
-        if not tracks.predicted:  # by the wall clock: it may be ahead of the frames to come
+        if not tracks.predicted:  # their stamp may be ahead of coming frames
             self._extend(tracks)
         people, skeletons = tuple(_views(tracks, detections)), None
         if info and pose is not None and tracks.camera not in self._skeleton_cameras:
@@ -152,7 +169,7 @@ class PeopleScene:
         )
 
     def _extend(self, tracks: Tracks) -> None:
-        if tracks.stamp_ns < self._newest_ns:  # the source began anew
+        if tracks.stamp_ns < self._newest_ns:  # the source restarted
             self._trajectories.clear()
         self._newest_ns = tracks.stamp_ns
         for track in tracks.tracks:
@@ -175,6 +192,12 @@ class PeopleScene:
         }
 
 
+def predicted_path(person: PersonPrediction) -> F64:
+    """Return the predicted positions (Nx3) at the height of the present one [m]."""
+    height = np.full(len(person.means_m), person.position_m[2])
+    return np.column_stack([person.means_m, height])
+
+
 def _views(tracks: Tracks, detected: Detections | None) -> list[ScenePerson]:
     owners = {t.detection: t for t in tracks.tracks if t.detection is not None}
     found = [
@@ -191,5 +214,4 @@ def _lifted(
     for view in people:
         joints_m = lift(view.detection, info) if view.detection else None
         if joints_m is not None:
-            track_id = view.track.id if view.track else None
-            yield SceneSkeleton(track_id, apply(frame_from_optical, joints_m))
+            yield SceneSkeleton(view.id, apply(frame_from_optical, joints_m))

@@ -14,7 +14,6 @@ import rerun
 
 from common.runtime.node import Node
 from deploy.anonymise.colourless import without_colour
-from deploy.viewers.colour_images import ColourEncoder
 from deploy.viewers.foxglove_messages import FoxgloveConverter
 from deploy.viewers.rerun_log import RerunLog
 from people4d.codec import decode, encode
@@ -172,7 +171,7 @@ def _dashboard() -> Node:
 
 
 def _foxglove() -> Callable[[Message], object]:
-    converter = FoxgloveConverter(ColourEncoder("jpeg"))
+    converter = FoxgloveConverter(images=True)
     return lambda message: list(converter.convert(message, message.stamp_ns))
 
 

@@ -87,7 +87,7 @@ def test_stall_changes_neither_trajectories_nor_ages() -> None:
         scene, view = PeopleScene(), RosPeopleView()
         for message in log:
             if isinstance(message, Tracks):
-                shown, people = scene.add(message), view.tracks(message, {})
+                shown, people = scene.add_message(message), view.tracks(message, {})
                 if not message.predicted and shown:
                     found = len(shown.trajectories.get(1, ())), [one.age_s for one in people.people]
         return found

@@ -23,7 +23,7 @@ open_session(Path("models/movenet-multipose.onnx"), engine="openvino")
 FOXGLOVE = """
 from deploy.viewers.foxglove_messages import FoxgloveConverter
 from deploy.viewers.foxglove_outputs import FoxgloveServer
-FoxgloveServer(FoxgloveConverter(None), "127.0.0.1", 0).close()
+FoxgloveServer(FoxgloveConverter(images=False), "127.0.0.1", 0).close()
 """
 RERUN = f"""
 import contextlib, subprocess

@@ -8,7 +8,6 @@ from typing import Annotated
 
 import typer
 
-from common.extras import need
 from common.io.recording import RecordingWriter
 from deploy.anonymise.colourless import without_colour
 from deploy.cli.data.targets import Force, check_target
@@ -17,13 +16,11 @@ from deploy.cli.terminal import signals_interrupt
 from deploy.recorder.conditions import PERSON, condition_of
 from deploy.recorder.outputs import (
     EventFiles,
-    Open,
     RecorderOutput,
     RotatingParts,
     SingleFile,
     part_path,
 )
-from deploy.viewers.colour_images import FORMATS, ColourEncoder
 from people4d.errors import ConfigError, SourceError
 from people4d.topics import BY_NAME
 
@@ -59,36 +56,25 @@ def record(
     colour: Annotated[
         bool, typer.Option("--colour/--no-colour", help="Grey images in place of colour.")
     ] = True,
-    foxglove: Annotated[
-        bool,
-        typer.Option("--foxglove", help="Write Foxglove's messages as well, for its app."),
-    ] = False,
-    images: Annotated[
-        str, typer.Option(help=f"Colour for Foxglove: {', '.join(FORMATS)}.")
-    ] = "jpeg",
     force: Force = False,
     robot: Robot = "robot",
     connect: Connect = "",
 ) -> None:
-    """Record messages of a running system to a file; frames are compressed.
-
-    Foxglove needs the extra foxglove.
-    """
+    """Record messages of a running system to a file; frames are compressed."""
     if limit_mb and last_s:
         raise ConfigError("--limit and --last exclude each other", "Leave one of them out.")
     first = part_path(file, 1) if limit_mb or last_s else file
     check_target(first, None, force)
     recorded = kinds_of(topics)
     condition = condition_of(on)
-    open_file: Open = foxglove_opener(images) if foxglove else RecordingWriter
     output: RecorderOutput
     if limit_mb:
-        output = RotatingParts(file, limit_mb, open_file)
+        output = RotatingParts(file, limit_mb, RecordingWriter)
     elif last_s:
-        output = EventFiles(file, last_s, condition, buffer_mb, open_file)
+        output = EventFiles(file, last_s, condition, buffer_mb, RecordingWriter)
         recorded = tuple(dict.fromkeys((*recorded, condition.message)))
     else:
-        output = SingleFile(file, open_file)
+        output = SingleFile(file, RecordingWriter)
     deadline_s = time.monotonic() + seconds if seconds else float("inf")
     counts: Counter[str] = Counter()
     with closing(output), open_client(connect, robot) as client:
@@ -113,13 +99,3 @@ def record(
     for text in (output.note(), ", ".join(f"{n} {c}" for n, c in lost.items())):
         if text:
             typer.echo(text)
-
-
-def foxglove_opener(images: str) -> Open:
-    """Return the function that opens a recording with Foxglove's messages beside ours."""
-    need("Foxglove", "foxglove")
-    from deploy.viewers.foxglove_messages import FoxgloveConverter  # noqa: PLC0415 (optional)
-    from deploy.viewers.foxglove_outputs import recording_opener  # noqa: PLC0415
-
-    ColourEncoder(images)  # refuses a wrong format before anything is recorded
-    return recording_opener(lambda: FoxgloveConverter(ColourEncoder(images)))

@@ -17,7 +17,6 @@ from deploy.cli.data.replay import paced
 from deploy.cli.data.spans import End, RecordingSpan, Start
 from deploy.cli.options import Connect, Robot, open_client
 from deploy.cli.terminal import signals_interrupt
-from deploy.viewers.colour_images import FORMATS, ColourEncoder
 from deploy.viewers.scene import PeopleScene
 from people4d.client import Client
 from people4d.errors import ConfigError
@@ -53,9 +52,6 @@ def view(
     foxglove: Annotated[
         bool, typer.Option("--foxglove", help="Serve Foxglove's app by its WebSocket protocol.")
     ] = False,
-    images: Annotated[
-        str, typer.Option(help=f"Colour for Foxglove: {', '.join(FORMATS)}, or none.")
-    ] = "jpeg",
     image_hz: Annotated[
         float, typer.Option("--image-rate", min=0.0, help="Most images a second, live; 0: none.")
     ] = 10.0,
@@ -79,14 +75,18 @@ def view(
         recording, file = None, recording
     if file is not None and rerun != (file.suffix == RRD):
         raise ConfigError(f"{file} is of another kind", f"Rerun writes *{RRD}, Foxglove *.mcap.")
-    span, shown = RecordingSpan(start_s, end_s), "none" if image_hz == 0 else images
+    span = RecordingSpan(start_s, end_s)
     with ExitStack() as stack, suppress(KeyboardInterrupt), signals_interrupt():
         if recording:
             messages = recorded(recording, span, None if file else rate, loop and file is None)
         else:
             client = stack.enter_context(open_client(connect, robot))
-            messages = live(client, image_hz if shown != "none" else 0.0)
-        output = rerun_output(robot, file) if rerun else foxglove_output(shown, file, address, port)
+            messages = live(client, image_hz)
+        output = (
+            rerun_output(robot, file)
+            if rerun
+            else foxglove_output(image_hz > 0, file, address, port)
+        )
         stack.enter_context(closing(output))
         for log_time_ns, message in messages:
             output.write(message, log_time_ns)
@@ -129,12 +129,12 @@ def rerun_output(robot: str, file: Path | None) -> ViewerOutput:
     return open_log(robot, file)
 
 
-def foxglove_output(images: str, file: Path | None, address: str, port: int) -> ViewerOutput:
+def foxglove_output(images: bool, file: Path | None, address: str, port: int) -> ViewerOutput:
     """Open a server for Foxglove's app or a file of its messages."""
     from deploy.viewers.foxglove_messages import FoxgloveConverter  # noqa: PLC0415 (optional)
     from deploy.viewers.foxglove_outputs import FoxgloveFile, FoxgloveServer  # noqa: PLC0415
 
-    converter = FoxgloveConverter(None if images == "none" else ColourEncoder(images))
+    converter = FoxgloveConverter(images)
     if file:
         return FoxgloveFile(converter, file)
     server = FoxgloveServer(converter, address, port)

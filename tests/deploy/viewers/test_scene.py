@@ -10,7 +10,7 @@ S = 10**9
 
 
 def frames_of(scene: PeopleScene) -> list[PeopleFrame]:
-    return [frame for _, message in walk.messages() if (frame := scene.add(message))]
+    return [frame for _, message in walk.messages() if (frame := scene.add_message(message))]
 
 
 def test_frame_joins_detections_and_tracks() -> None:
@@ -45,9 +45,9 @@ def test_trajectories_begin_anew_when_the_source_does() -> None:
 def test_memory_is_bounded() -> None:
     scene = PeopleScene()
     for k in range(2000):
-        scene.add(builders.detections(stamp_ns=k))
-        scene.add(builders.tracks(builders.track(id=k + 1), stamp_ns=k * S))
-        scene.add(builders.camera_info(camera=f"c{k}"))
+        scene.add_message(builders.detections(stamp_ns=k))
+        scene.add_message(builders.tracks(builders.track(id=k + 1), stamp_ns=k * S))
+        scene.add_message(builders.camera_info(camera=f"c{k}"))
         scene.skeletons(walk.skeletons(camera=f"c{k}"))
     assert len(scene._waiting) <= 32
     assert len(scene._trajectories) <= 256
