@@ -7,7 +7,7 @@ import msgspec
 
 from common.config import setting
 from common.io.files import read_toml
-from lab.random_scenario import absolute, is_random, random_scenario
+from lab.random_scenario import is_random, random_scenario
 from lab.scenario import Scenario
 from people4d.errors import ConfigError
 from people4d.validation import explain
@@ -76,11 +76,9 @@ def resolve(source: str) -> str:
     Raises:
         ConfigError: There is no such scenario.
     """
-    name, seed = split_seed(source.removeprefix(PREFIX))
+    name, _ = split_seed(source.removeprefix(PREFIX))
     load_scenario(name)
-    if is_random(name):
-        return PREFIX + absolute(name, seed)
-    if NAME.fullmatch(name):
+    if is_random(name) or NAME.fullmatch(name):
         return source
     return PREFIX + str(Path(source.removeprefix(PREFIX)).absolute())
 

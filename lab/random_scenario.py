@@ -4,9 +4,8 @@ An example is `lab:random?seed=7&density=0.2`; `RandomScene` has the options.
 """
 
 import math
-from pathlib import Path
 from typing import Annotated, Literal
-from urllib.parse import parse_qsl, urlencode
+from urllib.parse import parse_qsl
 
 import msgspec
 import numpy as np
@@ -19,7 +18,6 @@ from lab.camera.layouts import ROW_M, CameraModel, Clocks, Layout, Spacing, lay_
 from lab.camera.plan import CameraPlan, CameraSide, ImagePlan
 from lab.depth.config import SensorName
 from lab.furniture import FurniturePlan
-from lab.motion.pedestrians import FloorView, choose_scene, read_pedestrians
 from lab.motion.random_paths import FreeFloor, Position, random_plan, random_start
 from lab.scenario import MAX_PEOPLE, WALKABLE_M, PersonPlan, RoomName, Scenario
 from people4d.errors import ConfigError
@@ -27,8 +25,6 @@ from people4d.validation import explain
 
 NAME = "random"
 KEY = 0x5CE4E  # key of the random numbers
-COUNTED_M = 5.0  # maximum depth of counted people [m]
-FAR_M, ASIDE_RAD = 7.0, 0.4  # maximum distance, and angle outside the view, of people [m, rad]
 BESIDE_M = 0.45  # minimum distance of a stop from furniture [m]
 CAMERA_M = 0.7  # minimum distance of a camera from furniture [m]
 XTION_FOCAL = 0.835  # ratio of focal length to image width
@@ -41,11 +37,10 @@ class RandomScene(Config, frozen=True, kw_only=True, forbid_unknown_fields=True)
     """Options of a random scene; the defaults resemble recordings of real people."""
 
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
-    # [1/m2] people on the floor; with `paths`, on the floor in view
+    # [1/m2] people on the floor
     density: Annotated[float, Meta(ge=0.005, le=1.0)] = 0.15
     people: Annotated[int, Meta(ge=0, le=MAX_PEOPLE)] = 0  # number of people; 0: by density
-    paths: str = ""  # folder or file of recorded paths of pedestrians; empty: simulated
-    room: RoomName = "office"  # with `paths` always the square
+    room: RoomName = "office"
     # robot: 1 to 1.2 m high; head: 1.5 to 1.8 m; ceiling: 2.2 m, tilted down and to a side
     view: View = "any"
     outfit: Literal["own", "dark", "random", "mixed"] = "mixed"  # mixed: half dark
@@ -97,15 +92,12 @@ def random_scenario(name: str, seed: int | None = None) -> Scenario:
     """Return the scene of a name and seed.
 
     Raises:
-        ConfigError: An option is unknown or out of range, paths cannot be read, or there is no
-            room for so many people.
+        ConfigError: An option is unknown or out of range, or the floor is too small for the people.
     """
     options = read_options(name, seed)
     rng = np.random.default_rng([options.seed, KEY])
     try:
-        if options.cameras > 1:
-            return _several(options, rng)
-        return _recorded(options, rng) if options.paths else _simulated(options, rng)
+        return (_several if options.cameras > 1 else _simulated)(options, rng)
     except ValueError as error:
         raise ConfigError(f"scenario {name}: {error}", "Try another seed or density.") from error
 
@@ -176,36 +168,6 @@ def _people(
         person = _person(options, rng, number, starts[-1])
         people.append(random_plan(rng, floor, starts[-1], person))
     return tuple(people)
-
-
-def _recorded(options: RandomScene, rng: np.random.Generator) -> Scenario:
-    camera = _camera(options, rng, (0.0, 0.0))
-    angle_rad = 2 * math.atan(camera.width / 2 / camera.focal_px)
-    paths = read_pedestrians(Path(options.paths))
-    view = FloorView(COUNTED_M, angle_rad)
-    scene = choose_scene(paths, view, options.density, options.duration_s, options.seed)
-    around = FloorView(FAR_M, angle_rad + ASIDE_RAD)
-    low, high = WALKABLE_M["square"]
-    people: list[PersonPlan] = []
-    for path in scene.paths:
-        within = path[((path[:, 1:] > low) & (path[:, 1:] < high)).all(axis=1)]
-        times_s = np.arange(0.0, options.duration_s, 0.5)
-        moved = [np.interp(times_s, path[:, 0], path[:, k]) for k in (1, 2)]
-        if len(within) < 2 or not around.holds(np.column_stack(moved)).any():
-            continue
-        start = (float(within[0, 1]), float(within[0, 2]))
-        person = _person(options, rng, len(people), start)
-        trajectory = tuple((float(t), float(x), float(y)) for t, x, y in within)
-        people.append(msgspec.structs.replace(person, trajectory=trajectory))
-    return Scenario(
-        name=_name(options),
-        about=f"Recorded paths of pedestrians: {scene.density:.2f} in a square metre in view.",
-        duration_s=options.duration_s,
-        seed=options.seed,
-        room="square",
-        camera=camera,
-        people=tuple(people[:MAX_PEOPLE]),
-    )
 
 
 def _person(
@@ -289,24 +251,8 @@ def _furniture(
 
 
 def _name(options: RandomScene) -> str:
-    """Return the name of a scene's files: options that differ from the default, without seed."""
-    usual = RandomScene()
-    values = {
-        field: value
-        for field, value in msgspec.structs.asdict(options).items()
-        if field != "seed" and value != msgspec.structs.asdict(usual)[field]
-    }
-    if options.paths:
-        values["paths"] = Path(options.paths).stem
-    parts = [f"{field}={value}" for field, value in values.items()]
-    return "_".join([NAME, *parts])
-
-
-def absolute(name: str, seed: int | None) -> str:
-    """Return the name of a scene with seed and the absolute path of recorded paths."""
-    options = read_options(name, seed)
-    paths = str(Path(options.paths).absolute()) if options.paths else ""
-    values = msgspec.structs.asdict(msgspec.structs.replace(options, paths=paths))
+    """Return the name of a scene's files: the options that differ from the default, except seed."""
     usual = msgspec.structs.asdict(RandomScene())
-    changed = {field: value for field, value in values.items() if value != usual[field]}
-    return f"{NAME}?{urlencode(changed)}"
+    values = msgspec.structs.asdict(options).items()
+    changed = [f"{key}={value}" for key, value in values if key != "seed" and value != usual[key]]
+    return "_".join([NAME, *changed])

@@ -1,7 +1,7 @@
 """Scenarios in text files: people, paths, cameras and room."""
 
 import math
-from itertools import combinations, pairwise
+from itertools import combinations
 from typing import Annotated, Literal
 
 from msgspec import Meta
@@ -79,25 +79,19 @@ class PersonPlan(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
     wait_s: NonNegative = 0.0  # [s] delay of the first step
     path: tuple[Waypoint, ...] = ()  # positions in order; empty: stands
     repeat: bool = False  # repeat the path
-    # [s, m, m] time, x and y of a recorded path instead of start and path
-    trajectory: tuple[tuple[float, float, float], ...] = ()
     outfit: Outfit = "own"  # clothes
     size: Annotated[float, Meta(ge=0.8, le=1.2)] = 1.0  # stature relative to the cast
     gestures: tuple[Gesture, ...] = ()
     style: WalkStyle = WalkStyle()
 
     def __post_init__(self) -> None:
-        """Check the name of the body, and the times of a trajectory."""
+        """Check the name of the body."""
         super().__post_init__()
         if self.body not in cast_names():
             raise ValueError(f"body: expected one of {', '.join(cast_names())}, got {self.body!r}")
-        if any(after[0] <= before[0] for before, after in pairwise(self.trajectory)):
-            raise ValueError("trajectory: expected rising times")
 
     def positions(self) -> tuple[tuple[float, float], ...]:
         """Return the planned positions: x and y in metres, frame: map."""
-        if self.trajectory:
-            return tuple((x, y) for _, x, y in self.trajectory)
         return (self.start, *(waypoint.to for waypoint in self.path))
 
 
@@ -142,11 +136,6 @@ class Scenario(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
         if sum(bool(plan.drive) for plan in (self.camera, *self.cameras)) > 1:
             raise ValueError("cameras: expected at most one driving camera, got more")
         (left, low), (right, high) = WALKABLE_M[self.room]
-        recorded = [k for k, person in enumerate(self.people) if person.trajectory]
-        if recorded and len(recorded) < len(self.people):
-            raise ValueError(
-                f"people[{recorded[0]}]: expected a trajectory of each person or no trajectory"
-            )
         for k, person in enumerate(self.people):
             for x, y in person.positions():
                 if not (left <= x <= right and low <= y <= high):
@@ -154,13 +143,11 @@ class Scenario(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
                         f"people[{k}]: expected positions with x {left} to {right} and y {low} to "
                         f"{high}, where the {self.room} is free, got [{x}, {y}]"
                     )
-                if not recorded and any(piece.holds(x, y, BESIDE_M) for piece in self.furniture):
+                if any(piece.holds(x, y, BESIDE_M) for piece in self.furniture):
                     raise ValueError(
                         f"people[{k}]: expected positions at least {BESIDE_M} m from furniture, "
                         f"got [{x}, {y}]"
                     )
-        if recorded:
-            return
         for (j, one), (k, other) in combinations(enumerate(self.people), 2):
             if math.dist(one.start, other.start) < APART_M:
                 raise ValueError(

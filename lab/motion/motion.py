@@ -15,7 +15,6 @@ from lab.motion.bouts import WalkPath
 from lab.motion.crowd import CrowdPaths, Disc, PositionFunction, Surroundings, simulate_paths
 from lab.motion.footfalls import FootStances, StepPlan
 from lab.motion.kinematics import Individual, pose_arrays
-from lab.motion.trajectories import follow
 from lab.motion.walker import STEP_S, Walker
 from lab.scenario import PersonPlan
 from people4d.messages import F64
@@ -95,16 +94,12 @@ def simulate(
     """
     steps = round((duration_s + BEFORE_S + AFTER_S) / STEP_S) + 1
     times_s: F64 = np.arange(steps, dtype=np.float64) * STEP_S - BEFORE_S
-    if people and people[0].trajectory:
-        paths = follow([np.array(plan.trajectory) for plan in people], times_s)
-    else:
-        walkers = [
-            Walker(plan, skeleton.stature_m)
-            for plan, skeleton in zip(people, skeletons, strict=True)
-        ]
-        stools_m = [waypoint.to for plan in people for waypoint in plan.path if waypoint.sit]
-        around = Surroundings(area_m, stools_m, obstacle, discs)
-        paths = simulate_paths(walkers, times_s, around)
+    walkers = [
+        Walker(plan, skeleton.stature_m) for plan, skeleton in zip(people, skeletons, strict=True)
+    ]
+    stools_m = [waypoint.to for plan in people for waypoint in plan.path if waypoint.sit]
+    around = Surroundings(area_m, stools_m, obstacle, discs)
+    paths = simulate_paths(walkers, times_s, around)
     drawn = [
         Individual.draw(skeleton, seed, index, plan)
         for index, (skeleton, plan) in enumerate(zip(skeletons, people, strict=True))

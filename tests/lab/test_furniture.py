@@ -79,14 +79,3 @@ def test_discs_cover_the_piece_and_little_more() -> None:
 def test_position_inside_furniture_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"people\[0\]: expected positions at least 0.2 m from"):
         world(tmp_path, '[[furniture]]\nkind = "desk"\nat = [3.4, 0.2]')
-
-
-def test_trajectory_of_some_and_not_of_all_is_refused(tmp_path: Path) -> None:
-    other = '[[people]]\nbody = "bea"\nstart = [1.0, 0.0]\ntrajectory = [[0, 1, 0], [2, 2, 0]]'
-    with pytest.raises(ConfigError, match="expected a trajectory of each person"):
-        world(tmp_path, other)
-
-
-def test_trajectory_whose_times_fall_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="expected rising times"):
-        world(tmp_path, "", "trajectory = [[0, 3.4, 0], [0, 2, 0]]")
