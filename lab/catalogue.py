@@ -27,7 +27,7 @@ def load_scenario(name: str, seed: int | None = None) -> Scenario:
     """Read a scenario that ships by its name, any by the path of its file, or draw a random one.
 
     Args:
-        name: Name, path, or random?OPTION=VALUE&..., see `lab.random_scenario.RandomScene`.
+        name: Name, path, or random?OPTION=VALUE&..., see `lab.random_options.RandomScene`.
         seed: Of a random one, in place of that in its name; others are not changed by it.
 
     Raises:

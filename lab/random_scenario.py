@@ -1,91 +1,36 @@
-"""Random scenes from one seed: room, cameras and people of a given density.
-
-An example is `lab:random?seed=7&density=0.2`; `RandomScene` has the options.
-"""
+"""Random scenes from one seed: room, cameras and people of a given density."""
 
 import math
-from typing import Annotated, Literal
-from urllib.parse import parse_qsl
+from typing import Literal
 
-import msgspec
 import numpy as np
-from msgspec import Meta
 
-from common.config import Config
 from lab.bodies.cast import cast_names
 from lab.bodies.outfits import Outfit
-from lab.camera.layouts import ROW_M, CameraModel, Clocks, Layout, Spacing, lay_out
-from lab.camera.plan import CameraPlan, CameraSide, ImagePlan
-from lab.depth.config import SensorName
+from lab.camera.layouts import lay_out
+from lab.camera.plan import CameraPlan, ImagePlan
 from lab.furniture import FurniturePlan
 from lab.motion.random_paths import FreeFloor, Position, random_plan, random_start
-from lab.scenario import MAX_PEOPLE, WALKABLE_M, PersonPlan, RoomName, Scenario
+from lab.random_options import NAME, RandomScene, read_options
+from lab.scenario import MAX_PEOPLE, WALKABLE_M, PersonPlan, Scenario
 from people4d.errors import ConfigError
-from people4d.validation import explain
 
-NAME = "random"
 KEY = 0x5CE4E  # key of the random numbers
 BESIDE_M = 0.45  # minimum distance of a stop from furniture [m]
 CAMERA_M = 0.7  # minimum distance of a camera from furniture [m]
 XTION_FOCAL = 0.835  # ratio of focal length to image width
-CUT_M = 0.6  # minimum distance of people from a camera that is not avoided [m]
-
-View = Literal["robot", "head", "ceiling", "any"]
-
-
-class RandomScene(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Options of a random scene; the defaults resemble recordings of real people."""
-
-    seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
-    # [1/m2] people on the floor
-    density: Annotated[float, Meta(ge=0.005, le=1.0)] = 0.15
-    people: Annotated[int, Meta(ge=0, le=MAX_PEOPLE)] = 0  # number of people; 0: by density
-    room: RoomName = "office"
-    # robot: 1 to 1.2 m high; head: 1.5 to 1.8 m; ceiling: 2.2 m, tilted down and to a side
-    view: View = "any"
-    outfit: Literal["own", "dark", "random", "mixed"] = "mixed"  # mixed: half dark
-    furniture: bool = True  # desks, chairs, partitions; not in the square
-    plain: bool = False  # True: without the errors of a low-cost camera
-    depth_sensor: SensorName = "xtion"
-    duration_s: Annotated[float, Meta(ge=1, le=600)] = 15.0  # [s]
-    fps: Annotated[float, Meta(ge=1, le=60)] = 10.0  # [Hz]
-    width: CameraSide = 640  # [px]
-    height: CameraSide = 480  # [px]
-    # number of cameras; several: in the square, without furniture
-    cameras: Annotated[int, Meta(ge=1, le=6)] = 1
-    # ring: towards the centre; row: neighbours overlap slightly; apart: no overlap
-    layout: Layout = "ring"
-    row_m: Annotated[float, Meta(ge=1, le=6)] = ROW_M  # [m] distance of cameras in a row
-    clocks: Clocks = "alike"  # free: each with its own offset, drift and rate
-    robot: bool = False  # the last camera drives
-
-    def __post_init__(self) -> None:
-        """Check that a scene with a robot has a fixed camera."""
-        super().__post_init__()
-        if self.robot and self.cameras < 2:
-            raise ValueError("robot: expected two cameras or more")
+CUT_M, AVOIDED_M = 0.6, 1.0  # minimum distances from a camera above people, and on a robot [m]
+# Height [m], pitch [deg] and standard deviation of roll [deg] of each view
+VIEWS: dict[str, tuple[tuple[float, float], tuple[float, float], float]] = {
+    "robot": ((1.0, 1.2), (-2, 6), 1.0),
+    "head": ((1.5, 1.8), (4, 14), 3.0),
+    "ceiling": ((2.15, 2.35), (20, 30), 8.0),
+}
 
 
 def is_random(name: str) -> bool:
     """Check for the name of a random scene."""
     return name == NAME or name.startswith(f"{NAME}?")
-
-
-def read_options(name: str, seed: int | None = None) -> RandomScene:
-    """Return the options in a name such as random?seed=7&density=0.2.
-
-    Raises:
-        ConfigError: One is unknown or out of range.
-    """
-    pairs = parse_qsl(name.partition("?")[2], keep_blank_values=True)
-    values = dict(pairs) if seed is None else {**dict(pairs), "seed": str(seed)}
-    try:
-        return msgspec.convert(values, RandomScene, strict=False)
-    except msgspec.ValidationError as error:
-        fields = ", ".join(RandomScene.__struct_fields__)
-        raise ConfigError(
-            f"scenario {name}: {explain(error, values, '').lstrip('.: ')}", f"Options are {fields}."
-        ) from error
 
 
 def random_scenario(name: str, seed: int | None = None) -> Scenario:
@@ -97,12 +42,12 @@ def random_scenario(name: str, seed: int | None = None) -> Scenario:
     options = read_options(name, seed)
     rng = np.random.default_rng([options.seed, KEY])
     try:
-        return (_several if options.cameras > 1 else _simulated)(options, rng)
+        return (_several if options.cameras > 1 else _single)(options, rng)
     except ValueError as error:
         raise ConfigError(f"scenario {name}: {error}", "Try another seed or density.") from error
 
 
-def _simulated(options: RandomScene, rng: np.random.Generator) -> Scenario:
+def _single(options: RandomScene, rng: np.random.Generator) -> Scenario:
     low, high = WALKABLE_M[options.room]
     camera = _camera(options, rng, (low[0] + 0.3, 0.0))
     furnished = options.furniture and options.room != "square"
@@ -110,16 +55,15 @@ def _simulated(options: RandomScene, rng: np.random.Generator) -> Scenario:
     own = camera.at[0], camera.at[1]
 
     def is_free(position: Position) -> bool:
-        clear = CUT_M if not camera.avoided else 1.0
-        if math.dist(position, own) < clear:
+        if math.dist(position, own) < (AVOIDED_M if camera.avoided else CUT_M):
             return False
         return not any(piece.holds(*position, BESIDE_M) for piece in furniture)
 
     floor = FreeFloor(low, high, is_free)
-    count = options.people or max(1, round(options.density * floor.area_m2))
-    people = _people(options, rng, floor, count)
+    people = _people(options, rng, floor)
+    count = len(people)
     return Scenario(
-        name=_name(options),
+        name=options.name,
         about=f"Random scene: {count} people, {count / floor.area_m2:.2f} in a square metre.",
         duration_s=options.duration_s,
         seed=options.seed,
@@ -131,42 +75,31 @@ def _simulated(options: RandomScene, rng: np.random.Generator) -> Scenario:
 
 
 def _several(options: RandomScene, rng: np.random.Generator) -> Scenario:
-    model = CameraModel(
-        width=options.width,
-        height=options.height,
-        focal_px=_focal_px(options),
-        fps=options.fps,
-        depth_sensor=options.depth_sensor,
-        image=ImagePlan() if options.plain else _image(options, rng),
-        duration_s=options.duration_s,
-    )
-    spaced = Spacing(options.layout, options.row_m)
-    plan = lay_out(options.cameras, spaced, options.clocks, options.robot, model, rng)
-    floor = FreeFloor(*plan.floor, lambda _: True)
-    count = options.people or max(1, round(options.density * floor.area_m2))
-    people = _people(options, rng, floor, count)
+    cameras, floor = lay_out(options, _model(options, rng), rng)
+    people = _people(options, rng, FreeFloor(*floor, lambda _: True))
     return Scenario(
-        name=_name(options),
-        about=f"{options.cameras} cameras, {count} people.",
+        name=options.name,
+        about=f"{options.cameras} cameras, {len(people)} people.",
         duration_s=options.duration_s,
         seed=options.seed,
         room="square",
-        camera=plan.cameras[0],
-        cameras=plan.cameras[1:],
+        camera=cameras[0],
+        cameras=cameras[1:],
         people=people,
     )
 
 
 def _people(
-    options: RandomScene, rng: np.random.Generator, floor: FreeFloor, count: int
+    options: RandomScene, rng: np.random.Generator, floor: FreeFloor
 ) -> tuple[PersonPlan, ...]:
     """Return people with random paths on a floor, each from a free start."""
+    count = options.people or max(1, round(options.density * floor.area_m2))
     starts: list[Position] = []
     people = []
     for number in range(min(count, MAX_PEOPLE)):
         starts.append(random_start(rng, floor, starts))
         person = _person(options, rng, number, starts[-1])
-        people.append(random_plan(rng, floor, starts[-1], person))
+        people.append(random_plan(rng, floor, person))
     return tuple(people)
 
 
@@ -175,10 +108,9 @@ def _person(
 ) -> PersonPlan:
     names = cast_names()
     mixed: Outfit = "dark" if rng.random() < 0.5 else "random"
+    own = options.outfit == "own"
     return PersonPlan(
-        body=names[int(rng.integers(len(names)))]
-        if options.outfit != "own"
-        else names[number % 12],
+        body=names[number % 12] if own else names[int(rng.integers(len(names)))],
         outfit=mixed if options.outfit == "mixed" else options.outfit,
         size=float(np.clip(rng.normal(1.0, 0.03), 0.92, 1.08)),
         start=start,
@@ -186,18 +118,15 @@ def _person(
 
 
 def _camera(options: RandomScene, rng: np.random.Generator, at: Position) -> CameraPlan:
-    views: tuple[View, ...] = ("robot", "head", "ceiling")
-    view = views[int(rng.integers(3))] if options.view == "any" else options.view
-    heights = {"robot": (1.0, 1.2), "head": (1.5, 1.8), "ceiling": (2.15, 2.35)}[view]
-    pitches = {"robot": (-2, 6), "head": (4, 14), "ceiling": (20, 30)}[view]
-    rolls = {"robot": 1.0, "head": 3.0, "ceiling": 8.0}[view]
+    drawn = list(VIEWS)[int(rng.integers(3))] if options.view == "any" else options.view
+    heights, pitches, roll = VIEWS[drawn]
     image = _image(options, rng)
     return CameraPlan(
         at=(at[0], at[1] + float(rng.uniform(-0.6, 0.6)), float(rng.uniform(*heights))),
         yaw_deg=float(rng.uniform(-8, 8)),
         pitch_deg=float(rng.uniform(*pitches)),
-        roll_deg=float(np.clip(rng.normal(0, rolls), -2 * rolls, 2 * rolls)),
-        avoided=view == "robot",
+        roll_deg=float(np.clip(rng.normal(0, roll), -2 * roll, 2 * roll)),
+        avoided=drawn == "robot",
         width=options.width,
         height=options.height,
         focal_px=_focal_px(options),
@@ -206,6 +135,19 @@ def _camera(options: RandomScene, rng: np.random.Generator, at: Position) -> Cam
         image=ImagePlan() if options.plain else image,
         depth_sensor=options.depth_sensor,
         depth_lag_s=0.0 if options.plain else float(rng.uniform(0, 0.03)),
+    )
+
+
+def _model(options: RandomScene, rng: np.random.Generator) -> CameraPlan:
+    """Return image and rate of each of several cameras."""
+    return CameraPlan(
+        avoided=False,
+        width=options.width,
+        height=options.height,
+        focal_px=_focal_px(options),
+        fps=options.fps,
+        depth_sensor=options.depth_sensor,
+        image=ImagePlan() if options.plain else _image(options, rng),
     )
 
 
@@ -248,11 +190,3 @@ def _furniture(
         pieces.append(FurniturePlan(kind=kind, at=at, yaw_deg=float(rng.normal(0, 10))))
     own = camera.at[:2]
     return tuple(piece for piece in pieces if not piece.holds(*own, CAMERA_M))
-
-
-def _name(options: RandomScene) -> str:
-    """Return the name of a scene's files: the options that differ from the default, except seed."""
-    usual = msgspec.structs.asdict(RandomScene())
-    values = msgspec.structs.asdict(options).items()
-    changed = [f"{key}={value}" for key, value in values if key != "seed" and value != usual[key]]
-    return "_".join([NAME, *changed])

@@ -1,30 +1,31 @@
-"""Plans of people who go about in a room, drawn at random."""
+"""Random plans of people in a room."""
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from msgspec.structs import replace
 
 from lab.scenario import APART_M, PersonPlan, Waypoint
 
 Position = tuple[float, float]
-SPEED_MPS, SPEED_SIGMA_MPS = 0.95, 0.2  # of free walking indoors
-POSITIONS = 24  # of a path that is repeated
-STOPS = 0.3  # share of positions at which people stay
-STOP_S = (0.5, 5.0)
-NEAR_M = 3.0  # the next position is about as near for some, anywhere for others
+SPEED_MPS, SPEED_SIGMA_MPS = 0.95, 0.2  # mean and standard deviation of indoor walking [m/s]
+POSITIONS = 24  # number of positions of a repeated path
+STOPS = 0.3  # share of positions with a stop
+STOP_S = (0.5, 5.0)  # minimum and maximum duration of a stop [s]
+STEP_M, NEAR_M = 1.2, 3.0  # minimum and, for people who stay near, maximum step of a path [m]
 NEAR = 0.5  # share of people who stay near
-TRIES = 2000
+TRIES = 2000  # maximum number of drawn positions
 
 
 @dataclass(frozen=True)
 class FreeFloor:
-    """Floor on which people go about."""
+    """Floor on which people walk."""
 
     low_m: Position  # lower corner, frame: map
     high_m: Position  # upper corner
-    is_free: Callable[[Position], bool]  # False: furniture is there
+    is_free: Callable[[Position], bool]  # False: too near furniture or a camera
 
     @property
     def area_m2(self) -> float:
@@ -35,7 +36,7 @@ class FreeFloor:
         """Return a free position.
 
         Raises:
-            ValueError: None is free.
+            ValueError: No position is free.
         """
         for _ in range(TRIES):
             x, y = rng.uniform(self.low_m, self.high_m).tolist()
@@ -45,10 +46,10 @@ class FreeFloor:
 
 
 def random_start(rng: np.random.Generator, floor: FreeFloor, others: list[Position]) -> Position:
-    """Return a free position apart from others.
+    """Return a free position at a distance from others.
 
     Raises:
-        ValueError: None is free.
+        ValueError: No position is free.
     """
     for _ in range(TRIES):
         start = floor.position(rng)
@@ -57,36 +58,23 @@ def random_start(rng: np.random.Generator, floor: FreeFloor, others: list[Positi
     raise ValueError(f"density: expected room for {len(others) + 1} people")
 
 
-def random_plan(
-    rng: np.random.Generator, floor: FreeFloor, start: Position, plan: PersonPlan
-) -> PersonPlan:
-    """Return the plan of a person who walks from position to position and stops at some.
-
-    Args:
-        rng: Random numbers.
-        floor: Where they walk.
-        start: First position.
-        plan: Body and clothes.
-    """
-    stays_near = rng.random() < NEAR
-    path, here = [], start
+def random_plan(rng: np.random.Generator, floor: FreeFloor, person: PersonPlan) -> PersonPlan:
+    """Return the plan of a person with a random path over the floor, with stops."""
+    far_m = NEAR_M if rng.random() < NEAR else math.inf
+    path, here = [], person.start
     for _ in range(POSITIONS):
-        there = _next(rng, floor, here, NEAR_M if stays_near else math.inf)
+        here = _next_position(rng, floor, here, far_m)
         stops = rng.random() < STOPS
         path.append(
             Waypoint(
-                to=there,
+                to=here,
                 stop_s=float(rng.uniform(*STOP_S)) if stops else 0.0,
                 face_deg=float(rng.uniform(-180, 180)) if stops else None,
                 turn_head=bool(stops and rng.random() < 0.3),
             )
         )
-        here = there
-    return PersonPlan(
-        body=plan.body,
-        outfit=plan.outfit,
-        size=plan.size,
-        start=start,
+    return replace(
+        person,
         face_deg=float(rng.uniform(-180, 180)),
         speed_mps=float(np.clip(rng.normal(SPEED_MPS, SPEED_SIGMA_MPS), 0.5, 1.35)),
         wait_s=float(rng.uniform(0, 2)) if rng.random() < STOPS else 0.0,
@@ -95,11 +83,13 @@ def random_plan(
     )
 
 
-def _next(rng: np.random.Generator, floor: FreeFloor, here: Position, near_m: float) -> Position:
-    """Return a free position at least a few steps away, within a distance if there is one."""
+def _next_position(
+    rng: np.random.Generator, floor: FreeFloor, here: Position, far_m: float
+) -> Position:
+    """Return a free position, if possible farther than STEP_M and within `far_m`."""
     there = here
     for _ in range(20):
         there = floor.position(rng)
-        if 1.2 < math.dist(here, there) < near_m:
+        if STEP_M < math.dist(here, there) < far_m:
             break
     return there
