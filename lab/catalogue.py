@@ -1,4 +1,4 @@
-"""The scenarios that ship, those of a user's files, and random ones, by their names."""
+"""Scenarios by name: scenarios that ship, files of the user, and random scenes."""
 
 import re
 from pathlib import Path
@@ -24,14 +24,14 @@ def scenario_names() -> list[str]:
 
 
 def load_scenario(name: str, seed: int | None = None) -> Scenario:
-    """Read a scenario that ships by its name, any by the path of its file, or draw a random one.
+    """Read a scenario by its name or the path of its file, or draw a random scene.
 
     Args:
         name: Name, path, or random?OPTION=VALUE&..., see `lab.random_options.RandomScene`.
-        seed: Of a random one, in place of that in its name; others are not changed by it.
+        seed: Seed of a random scene, in place of the seed in its name; others do not depend on it.
 
     Raises:
-        ConfigError: There is none, or it cannot be read.
+        ConfigError: There is no such scenario, or it cannot be read.
     """
     if is_random(name):
         return random_scenario(name, seed)
@@ -55,7 +55,7 @@ def split_seed(name: str) -> tuple[str, int | None]:
     """Split the name or path of a scenario from the seed that may follow it, NAME@SEED.
 
     Raises:
-        ConfigError: The text after @ is no seed.
+        ConfigError: The text after @ is not a seed.
     """
     scenario, separator, seed = name.rpartition("@")
     if not separator:
@@ -71,7 +71,7 @@ def is_scenario(source: str) -> bool:
 
 
 def resolve(source: str) -> str:
-    """Return the source with an absolute path, since services run in another folder.
+    """Return the source with an absolute path, since services run in other folders.
 
     Raises:
         ConfigError: There is no such scenario.
@@ -84,12 +84,12 @@ def resolve(source: str) -> str:
 
 
 def truth_settings(truth: str, loop: bool) -> list[str]:
-    """Return the settings of the ground-truth bridge for a scenario, played in a loop or once."""
+    """Return the settings of the ground-truth bridge for a scenario, played once or in a loop."""
     settings = [setting("gt_bridge.source", TRUTH)]
     if loop:
         name, _ = split_seed(truth.removeprefix(PREFIX))
         scenario = load_scenario(name)
-        # A camera in a loop adds the duration of its whole frames to the stamps.
+        # A camera in a loop adds the duration of its frames to the stamps.
         frames = round(scenario.duration_s * scenario.camera.fps)
         settings.append(f"gt_bridge.loop_s={frames / scenario.camera.fps}")
     return settings

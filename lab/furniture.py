@@ -1,4 +1,4 @@
-"""Furniture that a scenario adds to a room, and the floor that it takes from people."""
+"""Furniture of a scenario, and the floor that it occupies."""
 
 import math
 from typing import Literal
@@ -6,7 +6,7 @@ from typing import Literal
 from common.config import Config
 
 FurnitureKind = Literal["desk", "chair", "partition", "cabinet"]
-# [m] sides along and across of each kind on the floor
+# Long and short side of each kind on the floor [m]
 SIZES_M: dict[FurnitureKind, tuple[float, float]] = {
     "desk": (1.5, 0.7),
     "chair": (0.45, 0.45),
@@ -18,13 +18,13 @@ SIZES_M: dict[FurnitureKind, tuple[float, float]] = {
 class FurniturePlan(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A piece of furniture."""
 
-    # desk: with a screen that faces along +x of the piece; partition: 1.3 m high
+    # desk: with a screen that faces +x of the piece; partition: 1.3 m high
     kind: FurnitureKind
     at: tuple[float, float]  # [m] x, y of its middle, frame: map
     yaw_deg: float = 0.0  # [deg] about the vertical, 0: its long side along y of the map
 
     def holds(self, x_m: float, y_m: float, margin_m: float = 0.0) -> bool:
-        """Check that a position lies on the floor under the piece, or within a margin of it."""
+        """Check that a position is on the floor under the piece, with a margin."""
         cos, sin = math.cos(math.radians(self.yaw_deg)), math.sin(math.radians(self.yaw_deg))
         dx, dy = x_m - self.at[0], y_m - self.at[1]
         long, deep = SIZES_M[self.kind]
@@ -33,7 +33,7 @@ class FurniturePlan(Config, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
 
 def discs_of(piece: FurniturePlan) -> list[tuple[float, float, float]]:
-    """Return discs that cover a piece of furniture: x, y and radius in metres, frame: map."""
+    """Return discs that cover a piece of furniture: x, y and radius [m], frame: map."""
     long, deep = SIZES_M[piece.kind]
     radius = max(deep / 2, 0.15)
     count = max(1, math.ceil(long / (1.5 * radius)))

@@ -14,7 +14,7 @@ from lab.furniture import FurniturePlan
 from people4d.messages.base import NonNegative
 
 RoomName = Literal["lab", "hall", "office", "square"]
-# Lower and upper corner of the free floor of each room, for the centre of a person [m]
+# Lower and upper corner of the free floor of each room, for centres of people [m]
 WALKABLE_M: dict[RoomName, tuple[tuple[float, float], tuple[float, float]]] = {
     "lab": ((-0.3, -1.45), (4.7, 1.45)),
     "hall": ((-0.6, -2.4), (8.4, 2.4)),

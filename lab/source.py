@@ -3,7 +3,7 @@
 import heapq
 import os
 from collections.abc import Iterator
-from typing import Annotated, Literal, Protocol
+from typing import Annotated, Literal
 
 from msgspec import Meta
 
@@ -16,6 +16,7 @@ from lab.world import World
 from people4d.messages import Truth
 from people4d.messages.base import Count, NameOrEmpty
 from services.camera.source import Source, SourceItem
+from services.gt_bridge.config import GtBridgeConfig
 
 MAX_NS = 2**63 - 1  # later than any stamp
 
@@ -82,14 +83,6 @@ def _settings(options: LabOptions, world: World) -> RenderSettings:
     )
 
 
-class LabConfig(Protocol):
-    """Configuration of the ground-truth bridge, as far as `LabTruth` needs it."""
-
-    @property
-    def truth(self) -> str:
-        """Name of a scenario, or path of its file."""
-
-
 class LabTruth:
     """Truth of a scenario, as the source "lab.source:LabTruth" of the ground-truth bridge.
 
@@ -97,7 +90,7 @@ class LabTruth:
         ConfigError: There is no such scenario, or it cannot be read.
     """
 
-    def __init__(self, config: LabConfig) -> None:
+    def __init__(self, config: GtBridgeConfig) -> None:
         name, seed = split_seed(config.truth.removeprefix("lab:"))
         self._world = World(load_scenario(name, seed), seed)
 

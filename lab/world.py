@@ -1,4 +1,4 @@
-"""The world of a scenario: bodies, their motion, the room and the camera at any time."""
+"""World of a scenario: bodies, motion, room and camera at any time."""
 
 from functools import cached_property
 
@@ -19,37 +19,37 @@ from lab.scenario import WALKABLE_M, Scenario
 from people4d.errors import ConfigError
 from people4d.messages import F64, CameraInfo
 
-EPOCH_NS = 1_767_225_600 * 10**9  # 2026-01-01 00:00 UTC: scenarios begin then, so runs are alike
-CAMERA_KEY = 0xCA3  # sets the errors of a further camera apart from those of the first
+EPOCH_NS = 1_767_225_600 * 10**9  # start of all scenarios, 2026-01-01 00:00 UTC
+CAMERA_KEY = 0xCA3  # key of the random numbers of further cameras
 MAX_DEPTH_M = 5.0  # docs/method.md section 1
 
 
 class World:
-    """A scenario as functions of the time since its beginning.
+    """A scenario as functions of the time since its start.
 
-    Slow parts are made on first use: poses of the camera need no body, and truth about people needs
-    no room.
+    Slow parts are computed on first use: poses of the camera need no body, and the truth of people
+    needs no room.
 
     Args:
         scenario: People, room and camera.
-        seed: Used instead of the scenario's own, for another light, motion and noise.
+        seed: Seed of light, motion and noise; None: the seed of the scenario.
     """
 
     def __init__(self, scenario: Scenario, seed: int | None = None) -> None:
         self.scenario = scenario
         self.seed = scenario.seed if seed is None else seed
-        self.noise_seed = self.seed  # of the errors of the camera and its depth
+        self.noise_seed = self.seed  # seed of the errors of the camera and its depth
         self.info = camera_info(scenario.camera)
-        self._first: World | None = None  # that of the first camera, if this is another's
+        self._first: World | None = None  # world of the first camera; None: this one
 
     @cached_property
     def views(self) -> "tuple[World, ...]":
-        """The same world by camera, this one first: people and room are common to all."""
+        """Worlds of all cameras, this one first, with common people and room."""
         plans = self.scenario.cameras
         return (self, *(self._view(number, plan) for number, plan in enumerate(plans, 1)))
 
     def view(self, camera: str) -> "World":
-        """Return the world of a camera by its name; the first if it is empty.
+        """Return the world of a camera by its name; empty: the first.
 
         Raises:
             ConfigError: There is no such camera.
@@ -68,7 +68,7 @@ class World:
 
     @cached_property
     def bodies(self) -> tuple[SkinnedBody, ...]:
-        """The people's bodies, in the order of the scenario."""
+        """Bodies of the people, in the order of the scenario."""
         if self._first:
             return self._first.bodies
         return tuple(
@@ -137,7 +137,7 @@ class World:
         held = zip(self.bodies, self.poses(t_s), strict=True)
         meshes = tuple(body.mesh(pose, k + 1) for k, (body, pose) in enumerate(held))
         for mesh in meshes:
-            # Soles stay on the floor within a millimetre; nothing of them is drawn below it.
+            # Soles sink below the floor by up to a millimetre; they are not drawn below it.
             np.maximum(mesh.vertices_m[:, 2], 0.0, out=mesh.vertices_m[:, 2])
         return meshes
 
@@ -151,15 +151,14 @@ class World:
 
 
 def stamp_ns(t_s: float) -> int:
-    """Return the stamp of a time since the beginning of a scenario."""
+    """Return the stamp of a time since the start of a scenario."""
     return EPOCH_NS + round(t_s * 1e9)
 
 
 def camera_info(plan: CameraPlan) -> CameraInfo:
-    """Return the calibration of a planned camera: no distortion, the axis through the middle.
+    """Return the calibration of a planned camera, without distortion, centred optical axis.
 
-    The centre of the first pixel is at (0, 0), so that of the image is at half a pixel less than
-    half its size.
+    The centre of the first pixel is (0, 0), so the centre of the image is (size - 1) / 2.
     """
     return CameraInfo(
         stamp_ns=EPOCH_NS,

@@ -1,1 +1,1 @@
-"""People: baked figures, dressed and posed."""
+"""Bodies of people: baked figures, clothes and poses."""

@@ -1,4 +1,4 @@
-"""A person of the cast, dressed and posed."""
+"""Dressed body of a person of the cast, in a pose."""
 
 import math
 from dataclasses import replace
@@ -29,28 +29,27 @@ from lab.drawing.mesh import Material, Mesh
 from people4d.errors import ConfigError
 from people4d.messages import F32, F64
 
-__all__ = ["SkinnedBody", "cast_names", "load_body"]
-KEY_SHADE = 101  # of the random numbers
-SHADE = 0.08  # largest relative change of a garment's brightness from seed to seed
-BODIES = 64  # dressed people in memory
-UNDER_M = 0.035  # [m] that skin goes on under a hem
+KEY_SHADE = 101  # key of the random numbers
+SHADE = 0.08  # maximum relative change of a garment's brightness by the seed
+BODIES = 64  # maximum number of cached bodies
+UNDER_M = 0.035  # overlap of skin and clothes at a hem [m]
 
 
 @lru_cache(maxsize=BODIES)
 def load_body(
     name: str, seed: int = 0, outfit: Outfit = "own", number: int = 0, size: float = 1.0
 ) -> "SkinnedBody":
-    """Return a dressed person of the cast; the seed varies the shade of colours.
+    """Return a dressed person of the cast; the seed varies the brightness of clothes.
 
     Args:
-        name: In the cast.
-        seed: Of the scenario.
-        outfit: Clothes.
-        number: Of the person in the scenario; other numbers wear another outfit.
-        size: Stature over that in the cast.
+        name: Name in the cast.
+        seed: Seed of the scenario.
+        outfit: Kind of clothes.
+        number: Index of the person in the scenario; random outfits depend on it.
+        size: Stature relative to the cast.
 
     Raises:
-        ConfigError: There is none of that name.
+        ConfigError: The cast has no such person.
     """
     person = load_cast().get(name)
     if person is None:
@@ -76,7 +75,7 @@ class SkinnedBody:
         )
         self._forms = np.pad(figure.keypoint_forms, ((0, 0), (0, 2), (0, 0)))  # none on the toes
         floor = np.array([0.0, 0.0, self.skeleton.heel[0, 2]])
-        # Patterns are drawn for 1.75 m; smaller people wear smaller sizes.
+        # Patterns are defined for 1.75 m; they scale with the stature.
         size = 1.75 / self.skeleton.stature_m
         self._texture: F32 = (size * (self._vertices - floor)).astype(np.float32)
 
@@ -87,7 +86,7 @@ class SkinnedBody:
         return transforms
 
     def mesh(self, pose: BodyPose, owner: int) -> Mesh:
-        """Return skin and clothes in the map; the owner is the number of their triangles."""
+        """Return skin and clothes in the map; `owner` is the number of the person."""
         vertices = skin(self._vertices, self._bones, self._shares, self.bones(pose))
         return Mesh(
             vertices_m=vertices,
@@ -105,13 +104,13 @@ class SkinnedBody:
         return np.asarray(np.einsum("bij,kbj->ki", self.bones(pose), self._forms))
 
     def chest_yaw(self, pose: BodyPose) -> float:
-        """Return the yaw of the chest, in rad, frame: map."""
+        """Return the yaw of the chest [rad], frame: map."""
         forward = map_from_segments(pose)[INDEX["chest"]][:, 0]
         return math.atan2(forward[1], forward[0])
 
 
 def dress(figure: Figure, person: CastMember, seed: int) -> list[BodySurface]:
-    """Return all surfaces of a dressed person in the neutral pose; the seed varies their shade."""
+    """Return all surfaces of a person in the neutral pose; the seed varies their brightness."""
     levels = measure(figure, person)
     clothes = [
         *make_hair(figure, person.hair),
@@ -130,12 +129,12 @@ def dress(figure: Figure, person: CastMember, seed: int) -> list[BodySurface]:
 
 
 def shaded(piece: BodySurface, shade: float) -> BodySurface:
-    """Return a piece somewhat brighter or darker."""
+    """Return a piece with a relative change of brightness."""
     return replace(piece, colour=np.clip(piece.colour * (1 + shade), 0, 1))
 
 
 def make_skin(figure: Figure, person: CastMember, levels: HemLevels) -> BodySurface:
-    """Return the skin that clothes leave bare, and a little more."""
+    """Return the bare skin, and an overlap under the clothes."""
     z = figure.vertices_m[:, 2]
     above_collar = UNDER_M - collar_field(figure, levels.collar)
     torso = np.maximum(above_collar, levels.legs + UNDER_M - z)

@@ -21,7 +21,7 @@ class Hair(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     style: Literal["short", "long", "bob", "bun", "balding", "bald"] = "short"
     colour: str = "#2e2019"
     beard: bool = False
-    thickness_m: float = 0.016  # [m] on the crown
+    thickness_m: float = 0.016  # thickness on the crown
 
 
 class Shirt(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -30,7 +30,7 @@ class Shirt(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     colour: str
     pattern: Literal["plain", "stripes", "plaid", "print", "placket", "blocks"] = "plain"
     sleeves: Literal["short", "long"] = "short"
-    loose_m: float = 0.012  # [m] of cloth outside the close-fitting suit
+    loose_m: float = 0.012  # distance of cloth from the close-fitting suit
 
 
 class Legwear(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -38,7 +38,7 @@ class Legwear(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
     colour: str
     kind: Literal["trousers", "shorts", "skirt"] = "trousers"
-    loose_m: float = 0.014  # [m] of cloth outside the close-fitting suit, at the hem
+    loose_m: float = 0.014  # distance of cloth from the close-fitting suit at the hem
 
 
 class Shoes(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -50,9 +50,9 @@ class Shoes(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
 
 class CastMember(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One of the cast."""
+    """Person of the cast."""
 
-    about: str  # a few words
+    about: str  # description in a few words
     figure: str  # name of the baked body
     skin: str
     eyes: str = "#4a3524"
@@ -66,7 +66,7 @@ class CastMember(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         """Check colours.
 
         Raises:
-            ValueError: One is not #rrggbb.
+            ValueError: A colour is not #rrggbb.
         """
         parts = (self.hair, self.shirt, self.legs, self.shoes)
         for colour in (
@@ -82,13 +82,13 @@ class CastMember(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
 @cache
 def load_cast() -> dict[str, CastMember]:
-    """Return all people by name."""
+    """Return all people of the cast by name."""
     data = tomllib.loads(CAST.read_text(encoding="utf-8"))
     return msgspec.convert(data, dict[str, CastMember])
 
 
 def cast_names() -> list[str]:
-    """Return the names that a scenario can give as `body`."""
+    """Return the names of the cast, the values of `body` in a scenario."""
     return list(load_cast())
 
 

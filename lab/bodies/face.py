@@ -10,10 +10,11 @@ from lab.bodies.surface import BodySurface, tubes
 from lab.drawing.mesh import Material
 from people4d.messages import F64
 
-LIPS = np.array([0.90, 0.64, 0.62])  # times the skin's colour
+# Colours relative to the skin
+LIPS = np.array([0.90, 0.64, 0.62])
 LIDS = np.array([0.42, 0.36, 0.34])
 CHEEKS = np.array([1.04, 0.90, 0.88])
-IRIS_M, PUPIL_M = 0.0068, 0.0030
+IRIS_M, PUPIL_M = 0.0068, 0.0030  # radii [m]
 
 
 def paint_face(skin: BodySurface, figure: Figure, person: CastMember) -> BodySurface:
@@ -37,13 +38,13 @@ def paint_face(skin: BodySurface, figure: Figure, person: CastMember) -> BodySur
 
 
 def bump(distance: F64, width: float) -> F64:
-    """Return 1 at distance 0, falling smoothly to 0 at the width."""
+    """Return a smooth bump: 1 at distance 0, 0 beyond the width."""
     inner = np.clip(1 - (distance / width) ** 2, 0, 1)
     return inner * inner
 
 
 def tint(colour: F64, share: F64, other: F64) -> F64:
-    """Return colours mixed with a share of others."""
+    """Mix colours with a share of other colours."""
     return np.asarray(colour + share[:, None] * (other - colour))
 
 
@@ -69,7 +70,7 @@ def make_eyes(figure: Figure, person: CastMember) -> BodySurface:
 
 
 def make_glasses(figure: Figure) -> BodySurface:
-    """Return the frame of a pair of glasses: two rims, a bridge, two temples."""
+    """Return the frame of glasses: two rims, a bridge, two temples."""
     head = find_head(figure)
     lines = [*rims(head), *bars(head)]
     weights = np.zeros(len(figure.bones))

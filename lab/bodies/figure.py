@@ -1,4 +1,4 @@
-"""The baked bodies: shapes without clothes, and the bones that move them."""
+"""Baked bodies: shapes without clothes, and their bones."""
 
 from dataclasses import dataclass, replace
 from functools import cache
@@ -11,19 +11,18 @@ from lab.drawing.mesh import I32
 from people4d.messages import F64
 
 ASSET = Path(__file__).parents[1] / "assets" / "bodies.npz"
-NOSE, EYE, EAR = 0, 1, 3  # COCO; of the pairs the left
+NOSE, EYE, EAR = 0, 1, 3  # nose, left eye and left ear in COCO order
 
 
 @dataclass(frozen=True)
 class Figure:
-    """A body in the neutral pose, pelvis frame, and the helper meshes that clothes follow."""
+    """Body in the neutral pose, pelvis frame, with the helper meshes of clothes."""
 
     vertices_m: F64  # Vx3
     weights: F64  # VxB shares of the bones, rows sum to 1
     bones: tuple[str, ...]  # B names
     faces: dict[str, I32]  # triangles of each part: body, tights, skirt, hair, eyes
-    # how far vertices belong to regions of the skin, 0 to 1: lips, ears, eyelids
-    masks: dict[str, F64]
+    masks: dict[str, F64]  # V, membership in regions of the skin, 0 to 1: lips, ears, eyelids
     joints_m: dict[str, F64]  # joint -> 2x3 (left, right) or 3
     # 17xBx4; a keypoint is the sum over bones of map_from_rest (3x4) @ form (4)
     keypoint_forms: F64
@@ -37,10 +36,10 @@ def arrays() -> dict[str, npt.NDArray[np.generic]]:
 
 
 def load_figure(name: str) -> Figure:
-    """Return the figure of that name.
+    """Return the figure of a name.
 
     Raises:
-        ValueError: There is none.
+        ValueError: There is no such figure.
     """
     asset = arrays()
     person = [str(figure) for figure in asset["people"]].index(name)
@@ -50,7 +49,7 @@ def load_figure(name: str) -> Figure:
     weights = np.zeros((len(own), len(bones)))
     shares = asset["vertex_shares"].astype(np.float64) / 255
     np.put_along_axis(weights, asset["vertex_bones"].astype(np.int64), shares, axis=1)
-    # Half the digits are stored; the parts of a point must sum to 1 all the same.
+    # Forms are stored with half precision; the parts of a point must sum to 1.
     forms = asset["keypoint_forms"][person].astype(np.float64)
     prefixed = {
         kind: {
@@ -72,7 +71,7 @@ def load_figure(name: str) -> Figure:
 
 
 def scaled(figure: Figure, size: float) -> Figure:
-    """Return a figure of other stature with the same proportions; size is over the figure's."""
+    """Return a figure with another stature, relative to the figure, and the same proportions."""
     if size == 1.0:
         return figure
     forms = figure.keypoint_forms.copy()
@@ -89,14 +88,14 @@ def scaled(figure: Figure, size: float) -> Figure:
 class HeadLandmarks:
     """Landmarks of a head in the neutral pose, pelvis frame."""
 
-    nose: F64  # 3, its tip, in metres
-    eye: F64  # 3, the left one
-    ear: F64  # 3, the left one
-    mouth: F64  # 3, middle of the lips
-    unit_m: float  # from the eyes' height to the crown
+    nose: F64  # [m] 3, tip of the nose
+    eye: F64  # [m] 3, left eye
+    ear: F64  # [m] 3, left ear
+    mouth: F64  # [m] 3, middle of the lips
+    unit_m: float  # height of the crown above the eyes, the unit of head coordinates
 
     def coordinates(self, vertices_m: F64) -> tuple[F64, F64, F64]:
-        """Return how far vertices lie before the ears, beside the middle, above the eyes; units."""
+        """Return head coordinates: before the ears, beside the middle, above the eyes."""
         x, y, z = vertices_m.T
         return (
             (x - self.ear[0]) / self.unit_m,
@@ -105,13 +104,13 @@ class HeadLandmarks:
         )
 
     def position_m(self, before: npt.ArrayLike, left: npt.ArrayLike, above: npt.ArrayLike) -> F64:
-        """Return the vertices at these coordinates, left positive; Nx3."""
+        """Return the positions of head coordinates [m], Nx3, left positive."""
         units = np.stack(np.broadcast_arrays(before, left, above), axis=-1) * self.unit_m
         return np.asarray(units + np.array([self.ear[0], 0.0, self.eye[2]]))
 
 
 def find_head(figure: Figure) -> HeadLandmarks:
-    """Return the head of a figure."""
+    """Return the landmarks of a figure's head."""
     keypoints = figure.keypoint_forms[:, :, :3].sum(axis=1)
     body = np.unique(figure.faces["body"])
     lips = body[figure.masks["lips"][body] > 0.5]
@@ -125,7 +124,7 @@ def find_head(figure: Figure) -> HeadLandmarks:
 
 
 def on_head(figure: Figure) -> npt.NDArray[np.bool_]:
-    """Return the mask of vertices that move with head or neck rather than with the torso."""
+    """Return the mask of vertices that move with head or neck."""
     columns = [figure.bones.index(name) for name in ("neck", "head")]
     share: npt.NDArray[np.bool_] = figure.weights[:, columns].sum(axis=1) > 0.5
     return share

@@ -1,4 +1,4 @@
-"""Clothes, cut from the helper meshes that follow every body."""
+"""Clothes, cut from the helper meshes of bodies."""
 
 from dataclasses import dataclass, replace
 
@@ -13,31 +13,31 @@ from lab.bodies.surface import BodySurface, border, cut, smoothed, walls
 from lab.drawing.mesh import Material, Pattern
 from people4d.messages import F64
 
-BREAK_M = 0.05  # by which trousers hang over the ankle
-SOCK_M = 0.03  # height of socks above the shoe
-SOLE_M = 0.018  # thickness of a sole below the bare foot
-WELT_M = 0.006  # height of its upper edge above the bare foot's sole
-SECTORS = 36
-ROW_M = 0.015
-FALL = 0.22  # by how much cloth comes back to the body per length that it hangs
+BREAK_M = 0.05  # overlap of trousers over the ankle [m]
+SOCK_M = 0.03  # height of socks above the shoe [m]
+SOLE_M = 0.018  # thickness of a sole below the bare foot [m]
+WELT_M = 0.006  # height of a sole's upper edge above the bare sole [m]
+SECTORS = 36  # number of sectors of hanging cloth
+ROW_M = 0.015  # height of a row of hanging cloth [m]
+FALL = 0.22  # slope of hanging cloth towards the body
 
 
 @dataclass(frozen=True)
 class HemLevels:
-    """Heights at which clothes end, pelvis frame, in metres."""
+    """Heights of the ends of clothes [m], pelvis frame."""
 
-    collar: float  # neckline behind
-    sleeve: float  # end of the sleeves when the arms hang
+    collar: float  # neckline at the back
+    sleeve: float  # end of the sleeves of hanging arms
     hem: float  # lower end of the shirt
-    waist: float  # upper end of what the legs wear
-    legs: float  # its lower end
+    waist: float  # upper end of the legwear
+    legs: float  # lower end of the legwear
     shoe: float  # upper end of the shoes
     floor: float  # bare soles
-    tucked: bool  # whether the shirt is worn inside what the legs wear
+    tucked: bool  # True: the shirt is inside the legwear
 
 
 def measure(figure: Figure, person: CastMember) -> HemLevels:
-    """Return where this person's clothes end."""
+    """Return the heights of the ends of a person's clothes."""
     joints = figure.joints_m
     (hip, knee, ankle, shoulder, elbow, wrist) = (
         float(joints[name][0, 2]) for name in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
@@ -61,7 +61,7 @@ def measure(figure: Figure, person: CastMember) -> HemLevels:
 
 
 def arm_share(figure: Figure, weights: F64) -> F64:
-    """Return how far vertices of these weights belong to an arm, 0 to 1."""
+    """Return the membership of vertices with these weights in an arm, 0 to 1."""
     kinds = ("upper_arm", "elbow", "forearm")
     columns = [index for index, name in enumerate(figure.bones) if name.startswith(kinds)]
     return np.asarray(weights[:, columns].sum(axis=1))
@@ -73,7 +73,7 @@ def on_arm(figure: Figure) -> npt.NDArray[np.bool_]:
 
 
 def collar_field(figure: Figure, collar: float) -> F64:
-    """Return how far vertices lie below a neckline that is lower in front, in metres."""
+    """Return the distance of vertices below a neckline that is lower in front [m]."""
     x, _, z = figure.vertices_m.T
     return np.asarray(collar - 0.45 * (x - figure.joints_m["neck"][0]) - z)
 
@@ -90,21 +90,18 @@ def cloth(figure: Figure, part: str, colour: str, material: Material) -> BodySur
 
 
 def loosened(piece: BodySurface, distance_m: F64, rounds: int) -> BodySurface:
-    """Return cloth that hangs smoothly at V distances from a close-fitting piece.
-
-    Rounds of smoothing take out the body's small forms.
-    """
+    """Return smooth cloth at V distances from a close-fitting piece, after rounds of smoothing."""
     outward = normals(piece.vertices_m, piece.faces)
     loose = smoothed(piece.moved(outward * distance_m[:, None]), rounds)
     return no_closer(loose, piece, 0.7 * distance_m)
 
 
 def no_closer(loose: BodySurface, piece: BodySurface, distance_m: F64) -> BodySurface:
-    """Return loose cloth moved to be nowhere closer to the close-fitting piece than V distances."""
+    """Move loose cloth to V minimum distances from the close-fitting piece."""
     outward = normals(piece.vertices_m, piece.faces)
     gap = np.einsum("vi,vi->v", loose.vertices_m - piece.vertices_m, outward)
     positions = loose.vertices_m + outward * np.maximum(distance_m - gap, 0.0)[:, None]
-    # Hems stay at the height at which they were cut.
+    # The heights of hems do not change.
     rim = np.unique(border(piece.faces))
     positions[rim, 2] = piece.vertices_m[rim, 2]
     return replace(loose, vertices_m=positions)
@@ -145,7 +142,7 @@ def make_legwear(figure: Figure, legs: Legwear, levels: HemLevels) -> BodySurfac
 
 
 def lengthened(piece: BodySurface, end_m: float, by_m: float) -> BodySurface:
-    """Return trousers with their lower hem, at a height, drawn straight down over the shoe."""
+    """Return trousers with their lower hem, at a height, extended down over the shoe."""
     edges = border(piece.faces)
     low = piece.vertices_m[edges, 2] < end_m + 0.03
     count = len(piece.vertices_m)
@@ -179,7 +176,7 @@ def make_shoes(figure: Figure, shoes: Shoes, levels: HemLevels) -> list[BodySurf
 
 
 def slab(piece: BodySurface, bottom_m: float, colour: F64) -> BodySurface:
-    """Return a piece pressed flat at a height, with upright walls to where its border was."""
+    """Return a piece flattened at a height, with vertical walls at its border."""
     count = len(piece.vertices_m)
     flat = piece.vertices_m.copy()
     flat[:, 2] = bottom_m
@@ -193,12 +190,12 @@ def slab(piece: BodySurface, bottom_m: float, colour: F64) -> BodySurface:
 
 
 def hung(piece: BodySurface, axis_x_m: float, free: F64) -> BodySurface:
-    """Return cloth around the torso with its hollows bridged.
+    """Return cloth around the torso that bridges hollows.
 
     Args:
         piece: The cloth.
-        axis_x_m: Position of the torso's upright axis.
-        free: V, 0 where the cloth stays as it is, 1 where it hangs freely.
+        axis_x_m: Position of the torso's vertical axis.
+        free: V, 0 for fixed cloth, 1 for hanging cloth.
     """
     x, y, z = piece.vertices_m.T
     around = np.arctan2(y, x - axis_x_m) / (2 * np.pi) * SECTORS % SECTORS
@@ -213,12 +210,12 @@ def hung(piece: BodySurface, axis_x_m: float, free: F64) -> BodySurface:
 
 
 def hanging_outline(around: F64, row: F64, radius: F64) -> F64:
-    """Return the radius of hanging cloth over rows, from the top, and sectors.
+    """Return the radius of hanging cloth by row, from the top, and sector.
 
     Args:
         around: V positions in sectors, 0 to SECTORS.
         row: V positions in rows.
-        radius: V distances of the close-fitting cloth from the axis in metres.
+        radius: V distances of the close-fitting cloth from the axis [m].
     """
     rows = int(row.max()) + 2
     outline = np.zeros((rows, SECTORS))
@@ -227,7 +224,7 @@ def hanging_outline(around: F64, row: F64, radius: F64) -> F64:
         np.rint(around).astype(int) % SECTORS,
     )
     np.maximum.at(outline, positions, radius)
-    # Cloth is taut between its neighbours on both sides.
+    # Cloth is taut between its neighbours on both sides
     beside = (np.roll(outline, 1, axis=1) + np.roll(outline, -1, axis=1)) / 2
     outline = np.maximum(outline, beside)
     for below in range(1, rows):

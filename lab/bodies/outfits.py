@@ -1,4 +1,4 @@
-"""Outfits: other clothes and hair for the people of the cast, drawn at random."""
+"""Outfits: random clothes and hair for the people of the cast."""
 
 from typing import Final, Literal, TypeVar
 
@@ -7,18 +7,17 @@ from msgspec.structs import replace
 
 from lab.bodies.cast import CastMember, Hair, Legwear, Shirt, Shoes
 
-# own: as in the cast; dark: navy, black or dark grey from head to foot, hard to tell apart;
-# random: any clothes, colours, hair and skin
-# skirt: their own with a skirt to the knee
-# coat: under a loose coat, as long
+# own: as in the cast; dark: navy, black or dark grey from head to foot, hard to distinguish;
+# random: any clothes, colours, hair and skin; skirt: own clothes with a skirt to the knee;
+# coat: a loose coat to the knee
 Outfit = Literal["own", "dark", "random", "skirt", "coat"]
 T = TypeVar("T")
 
-KEY = 111  # of the random numbers
+KEY = 111  # key of the random numbers
 DARK_TOPS = ("#14161c", "#1a2030", "#1f1f21", "#26262a", "#231f24", "#1c2426", "#2a2a30")
 DARK_LEGS = ("#1b2030", "#17171a", "#24262c", "#202a3c", "#2b2a2c")
 DARK_HAIR = ("#14100e", "#1d1511", "#2a1d15", "#33261c")
-# Most people wear little colour: black, white, greys and blues come first.
+# Muted colours are frequent: black, white, greys and blues
 TOPS = (
     *DARK_TOPS,
     *("#d6d6d2", "#c4c6c8", "#8c8e92", "#5e6064", "#3c4654", "#2f4468", "#5f7fa6", "#a9b6c6"),
@@ -35,8 +34,8 @@ SKINS = ("#e3b89d", "#dcb395", "#d9a888", "#d6a585", "#c08e6e", "#9a6a4c", "#7a5
 SHOES = ("#2b2a2c", "#1c1c1e", "#3c2a20", "#5c3f28", "#c9c8c4", "#8a8a8c", "#7c2838", "#2c3c5c")
 PATTERNS: Final = ("stripes", "plaid", "print", "placket", "blocks")
 PLAIN = 0.6  # share of plain shirts
-WOMEN = ("bea", "dana", "fumiko", "hana", "joy")  # figures that may wear skirts and long hair
-COAT_M = 0.03  # of a coat, from the body
+WOMEN = ("bea", "dana", "fumiko", "hana", "joy")  # figures with skirts and long hair
+COAT_M = 0.03  # distance of a coat from the body [m]
 TINT = 0.12  # standard deviation of a colour channel's relative change
 
 
@@ -44,10 +43,10 @@ def dress_up(person: CastMember, outfit: Outfit, seed: int, number: int) -> Cast
     """Return a person of the cast in other clothes.
 
     Args:
-        person: As in the cast.
+        person: Person of the cast.
         outfit: Kind of clothes.
-        seed: Of the scenario.
-        number: Of the person in the scenario, so that no two wear the same.
+        seed: Seed of the scenario.
+        number: Index of the person in the scenario, so that random clothes differ.
     """
     if outfit == "own":
         return person
@@ -127,7 +126,7 @@ def _one(rng: np.random.Generator, choices: tuple[T, ...]) -> T:
 
 
 def _tinted(rng: np.random.Generator, colour: str, sigma: float = TINT) -> str:
-    """Return a colour a little lighter, darker or tinted."""
+    """Return a colour with a small random change of brightness and tint."""
     channels = [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
     factors = 1 + sigma * (0.7 * rng.standard_normal() + 0.3 * rng.standard_normal(3))
     shifted = np.clip(np.array(channels) * factors, 4, 240).round().astype(int)

@@ -1,4 +1,4 @@
-"""The rig: bones that move the skin, by the segments of a pose, and joints of dressed bodies."""
+"""Rig: bones that move the skin by the segments of a pose, and joints of dressed bodies."""
 
 from dataclasses import dataclass
 
@@ -10,27 +10,27 @@ from lab.bodies.skeleton import INDEX, BodyPose, Skeleton, map_from_segments
 from lab.drawing.mesh import I32, Material
 from people4d.messages import F64
 
-FLOOR_M = 0.03  # feet further below the floor are not on it
-TOE_BEND = 0.7  # [rad] by which toes bend at most
-BALL = 0.69  # share of the length from heel to toe, where the foot rolls
-FLEX_M = 0.03  # length over which a shoe bends
+FLOOR_M = 0.03  # maximum depth of a foot on the floor below it [m]
+TOE_BEND = 0.7  # maximum bend of the toes [rad]
+BALL = 0.69  # position of the ball of the foot, relative to the length from heel to toe
+FLEX_M = 0.03  # length of the bending part of a shoe [m]
 
 
 @dataclass(frozen=True)
 class Bone:
-    """A bone turns about a joint with one segment, or partly with another."""
+    """Bone that turns about a joint with one segment, or with a mean of two segments."""
 
-    parent: str  # the bone that carries its joint; empty for the pelvis
-    joint: str  # name of the joint it turns about; left and right are chosen by the bone's side
-    segment: str  # with which it turns
-    other: str = ""  # with which it turns in part
-    share: float = 0.0  # of the other, 0 to 1
+    parent: str  # bone that carries the joint; empty for the pelvis
+    joint: str  # name of the joint; its side is the bone's side
+    segment: str  # first segment
+    other: str = ""  # second segment
+    share: float = 0.0  # weight of the second segment, 0 to 1
 
 
 def _sided(side: str) -> dict[str, Bone]:
     upper_arm, forearm = f"upper_arm_{side}", f"forearm_{side}"
     thigh, shank, foot = f"thigh_{side}", f"shank_{side}", f"foot_{side}"
-    # The girdle follows a little of the arm, about the shoulder, which so stays where it is.
+    # The girdle turns about the shoulder with a quarter of the arm's rotation.
     return {
         f"shoulder_{side}": Bone("chest", "shoulder", "chest", upper_arm, 0.25),
         upper_arm: Bone("chest", "shoulder", upper_arm),
@@ -45,7 +45,7 @@ def _sided(side: str) -> dict[str, Bone]:
     }
 
 
-# Parents come before children; the asset's bones in its order, then the toes of shoes.
+# Parents before children: the bones of the asset in its order, then the toes of shoes
 BONES: dict[str, Bone] = {
     "pelvis": Bone("", "", "pelvis"),
     "lumbar": Bone("pelvis", "waist", "pelvis", "chest", 0.5),
@@ -66,7 +66,7 @@ _PARENT = [NAMES.index(bone.parent) if bone.parent else -1 for bone in BONES.val
 
 
 def joint_positions(joints_m: dict[str, F64]) -> F64:
-    """Return the joint of each bone at rest, Bx3; the pelvis' is the origin."""
+    """Return the joint of each bone at rest, Bx3; the joint of the pelvis is the origin."""
     positions = np.zeros((len(BONES), 3))
     for index, (name, bone) in enumerate(BONES.items()):
         if bone.joint:
@@ -76,7 +76,7 @@ def joint_positions(joints_m: dict[str, F64]) -> F64:
 
 
 def map_from_rest(pose: BodyPose, joints: F64) -> F64:
-    """Return the transform of each bone, Bx3x4, from its joint at rest, Bx3, pelvis frame."""
+    """Return the transform of each bone, Bx3x4, from the joints at rest, Bx3, pelvis frame."""
     segments = map_from_segments(pose)
     rotations = segments[_FIRST]
     share = _SHARE[_BLENDED, None, None]
@@ -92,12 +92,12 @@ def map_from_rest(pose: BodyPose, joints: F64) -> F64:
 
 
 def bend_toes(transforms: F64, joints: F64, tips: F64) -> None:
-    """Bend the toes of feet that roll over the floor, so that these lie on it; in place.
+    """Bend the toes of feet that roll over the floor onto the floor, in place.
 
     Args:
         transforms: Bx3x4 map_from_rest.
-        joints: Bx3 joint of each bone at rest, pelvis frame.
-        tips: 2x3, from the ball to the tip of each shoe at rest.
+        joints: Joint of each bone at rest, Bx3, pelvis frame.
+        tips: Tip of each shoe relative to the ball at rest, 2x3.
     """
     for bone, tip in zip(_TOES, tips, strict=True):
         rotation = transforms[bone, :, :3]
@@ -112,7 +112,7 @@ def bend_toes(transforms: F64, joints: F64, tips: F64) -> None:
 
 
 def nearest_rotations(matrices: F64) -> F64:
-    """Return the rotations nearest to Nx3x3 means of rotations, which lie less than pi apart."""
+    """Return the rotations nearest to Nx3x3 means of rotations less than pi apart."""
     u, _, vt = np.linalg.svd(matrices)
     turned = np.linalg.det(u @ vt)
     u[:, :, 2] *= turned[:, None]
@@ -120,13 +120,13 @@ def nearest_rotations(matrices: F64) -> F64:
 
 
 def bend_weights(weights: F64, vertices: F64, bones: tuple[str, ...], ball: F64) -> F64:
-    """Return weights with two columns more, toe_l and toe_r, that take the tips of the feet.
+    """Return weights with two additional columns, toe_l and toe_r, for the tips of the feet.
 
     Args:
         weights: VxB.
         vertices: Vx3 in the neutral pose.
         bones: B names.
-        ball: 2x3, at which the left and the right sole bends.
+        ball: Balls of the left and the right foot, 2x3.
     """
     extended: F64 = np.concatenate([weights, np.zeros((len(weights), 2))], axis=1)
     for row, side in enumerate("lr"):
@@ -138,7 +138,7 @@ def bend_weights(weights: F64, vertices: F64, bones: tuple[str, ...], ball: F64)
 
 
 def make_skeleton(figure: Figure, vertices: F64, faces: I32, material: I32) -> Skeleton:
-    """Return the joints of a dressed body in the neutral pose; heel to toe are the shoe's."""
+    """Return the joints of a dressed body in the neutral pose, with heel and toe of the shoes."""
     joints = figure.joints_m
     shoes = vertices[np.unique(faces[material == Material.SHOE])]
     soles = shoes[shoes[:, 2] < shoes[:, 2].min() + 0.003]

@@ -1,4 +1,4 @@
-"""Stacks of rotation matrices; every function works on whole time series at once."""
+"""Stacks of rotation matrices, for whole time series."""
 
 import numpy as np
 import numpy.typing as npt
@@ -31,12 +31,12 @@ def _about(angle: F64, i: int, j: int) -> F64:
 
 
 def turn(rotation: F64, vector: F64) -> F64:
-    """Return the vectors turned: ...x3x3 times ...x3."""
+    """Rotate vectors: ...x3x3 times ...x3."""
     return np.asarray(np.einsum("...ij,...j->...i", rotation, vector))
 
 
 def along(direction: F64, lateral: F64) -> F64:
-    """Return frames ...x3x3 with a direction as -z axis and a y axis as lateral as can be."""
+    """Return frames ...x3x3 with a direction as -z axis and the y axis nearest to `lateral`."""
     up = -direction / np.linalg.norm(direction, axis=-1, keepdims=True)
     left = lateral - up * np.sum(lateral * up, axis=-1, keepdims=True)
     left = left / np.linalg.norm(left, axis=-1, keepdims=True)

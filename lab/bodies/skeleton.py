@@ -1,4 +1,4 @@
-"""The skeleton, and its pose: the rotations of its segments."""
+"""Skeleton, and its pose: the rotations of its segments."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from people4d.messages import F64
 
-# Segment -> the segment it hangs on; parents come before children.
+# Segment -> parent; parents before children
 PARENTS: dict[str, str] = {
     "pelvis": "",
     "chest": "pelvis",
@@ -28,15 +28,15 @@ INDEX = {name: index for index, name in enumerate(SEGMENTS)}
 
 @dataclass(frozen=True)
 class BodyPose:
-    """A body in the room at one time.
+    """Pose of a body in the room.
 
     In the neutral pose (all rotations identity) a person stands upright, arms hanging, legs
     straight, toes forward, and the axes of all segments are parallel: x forward, y left, z up.
     """
 
-    map_from_pelvis: F64  # 4x4, origin midway between the hip joints
-    # 13x3x3 in the order of SEGMENTS, each parent_from_segment; the pelvis' own is identity, since
-    # its rotation is in map_from_pelvis
+    map_from_pelvis: F64  # 4x4, origin in the middle of the hip joints
+    # 13x3x3 parent_from_segment in the order of SEGMENTS; identity for the pelvis, whose rotation
+    # is in map_from_pelvis
     rotations: F64
 
 
@@ -56,13 +56,13 @@ class Skeleton:
     All points are in metres in the pelvis frame; 2x3 arrays hold the left side first.
     """
 
-    hip: F64  # 2x3; their mean is the origin
-    knee: F64  # 2x3, exactly below the hip but for the leg's own small forward angle
+    hip: F64  # 2x3; the mean is the origin
+    knee: F64  # 2x3, below the hip except for a small forward angle of the leg
     ankle: F64  # 2x3
-    heel: F64  # 2x3, hindmost point of the shoe's sole that touches the floor
-    ball: F64  # 2x3, point of the sole below the ball of the foot, about which it rolls
+    heel: F64  # 2x3, rearmost point of the shoe's sole
+    ball: F64  # 2x3, point of the sole below the ball of the foot, the centre of its roll
     toe: F64  # 2x3, foremost point of the sole
-    waist: F64  # 3, where the chest turns on the pelvis
+    waist: F64  # 3, joint of chest and pelvis
     shoulder: F64  # 2x3
     elbow: F64  # 2x3
     wrist: F64  # 2x3

@@ -1,4 +1,4 @@
-"""Move vertices with their bones; the inner loops, compiled."""
+"""Skinning: vertices that move with bones; compiled inner loops."""
 
 import numpy as np
 import numpy.typing as npt
@@ -11,14 +11,14 @@ INFLUENCES = 4
 
 
 def strongest(weights: F64) -> tuple[I32, F64]:
-    """Return the strongest bones of each vertex and their shares, which sum to 1."""
+    """Return the strongest bones of each vertex, and their shares with a sum of 1."""
     bones = np.argsort(-weights, axis=1, kind="stable")[:, :INFLUENCES]
     shares = np.take_along_axis(weights, bones, axis=1)
     return bones.astype(np.int32), np.ascontiguousarray(shares / shares.sum(axis=1, keepdims=True))
 
 
 def skin(vertices: F64, bones: I32, shares: F64, transforms: F64) -> F64:
-    """Return moved vertices (linear blend).
+    """Return moved vertices by linear blending.
 
     Args:
         vertices: Vx3 at rest.
@@ -32,7 +32,7 @@ def skin(vertices: F64, bones: I32, shares: F64, transforms: F64) -> F64:
 
 
 def normals(vertices: F64, faces: I32) -> F64:
-    """Return unit vertex normals, each the area-weighted mean of its triangles'."""
+    """Return unit vertex normals: area-weighted means of the normals of triangles."""
     result = np.zeros_like(vertices)
     _normals(vertices, faces, result)
     return result

@@ -1,4 +1,4 @@
-"""Pieces of skin and cloth in the neutral pose, and cutting them along smooth lines."""
+"""Pieces of skin and cloth in the neutral pose, and smooth cuts through them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ SIDES = 5
 
 @dataclass(frozen=True)
 class BodySurface:
-    """Coloured triangles of one material that bones will move."""
+    """Coloured triangles of one material, with weights of bones."""
 
     vertices_m: F64  # Vx3, pelvis frame, neutral pose
     weights: F64  # VxB shares of the bones
@@ -25,12 +25,12 @@ class BodySurface:
     pattern: Pattern = Pattern.PLAIN  # of all triangles
 
     def compact(self) -> "BodySurface":
-        """Return it without the vertices that no triangle uses."""
+        """Return the surface without unused vertices."""
         used, faces = np.unique(self.faces, return_inverse=True)
-        return self.take(used.astype(np.intp), faces.reshape(-1, 3).astype(np.int32))
+        return self.select_vertices(used.astype(np.intp), faces.reshape(-1, 3).astype(np.int32))
 
-    def take(self, vertices: npt.NDArray[np.intp], faces: I32) -> "BodySurface":
-        """Return the vertices of these indices under new triangles."""
+    def select_vertices(self, vertices: npt.NDArray[np.intp], faces: I32) -> "BodySurface":
+        """Return a selection of vertices with new triangles."""
         return replace(
             self,
             vertices_m=self.vertices_m[vertices],
@@ -40,21 +40,21 @@ class BodySurface:
         )
 
     def moved(self, offsets_m: F64) -> "BodySurface":
-        """Return it with vertices moved by Vx3 offsets."""
+        """Return the surface with vertices moved by Vx3 offsets."""
         return replace(self, vertices_m=self.vertices_m + offsets_m)
 
     def inflated(self, distance_m: npt.ArrayLike) -> "BodySurface":
-        """Return it with vertices moved outwards by one distance or V distances."""
+        """Return the surface with vertices moved outwards by one distance or V distances."""
         distances = np.broadcast_to(np.asarray(distance_m, np.float64), len(self.vertices_m))
         return self.moved(normals(self.vertices_m, self.faces) * distances[:, None])
 
 
 def cut(surface: BodySurface, field: F64) -> BodySurface:
-    """Return the part where a field of V values is positive, cut smoothly through the triangles."""
+    """Return the part with positive values of a field (V), cut smoothly through the triangles."""
     inside = field > 0
     corners = inside[surface.faces].sum(axis=1)
     inner_faces = surface.faces[corners == 3]
-    # Turn the corner that differs from both others to the front.
+    # Rotate the corner that differs from both others to the front.
     mixed = surface.faces[(corners == 1) | (corners == 2)]
     odd = inside[mixed] == (inside[mixed].sum(axis=1) == 1)[:, None]
     start = odd.argmax(axis=1)
@@ -75,13 +75,13 @@ def cut(surface: BodySurface, field: F64) -> BodySurface:
     ).astype(np.int32)
     return (
         with_points(surface, unique, field)
-        .take(np.arange(len(field) + len(unique)), faces)
+        .select_vertices(np.arange(len(field) + len(unique)), faces)
         .compact()
     )
 
 
 def with_points(surface: BodySurface, edges: npt.NDArray[np.intp], field: F64) -> BodySurface:
-    """Return the surface with a vertex more on each Ex2 edge, where the field is zero."""
+    """Return the surface with an additional vertex on each of Ex2 edges, at a zero of the field."""
     a, b = edges.T
     share = (field[a] / (field[a] - field[b]))[:, None]
 
@@ -97,7 +97,7 @@ def with_points(surface: BodySurface, edges: npt.NDArray[np.intp], field: F64) -
 
 
 def stack(surfaces: Sequence[BodySurface]) -> tuple[F64, F64, F64, I32, I32, I32]:
-    """Return vertices, weights, colours, faces, materials and patterns of all together."""
+    """Return joined vertices, weights, colours, faces, materials and patterns."""
     starts = np.cumsum([0, *(len(s.vertices_m) for s in surfaces[:-1])])
     moved = [s.faces + np.int32(start) for s, start in zip(surfaces, starts, strict=True)]
     return (
@@ -111,7 +111,7 @@ def stack(surfaces: Sequence[BodySurface]) -> tuple[F64, F64, F64, I32, I32, I32
 
 
 def border(faces: I32) -> I32:
-    """Return the edges that only one triangle has, Ex2, in the direction of that triangle."""
+    """Return the edges of only one triangle, Ex2, in the direction of the triangle."""
     directed = np.concatenate([faces[:, [i, (i + 1) % 3]] for i in range(3)])
     _, edge_index, count = np.unique(
         np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True
@@ -120,14 +120,14 @@ def border(faces: I32) -> I32:
 
 
 def walls(edges: I32, count: int) -> I32:
-    """Return the triangles between edges and their copies, whose indices are higher by `count`."""
+    """Return the triangles between edges and their copies, with indices higher by `count`."""
     a, b = edges.T
     faces = np.concatenate([np.c_[a, a + count, b], np.c_[b, a + count, b + count]])
     return faces.astype(np.int32)
 
 
 def smoothed(surface: BodySurface, rounds: int) -> BodySurface:
-    """Return it with each inner vertex drawn towards its neighbours; rims stay."""
+    """Return the surface with inner vertices moved towards their neighbours."""
     edges = np.sort(np.concatenate([surface.faces[:, [i, (i + 1) % 3]] for i in range(3)]), axis=1)
     edges = np.unique(edges, axis=0)
     free = np.ones(len(surface.vertices_m), bool)
@@ -148,7 +148,7 @@ def smoothed(surface: BodySurface, rounds: int) -> BodySurface:
 
 
 def grid_faces(rows: int, columns: int, closed: bool) -> I32:
-    """Return the triangles of a grid of vertices, row by row; closed joins its first column."""
+    """Return the triangles of a grid of vertices by row; closed: columns form a ring."""
     down = np.arange(rows - 1)[:, None] * columns
     along = np.arange(columns if closed else columns - 1)[None]
     a, b = down + along, down + (along + 1) % columns
@@ -158,13 +158,13 @@ def grid_faces(rows: int, columns: int, closed: bool) -> I32:
 
 
 def tubes(lines: Sequence[F64], radius_m: float, weights: F64, material: Material) -> BodySurface:
-    """Return dark tubes around lines of points, Nx3 each, with the same weights of the bones."""
+    """Return dark tubes around lines of points, Nx3 each, with constant weights of bones."""
     vertices, faces, start = [], [], 0
     angle = np.arange(SIDES) / SIDES * 2 * np.pi
     for line in lines:
         along = np.gradient(line, axis=0)
         along /= np.linalg.norm(along, axis=1, keepdims=True)
-        # Any direction that is not along the line will do.
+        # Any direction that is not along the line
         other = np.where(np.abs(along[:, :1]) < 0.7, (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
         u = np.cross(along, other)
         u /= np.linalg.norm(u, axis=1, keepdims=True)

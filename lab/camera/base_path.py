@@ -1,9 +1,8 @@
 """Path of the robot: a base that drives on the floor and carries the camera.
 
-Forward speed and turn rate are those of the plan, joined by ramps so that the wheels never jump. A
-ramp is half a cosine, centred on the boundary of two stretches: what it takes from the one it gives
-to the other, so distance and angle of the plan hold. The base begins at the speed of its first
-stretch and stands after its last.
+Forward speed and turn rate of the plan's sections are joined by ramps, so the wheels never jump. A
+ramp is half a cosine, centred on the boundary of two sections, so distance and angle of the plan
+do not change. The base starts at the speed of its first section and stands after its last.
 """
 
 import math
@@ -22,21 +21,21 @@ from common.geometry.transforms import (
 from lab.camera.plan import CameraPlan, Drive
 from people4d.messages import F64
 
-ACCELERATION_MPS2 = 0.5  # largest, of an indoor robot that does not topple what it carries
+ACCELERATION_MPS2 = 0.5  # maximum acceleration of an indoor robot [m/s^2]
 TURN_ACCELERATION_RADPS2 = 1.5
-GRID_S = 0.005  # of the integration
-MARGIN_S = 2.0  # before the start and after the end that poses are known
-FOREVER_S = 1e9  # longer than any scenario
+GRID_S = 0.005  # step of the integration [s]
+MARGIN_S = 2.0  # duration of known poses before the start and after the end [s]
+FOREVER_S = 1e9  # duration longer than any scenario [s]
 
 
 @dataclass(frozen=True)
 class SpeedProfile:
-    """A speed over time: a first value and ramps to others; distances are its exact integral."""
+    """Speed over time: a first value and N ramps; distances are its exact integral."""
 
-    first: float  # before all ramps
-    steps: F64  # N, what each ramp adds
-    middles_s: F64  # N, when each is half done
-    lengths_s: F64  # N, how long each takes, > 0
+    first: float  # speed before all ramps
+    steps: F64  # N, changes of the speed
+    middles_s: F64  # N, times of the middles of the ramps
+    lengths_s: F64  # N, durations of the ramps, > 0
 
     def speed(self, t_s: F64) -> F64:
         """Return the speed at times."""
@@ -50,7 +49,7 @@ class SpeedProfile:
         return self._integral(t_s) - self._integral(np.zeros(1))
 
     def _integral(self, t_s: F64) -> F64:
-        """Return an integral of the speed: after a ramp, as if it had jumped at its middle."""
+        """Return an integral of the speed: a ramp has the distance of a jump at its middle."""
         integral = self.first * t_s
         for step, middle_s, length_s in self._ramps():
             done = _done(t_s, middle_s, length_s)
@@ -67,7 +66,7 @@ def _done(t_s: F64, middle_s: float, length_s: float) -> F64:
 
 
 class BasePath:
-    """Pose of the base and its camera, from MARGIN_S before a scenario to as long after."""
+    """Pose of the base and its camera, from MARGIN_S before a scenario to MARGIN_S after it."""
 
     def __init__(self, plan: CameraPlan, duration_s: float) -> None:
         drives = _stops(plan.drive, duration_s)
@@ -83,22 +82,22 @@ class BasePath:
         self.base_from_optical: F64 = mount @ LINK_FROM_OPTICAL  # 4x4, the camera on the base
 
     def position(self, t_s: float) -> F64:
-        """Return x and y in metres, frame: map; quicker than the whole pose."""
+        """Return x and y [m], frame: map; faster than the whole pose."""
         return np.asarray(self._start_m + self._position(t_s))
 
     def pose(self, t_s: float) -> tuple[float, float, float]:
-        """Return x and y in metres and the heading in (-pi, pi], frame: map."""
+        """Return x and y [m] and the yaw in (-pi, pi], frame: map."""
         x, y = self.position(t_s)
         turned_rad = float(self.travel(np.array([t_s]))[0, 1])
         return float(x), float(y), wrap(self._yaw_rad + turned_rad)
 
     def twist(self, t_s: float) -> tuple[float, float]:
-        """Return the forward speed in m/s and the turn rate in rad/s, counter-clockwise."""
+        """Return the forward speed [m/s] and the turn rate [rad/s], counter-clockwise."""
         time_s = np.array([t_s])
         return float(self._forward.speed(time_s)[0]), float(self._turn.speed(time_s)[0])
 
     def travel(self, t_s: F64) -> F64:
-        """Return the travel since time 0 at N times: Nx2, forward in m and turned in rad."""
+        """Return the travel since time 0 at N times: Nx2, distance [m] and turn [rad]."""
         return np.stack([self._forward.distance(t_s), self._turn.distance(t_s)], axis=1)
 
     def map_from_base(self, t_s: float) -> F64:
@@ -112,16 +111,16 @@ class BasePath:
 
 
 def _stops(drives: tuple[Drive, ...], duration_s: float) -> tuple[Drive, ...]:
-    """Let the base stand after its last stretch, if the scenario goes on."""
+    """Append a stop to the sections if the scenario is longer."""
     end_s = sum(drive.for_s for drive in drives)
     return drives if drives and end_s >= duration_s else (*drives, Drive(for_s=FOREVER_S))
 
 
 def _profile(drives: tuple[Drive, ...], speeds: list[float], limit: float) -> SpeedProfile:
-    """Join speeds by ramps as steep as the limit; never longer than both stretches allow."""
+    """Join speeds by ramps with the maximum acceleration, not longer than both sections."""
     steps = np.diff(speeds)
     stretches_s = np.array([drive.for_s for drive in drives])
-    steepest_s = np.pi / 2 * np.abs(steps) / limit  # the middle of half a cosine is pi/2 steep
+    steepest_s = np.pi / 2 * np.abs(steps) / limit  # the slope of half a cosine is at most pi/2
     room_s = np.minimum(stretches_s[:-1], stretches_s[1:])
     return SpeedProfile(
         first=speeds[0],
@@ -134,13 +133,13 @@ def _profile(drives: tuple[Drive, ...], speeds: list[float], limit: float) -> Sp
 def _integrate(
     forward: SpeedProfile, turn: SpeedProfile, yaw_rad: float, duration_s: float
 ) -> CubicHermiteSpline:
-    """Return the relative position: steps of the grid are arcs, between them it is cubic."""
+    """Return the relative position: arcs over steps of the grid, with cubic interpolation."""
     count = math.ceil((duration_s + 2 * MARGIN_S) / GRID_S)
     t_s = np.linspace(-MARGIN_S, count * GRID_S - MARGIN_S, count + 1)
     heading = yaw_rad + turn.distance(t_s)
     middle = (heading[1:] + heading[:-1]) / 2
     half_turn = np.diff(heading) / 2
-    # The chord of an arc is shorter than the arc by sin(half the turn) / half the turn.
+    # Ratio of chord to arc: sin(half the turn) / half the turn
     chord = np.diff(forward.distance(t_s)) * np.sinc(half_turn / np.pi)
     steps = chord[:, None] * np.stack([np.cos(middle), np.sin(middle)], axis=1)
     positions = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])

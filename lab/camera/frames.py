@@ -55,7 +55,7 @@ class FrameRenderer:
             return flat(view)
         t_s, open_s = self.world.frame_s(index), self.world.scenario.camera.exposure_s
         count = BLUR_SAMPLES if open_s > 0 else 1
-        # The stamp is that of the middle of the exposure.
+        # The stamp is the middle of the exposure.
         times_s = [t_s + ((k + 0.5) / count - 0.5) * open_s for k in range(count)]
         instants = [
             Instant(self.world.meshes(time_s), self.world.optical_from_map(time_s))
@@ -69,11 +69,11 @@ class FrameRenderer:
         return self._view_at(self.world.frame_s(index))
 
     def depth_mm(self, index: int, view: DepthView) -> U16:
-        """Return HxW depth as the sensor reads it, or without error; 0 = no reading.
+        """Return HxW depth with or without the errors of the sensor; 0: no reading.
 
         Args:
             index: Number of the frame.
-            view: Of the frame.
+            view: True depth of the frame.
         """
         world, lag_s = self.world, self.world.scenario.camera.depth_lag_s
         t_s, stamp_s = world.frame_s(index) - lag_s, world.stamp_ns(index) / 1e9
@@ -117,7 +117,7 @@ class FrameRenderer:
 
 
 def flat(view: DepthView) -> U8:
-    """Return an image of people in one colour each and the room in grey, nearer is brighter."""
+    """Return an image of people in one colour each and the room in grey, darker at distance."""
     brightness = np.maximum(1 - (1 - DARK) / np.float32(FAR_M) * view.depth_m, DARK)
     people = [PEOPLE[k % len(PEOPLE)] for k in range(255)]
     colours = np.array([ROOM, *people], np.float32)[view.owners]
@@ -125,7 +125,7 @@ def flat(view: DepthView) -> U8:
 
 
 def transforms(world: World) -> list[StaticTransform]:
-    """Return the pose of the camera: in the map, or on the robot and the robot's at the start."""
+    """Return the pose of the camera in the map, or on the robot with the robot's first pose."""
     optical = world.info.frame_id
     if not world.scenario.camera.drive:
         return [_transform("map", optical, world.map_from_optical(0.0))]
@@ -136,7 +136,7 @@ def transforms(world: World) -> list[StaticTransform]:
 
 
 def odometry(world: World) -> list[Odometry]:
-    """Return the odometry of the robot's wheels; none of a camera that stands still."""
+    """Return the odometry of the robot's wheels; empty for a static camera."""
     scenario = world.scenario
     if not scenario.camera.drive:
         return []

@@ -4,9 +4,9 @@ The fastest fidelity of the lab, for trackers and later stages. There are occlus
 false alarms. Positions are on the torso's axis, like the default estimator, or on the surface.
 A detection depends on the people, the seed and the stamp only.
 
-"Measured" constants are errors of YOLO11n-pose on drawn people of about 300 px, 3 to 5 m away: 380
-of 381 visible people detected, median keypoint error 3.3 px (1.18 standard deviations), twice that
-for ankles. Other values are by eye.
+"Measured" constants are errors of YOLO11n-pose on simulated people of about 300 px, 3 to 5 m away:
+380 of 381 visible people detected, median keypoint error 3.3 px (1.18 standard deviations), twice
+as large for ankles. Other values are chosen by eye.
 """
 
 import math
@@ -75,11 +75,11 @@ class SyntheticDetections:
     def at(
         self, people: Sequence[F64], optical_from_map: F64, stamp_ns: int, sequence: int = 0
     ) -> Detections:
-        """Return the detections of one frame, best score first.
+        """Return the detections of one frame, highest score first.
 
         Args:
-            people: 17x3 keypoints of each, COCO order, frame: map; in constant order.
-            optical_from_map: 4x4.
+            people: Keypoints of each person, 17x3, COCO order, frame: map; in constant order.
+            optical_from_map: Transform into the camera, 4x4.
             stamp_ns: Stamp of the frame.
             sequence: Sequence number of the frame.
         """
@@ -207,7 +207,7 @@ def _visibility(silhouette: Silhouette) -> float:
 
 
 class _Errors:
-    """Standard normal numbers of one person in one frame, by the value they change."""
+    """Standard normal errors of one person in one frame."""
 
     COUNT = 17 * 3 + 4 + 5
 

@@ -5,12 +5,12 @@ dtheta = (right - left) / track). Nominal and true values differ:
 
 - true radius = nominal radius / (1 + scale_error): distances are too large by scale_error;
 - true track = nominal track * (1 + track_error): turns are too large by track_error;
-- a wheel with slip s turns 1 + s times as far as it rolls; s is drawn for each wheel and second,
-  so that errors are a random walk;
+- a wheel with slip s turns 1 + s times its rolled distance; s is drawn for each wheel and second,
+  so errors are a random walk;
 - a tick is the smallest measured step.
 
 The covariance of a pose is the first-order effect of these errors: independent slip in each second,
-and constant errors with their size as standard deviation.
+and constant errors with their values as standard deviations.
 """
 
 import math
@@ -32,9 +32,9 @@ SLIP_S = 1.0  # duration of constant slip [s]
 class WheelModel:
     """Encoders, size and errors of the wheels of the simulated robot."""
 
-    rate_hz: float = 50.0  # rate of readings [Hz]
-    radius_m: float = 0.0325  # nominal radius of a wheel [m]
-    track_m: float = 0.30  # nominal distance of the wheels [m]
+    rate_hz: float = 50.0  # rate of readings
+    radius_m: float = 0.0325  # nominal radius of a wheel
+    track_m: float = 0.30  # nominal distance of the wheels
     ticks_per_turn: int = 4096  # ticks per turn of a wheel
     scale_error: float = 0.01  # relative error of the radius of both wheels
     track_error: float = 0.01  # relative error of the track

@@ -1,16 +1,16 @@
-"""Errors of a depth camera of two imagers, depth aligned to colour; Intel's RealSense D435i.
+"""Errors of a stereo depth camera, depth aligned to colour: Intel RealSense D435i.
 
-Such a camera matches the images of two imagers a baseline b apart. It measures the disparity
-d = f b / z, so an error of s pixels in d is one of z^2 s / (f b) in z: the RMS error grows with the
-square of the distance. [Grunnet-Jepsen] states this law, with s below 0.1 px on well textured
-surfaces; the data sheet promises at most 2 % at 2 m, and a D435 before a wall at 2.2 m is reported
-to have s = 0.06 to 0.07 [librealsense 3139]. The defaults, s = 0.07 px, f = 385 px and b = 50 mm,
-give 3.6 mm at 1 m, 15 mm (0.7 %) at 2 m, 33 mm at 3 m and 58 mm (1.5 %) at 4 m; docs/method.md
+The camera matches the images of two imagers with a baseline b. It measures the disparity
+d = f b / z, so an error of s pixels in d is an error of z^2 s / (f b) in z: the RMS error grows
+with the square of the distance. [Grunnet-Jepsen] states this law, with s below 0.1 px on well
+textured surfaces; the data sheet promises at most 2 % at 2 m, and s = 0.06 to 0.07 was measured on
+a wall at 2.2 m [librealsense 3139]. The defaults, s = 0.07 px, f = 385 px and b = 50 mm, give
+3.6 mm at 1 m, 15 mm (0.7 %) at 2 m, 33 mm at 3 m and 58 mm (1.5 %) at 4 m; docs/method.md
 section 22.
 
-The division of noise into smooth and white, frozen and running, and the raggedness of silhouettes
-are chosen by eye, not measured on a camera. Not simulated: texture (a white wall is matched as well
-as a shirt), sunlight, glass and mirrors, rolling temperature drift.
+The shares of smooth, white and constant noise and the raggedness of silhouettes are chosen by eye,
+not measured on a camera. Not simulated: texture (a white wall is matched as well as a shirt),
+sunlight, glass, mirrors and drift with temperature.
 """
 
 from typing import Annotated, Literal
@@ -34,10 +34,10 @@ class DepthSensorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
     baseline_m: Positive = 0.050  # [m] baseline of the imagers; D435i: 50 mm
     focal_px: Positive = 385.0  # [px] focal length of the imagers; D435i at 640x480
     noise_px: NonNegative = 0.07  # [px] RMS error of disparity; measured 0.06 to 0.07 (see above)
-    grain_share: Ratio = 0.45  # share of its variance smooth over `grain_px` (by eye)
-    patch_share: Ratio = 0.25  # share of its variance smooth over `patch_px`; the rest is white
-    grain_px: CellPx = 6  # [px] about the matching window
-    patch_px: CellPx = 18  # [px]
+    grain_share: Ratio = 0.45  # share of the variance smooth over `grain_px` (by eye)
+    patch_share: Ratio = 0.25  # share of the variance smooth over `patch_px`; the rest is white
+    grain_px: CellPx = 6  # [px] size of fine smooth noise, about the matching window
+    patch_px: CellPx = 18  # [px] size of coarse smooth noise
     step_px: NonNegative = 1 / 32  # [px] step of disparity; D400: 1/32; 0: continuous
     frozen_share: Ratio = 0.35  # share of the variance of noise that is constant (by eye)
     correlation_s: Positive = 0.1  # [s] correlation time of the other noise
@@ -55,10 +55,7 @@ class DepthSensorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
     max_depth_m: DepthLimit = 5.0  # [m] maximum depth; as in [PIC4SeR]
     # relative error of all readings, as after a bad calibration
     scale_bias: ScaleBias = 0.0
-    shift_px: tuple[ShiftPx, ShiftPx] = (
-        0.0,
-        0.0,
-    )  # [px] shift of depth against colour: right, down
+    shift_px: tuple[ShiftPx, ShiftPx] = (0.0, 0.0)  # [px] shift of depth: right, down
     # [m] position of the depth imager right of the colour camera, to which readings are registered;
     # 0: depth is measured in the view of the colour camera
     colour_offset_m: Annotated[float, Meta(ge=-0.2, le=0.2)] = 0.0
@@ -108,12 +105,12 @@ class SensorChanges(Config, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
 SensorName = Literal["d435i", "xtion"]
 # xtion: an infrared projector 75 mm to the right of the imager (f = 575 px), 1/8 px steps, as in
-# Kinect and Xtion. [Khoshelham 2012] measured a standard deviation of 1.4 mm z^2 (0.06 px); what is
-# found about a pixel is that of a window of some nine pixels, so silhouettes are blunt. On a
-# recording of an Xtion, steps at 2 m and 4 m are 1/8 px; shadows left of near surfaces appear where
-# the step in disparity exceeds 7 px and are filled below (a reading is missing in 0.24 of edges
-# below, 0.90 above 9 px), and edges to the right lack one in 0.07 to 0.28; registration to colour
-# opens 2 px there, as of an imager 25 mm to the left. Limits of infrared light: by eye.
+# Kinect and Xtion. [Khoshelham 2012] measured a standard deviation of 1.4 mm z^2 (0.06 px). The
+# matching window has about nine pixels, so silhouettes are blunt. In a recording of an Xtion, steps
+# at 2 m and 4 m are 1/8 px. Left of near surfaces, readings are missing at 0.90 of the edges with
+# steps in disparity above 9 px and at 0.24 of the edges below 7 px; right of them at 0.07 to 0.28.
+# Registration to colour opens 2 px there, as with an imager 25 mm to the left. Limits of infrared
+# light: by eye.
 SENSORS: dict[SensorName, DepthSensorModel] = {
     "d435i": DepthSensorModel(),
     "xtion": DepthSensorModel(

@@ -1,7 +1,7 @@
-"""Infrared light that surfaces return to a depth sensor that projects it.
+"""Infrared light that surfaces return to a depth sensor with a projector.
 
-Reflectances are by eye, on recordings of two Xtions: cloth returns infrared light even where it is
-black, for dyes absorb little of it; hair, screens and what shines return little, windows and lamps
+Reflectances are chosen by eye, on recordings of two Xtions: black cloth returns infrared light,
+since dyes absorb little of it; hair, screens and glossy surfaces return little; windows and lamps
 outshine the projector.
 """
 
@@ -11,7 +11,7 @@ from common.geometry.transforms import apply
 from lab.drawing.mesh import I32, Material, Mesh
 from people4d.messages import F32, F64
 
-# Reflectance at a visible one of 0, and for each unit of it.
+# Infrared reflectance of black surfaces, and its growth with the visible reflectance
 REFLECTANCE = {
     Material.SKIN: (0.5, 0.2),
     Material.HAIR: (0.03, 0.6),
@@ -35,12 +35,12 @@ def reflectance(mesh: Mesh) -> F64:
 
 
 def returned(mesh: Mesh, triangle: I32, optical_from_map: F64, rays: F64, depth_m: F32) -> F32:
-    """Return the light that each pixel gets back, 1/m^2: reflectance, cosine and distance.
+    """Return the light returned to each pixel [1/m^2]: reflectance x cosine / distance^2.
 
     Args:
         mesh: The scene.
-        triangle: HxW face at each pixel, -1 where there is none.
-        optical_from_map: 4x4 of the depth imager.
+        triangle: HxW face at each pixel, -1: none.
+        optical_from_map: Transform into the depth imager, 4x4.
         rays: HxWx3 directions of the pixels, z = 1.
         depth_m: HxW.
     """

@@ -1,6 +1,6 @@
-"""Metadata of simulated recordings, and the errors of a camera added to clean depth.
+"""Metadata of simulated recordings, and the errors of a sensor added to clean depth.
 
-Noise takes most of the size of stored depth. A recording may therefore hold the true depth and a
+Noise is most of the size of stored depth. A recording may therefore hold the true depth and a
 model of the sensor, whose errors are added during playback, always with the same bytes.
 """
 
@@ -57,19 +57,6 @@ def read_metadata(recording: Recording) -> SimulationMetadata | None:
         ) from error
 
 
-def change_sensor(model: DepthSensorModel, changes: Mapping[str, Any]) -> DepthSensorModel:
-    """Return a model of a sensor with changes of `SensorChanges`.
-
-    Raises:
-        ConfigError: A change is unknown or out of range.
-    """
-    try:
-        wanted = msgspec.convert(dict(changes), SensorChanges, strict=False)
-    except msgspec.ValidationError as error:
-        raise ConfigError(f"the depth sensor cannot be changed: {error}") from error
-    return wanted.change_model(model)
-
-
 def depth_sensor_of(
     recording: Recording, info: CameraInfo, changes: Mapping[str, Any]
 ) -> "CleanDepthSensor | None":
@@ -98,9 +85,12 @@ class CleanDepthSensor:
         # Compiled code is loaded only for recordings that need it.
         from lab.depth.sensor import DepthSensor  # noqa: PLC0415
 
-        model = change_sensor(metadata.sensor, changes)
+        try:
+            wanted = msgspec.convert(dict(changes), SensorChanges, strict=False)
+        except msgspec.ValidationError as error:
+            raise ConfigError(f"the depth sensor cannot be changed: {error}") from error
         self._shape = (info.height, info.width)
-        self._sensor = DepthSensor(model, info, metadata.seed)
+        self._sensor = DepthSensor(wanted.change_model(metadata.sensor), info, metadata.seed)
 
     def measure(self, depth_mm: U16, stamp_ns: int) -> U16:
         """Return the readings of true depth (HxW, in millimetres, 0: nothing).

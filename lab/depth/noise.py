@@ -1,10 +1,9 @@
-"""Noise that is smooth in the image and in time, and a pure function of the two.
+"""Noise that is smooth in the image and in time, a pure function of both.
 
-Independent standard normal numbers stand on the knots of a grid; between two knots the value is
-cos(a) of the one plus sin(a) of the other, a running from 0 to pi/2. So it is continuous, and its
-variance is 1 everywhere, not less between the knots as a linear interpolation has it. The same
-holds in time: the grid itself is blended from those of the knots before and after. Nothing is
-carried on from frame to frame, so frames may be asked for in any order.
+The knots of a grid are independent standard normal numbers; between two knots a and b the value is
+a cos(t) + b sin(t), t from 0 to pi/2. This is continuous with variance 1 everywhere, while linear
+interpolation has less variance between the knots. The same blends grids in time. There is no state
+from frame to frame, so frames may be computed in any order.
 """
 
 import math
@@ -16,9 +15,9 @@ import numpy as np
 from common.compiled import compiled
 from people4d.messages import F32
 
-FROZEN = 0  # the part that never changes
-RUNNING = 1  # the part that changes from knot to knot
-CACHED_KNOTS = 3  # in memory, of one noise: neighbouring frames share them
+FROZEN = 0  # key of the constant part
+RUNNING = 1  # key of the part that changes from knot to knot
+CACHED_KNOTS = 3  # maximum number of cached knots of one process; neighbouring frames share them
 
 
 def blend(position: float) -> tuple[int, float, float]:
@@ -32,9 +31,9 @@ def blend(position: float) -> tuple[int, float, float]:
 class Persistence:
     """Duration of noise."""
 
-    frozen_share: float  # part of the variance that never changes, 0 to 1
-    # time between the knots of the other part: after as long its correlation has fallen to 1/pi,
-    # after twice as long to 0
+    frozen_share: float  # constant share of the variance, 0 to 1
+    # interval of the knots of the other part: its correlation is 1/pi after one interval and 0
+    # after two
     correlation_s: float
 
 
@@ -61,7 +60,7 @@ class NoiseProcess:
         return values
 
     def _knot(self, knot: int) -> F32:
-        """Return the numbers of a knot; the last ones are cached, for they are drawn slowly."""
+        """Return the numbers of a knot; the nearest are cached, since drawing is slow."""
         values = self._knots.get(knot)
         if values is None:
             values = self._draw(RUNNING, knot % 2**64)
@@ -79,9 +78,9 @@ class NoiseField:
 
     Args:
         shape: Height and width of the image.
-        cell_px: Distance between the knots in the image; 1: every pixel for itself.
-        seed: Numbers that set this noise apart from all others.
-        persistence: Duration of its values.
+        cell_px: Distance of the knots in the image; 1: independent pixels.
+        seed: Numbers that identify this noise.
+        persistence: Duration of the noise.
     """
 
     def __init__(
@@ -110,7 +109,7 @@ class NoiseField:
 
 @compiled
 def _spread(grid: F32, weights: F32, image: F32) -> None:
-    """Fill an image from the knots; row i of weights is for the i-th pixel of a cell."""
+    """Fill an image from the knots; row i of the weights belongs to the i-th pixel of a cell."""
     cell, width = len(weights), image.shape[1]
     row = np.empty(grid.shape[1], np.float32)
     for v in range(image.shape[0]):
@@ -124,5 +123,5 @@ def _spread(grid: F32, weights: F32, image: F32) -> None:
 
 
 def threshold(share: float) -> float:
-    """Return the value that standard normal noise exceeds in a share of all cases, 0 to 1."""
+    """Return the value that standard normal noise exceeds with a probability of `share`."""
     return math.inf if share <= 0 else NormalDist().inv_cdf(max(1 - share, 1e-9))

@@ -1,4 +1,4 @@
-"""Readings of a depth imager beside the colour camera, brought into the colour image."""
+"""Registration of the readings of a depth imager to the colour image."""
 
 import math
 
@@ -7,18 +7,18 @@ import numpy as np
 from common.compiled import compiled
 from people4d.messages import U16, CameraInfo
 
-SAME_SURFACE = 0.05  # neighbours whose depths differ by less, in parts of it, are on one surface
+SAME_SURFACE = 0.05  # maximum relative difference of depth between neighbours on one surface
 
 
 def register(reading_mm: U16, offset_m: float, info: CameraInfo) -> U16:
-    """Return HxW readings in the view of the colour camera, 0 where there is none.
+    """Return HxW readings in the view of the colour camera, 0: none.
 
-    Of two readings at one pixel the nearer stays; a surface that is stretched has no cracks. What
-    only the colour camera sees has no reading.
+    The nearer of two readings at one pixel is used. Stretched surfaces have no cracks. Surfaces
+    visible to the colour camera only have no reading.
 
     Args:
         reading_mm: HxW in the view of the depth imager, with the calibration of the colour camera.
-        offset_m: Of the depth imager to the right of the colour camera.
+        offset_m: Position of the depth imager to the right of the colour camera.
         info: Calibration of both.
     """
     registered = np.zeros_like(reading_mm)

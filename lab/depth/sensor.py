@@ -1,4 +1,4 @@
-"""Readings of a depth camera made of two imagers, pixel by pixel; its errors are in config.py."""
+"""Readings of a stereo depth camera, pixel by pixel, with the errors of config.py."""
 
 import math
 from typing import NamedTuple
@@ -11,14 +11,14 @@ from lab.depth.noise import NoiseField, Persistence, threshold
 from lab.depth.registration import register
 from people4d.messages import F32, U16, CameraInfo
 
-SIGNAL_SPREAD = 0.35  # of the logarithm of the light that a reading needs (by eye)
-KEY = 0xD435  # sets these random numbers apart from others of the same seed
+SIGNAL_SPREAD = 0.35  # standard deviation of the logarithm of the minimum light (by eye)
+KEY = 0xD435  # key of the random numbers
 
 
 class DepthSensor:
-    """Turns the true depth of each pixel into the readings of a depth camera.
+    """Converts true depth to the readings of a depth camera.
 
-    A reading depends on the depth, the seed and the stamp only, never on earlier ones.
+    A reading depends on depth, seed and stamp only, not on earlier readings.
     """
 
     def __init__(self, config: DepthSensorModel, info: CameraInfo, seed: int) -> None:
@@ -51,16 +51,14 @@ class DepthSensor:
     def measure(
         self, depth_m: F32, right_depth_m: F32 | None, stamp_s: float, light: F32 | None = None
     ) -> U16:
-        """Return the readings, HxW in millimetres, 0 where there is none.
-
-        They are in the view of the colour camera, also if the depth imager is beside it.
+        """Return the readings in the view of the colour camera [mm], HxW, 0: none.
 
         Args:
-            depth_m: HxW along the optical axis; 0, NaN or inf where nothing is.
-            right_depth_m: HxW of the right imager, the colour camera moved to the right by the
-                baseline; None: reprojected from depth_m.
+            depth_m: HxW along the optical axis; 0, NaN or inf: no surface.
+            right_depth_m: HxW in the view of the right imager, at the baseline to the right; None:
+                reprojected from depth_m.
             stamp_s: Time of the frame.
-            light: HxW that comes back, see `infrared.returned`; None: enough.
+            light: Returned light, HxW, see `infrared.returned`; None: sufficient everywhere.
         """
         matched = np.empty_like(depth_m)
         reading: U16 = np.empty(depth_m.shape, np.uint16)
@@ -88,15 +86,15 @@ class NoiseImages(NamedTuple):
 class StereoGeometry(NamedTuple):
     """Position of the right imager's view in the image."""
 
-    focal_baseline: float  # [px m] disparity in the image is this by depth
-    gap_px: float  # [px] a surface nearer by this blocks the view
-    left_px: float  # [px] where the view of the right imager begins
+    focal_baseline: float  # [px m] product of disparity and depth
+    gap_px: float  # [px] minimum disparity of an occluding surface
+    left_px: float  # [px] left edge of the right imager's view
 
 
 class ReadingParameters(NamedTuple):
     """Parameters of the reading of a pixel."""
 
-    focal_baseline: float  # [px m] of the imagers
+    focal_baseline: float  # [px m] product of the imagers' focal length and baseline
     slope: float  # [px] focal length in the image
     shift_u: float
     shift_v: float
@@ -106,8 +104,8 @@ class ReadingParameters(NamedTuple):
     white: float
     step: float
     edge_gap: float
-    edge: float  # noise above this is a hole at an edge
-    hole: float  # and elsewhere
+    edge: float  # noise above which an edge has a hole
+    hole: float  # noise above which another pixel has a hole
     grazing: float
     least: float
     most: float
@@ -148,7 +146,7 @@ def _right(depth_m: F32, right_depth_m: F32 | None, stereo: StereoGeometry) -> F
 
 @compiled
 def _reproject(depth_m: F32, focal_baseline: float, disparity: F32) -> None:
-    """Draw the left view into the right one; the nearest surface, of largest disparity, stays."""
+    """Project the left view into the right view; the nearest surface wins."""
     height, width = depth_m.shape
     for v in range(height):
         for u in range(width):
@@ -157,14 +155,14 @@ def _reproject(depth_m: F32, focal_baseline: float, disparity: F32) -> None:
                 continue
             d = focal_baseline / z
             left = math.floor(u - d)
-            # Two columns, so that a surface that is stretched in the right view has no cracks.
+            # Two columns, so that surfaces stretched in the right view have no cracks
             for column in range(max(left, 0), min(left + 2, width)):
                 disparity[v, column] = max(disparity[v, column], d)
 
 
 @compiled
 def _match(depth_m: F32, right: F32, stereo: StereoGeometry, matched: F32) -> None:
-    """Keep the depth of what both imagers see, else 0."""
+    """Copy the depth of surfaces that both imagers see; else 0."""
     height, width = depth_m.shape
     for v in range(height):
         for u in range(width):
@@ -187,7 +185,7 @@ def _read(matched: F32, noise: NoiseImages, numbers: ReadingParameters, reading:
     for v in range(height):
         for u in range(width):
             reading[v, u] = 0
-            # Ragged silhouettes: the reading of a pixel nearby.
+            # Ragged silhouettes: the reading of a nearby pixel
             y = round(v - numbers.shift_v + numbers.ragged * noise.warp_v[v, u])
             x = round(u - numbers.shift_u + numbers.ragged * noise.warp_u[v, u])
             y, x = min(max(y, 0), height - 1), min(max(x, 0), width - 1)
@@ -220,6 +218,6 @@ def _is_hole(
     least, most = min(up, down, left, right, z), max(up, down, left, right, z)
     if least == 0 or most - least > numbers.edge_gap * z:
         return edge > numbers.edge
-    # Tangent of the angle between view and surface normal, about: steep surfaces match badly.
+    # Approximate tangent of the angle of view: steep surfaces match badly
     slope = numbers.slope / z * max(abs(right - left), abs(down - up)) / 2 / numbers.grazing
     return numbers.hole < math.inf and hole > numbers.hole * (1 - slope * slope)

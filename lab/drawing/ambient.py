@@ -1,4 +1,4 @@
-"""Light that comes from the walls, and the corners that it does not reach."""
+"""Light of the walls, and the darkness of corners."""
 
 import math
 
@@ -9,18 +9,18 @@ from lab.drawing.rooms import Room
 from people4d.messages import F32, F64
 
 DIRECTIONS: F64 = np.vstack([np.diag([-1.0] * 3), np.eye(3)])[[0, 3, 1, 4, 2, 5]]  # -x +x -y +y ...
-PATCHES = 10  # along each edge of a wall
-TERMS = 7  # of the polynomial 1 x y z x^2 y^2 z^2
-REACH_M = 0.45  # of what darkens a corner
-PAIRS = 8  # of readings around a pixel
-COARSE = 2  # a corner's darkness is computed for every second pixel in both directions
+PATCHES = 10  # number of patches along each edge of a wall
+TERMS = 7  # number of terms of the polynomial 1 x y z x^2 y^2 z^2
+REACH_M = 0.45  # maximum distance of surfaces that darken a corner [m]
+PAIRS = 8  # number of pairs of readings around a pixel
+COARSE = 2  # step of the pixels for which the darkness of corners is computed [px]
 
 
 def bounce_light(room: Room) -> F64:
-    """Return the light that a room's walls send back into it.
+    """Return the light reflected by a room's walls.
 
-    The walls are cut into patches that are lit by the lights and once more by the mean of all; then
-    the irradiance from all patches is gathered at points in the room for six directions, and each
+    The walls are divided into patches, lit by the lights and by the mean light of all patches. The
+    irradiance from all patches is computed at points in the room for six directions. Each direction
     is approximated by a polynomial of the position, which shading evaluates at every pixel.
 
     Returns:
@@ -50,7 +50,7 @@ def bounce_light(room: Room) -> F64:
 
 
 def direct_light(room: Room, position_m: F64, normal: F64) -> F64:
-    """Return the irradiance (3) at a point from all lights, shadows not considered."""
+    """Return the irradiance (3) at a point from all lights, without shadows."""
     total = np.zeros(3)
     for index in range(len(room.lights)):
         total += _from_light(room, index, position_m[None], normal[None])[0]
@@ -86,7 +86,7 @@ def _patches(room: Room) -> tuple[F64, F64, F64, F64]:
     return np.vstack(positions), np.vstack(inward), np.concatenate(areas), np.vstack(albedo)
 
 
-# Offsets of the readings on a half disc; each is read on both sides of the pixel.
+# Offsets of the readings in a half disc; each is read on both sides of the pixel
 _TURN = np.arange(PAIRS) * (math.pi * (3 - math.sqrt(5)))
 PAIR_OFFSETS: F64 = np.sqrt((np.arange(PAIRS) + 0.6) / PAIRS)[:, None] * np.column_stack(
     [np.cos(_TURN), np.sin(_TURN)]
@@ -97,18 +97,18 @@ PAIR_OFFSETS: F64 = np.sqrt((np.arange(PAIRS) + 0.6) / PAIRS)[:, None] * np.colu
 def corner_light(
     inverse: F32, step: int, focal_px: float, first: int, last: int, result: F32
 ) -> None:
-    """Compute the share of the walls' light that reaches each pixel, 0 to 1, from depth alone.
+    """Compute the share of the walls' light that reaches each pixel, 0 to 1, from depth.
 
-    Where the mean depth of two points on either side of a pixel is less than the pixel's own, the
-    surface is hollow there.
+    A surface is hollow if the mean depth of two points on either side of a pixel is less than the
+    depth of the pixel.
 
     Args:
-        inverse: Inverse depth of the image, 1/m.
+        inverse: Inverse depth of the image [1/m].
         step: Pixels of the image per pixel of the result.
-        focal_px: Of the image.
-        first: First row of the result to compute.
-        last: One more than the last.
-        result: Written.
+        focal_px: Focal length of the image.
+        first: First row of the result.
+        last: End of the rows, exclusive.
+        result: Output.
     """
     height, width = inverse.shape
     for row in range(first, last):
@@ -131,7 +131,7 @@ def corner_light(
                 if not (0 <= v - dv < height and 0 <= v + dv < height):
                     continue
                 one, other = inverse[v - dv, u - du], inverse[v + dv, u + du]
-                # On a plane the inverse depth is linear in the image: no false darkness.
+                # The inverse depth of a plane is linear in the image: no false darkness
                 rise = (0.5 * (one + other) - middle) * depth * depth
                 if 0.004 < rise < 1.5 * REACH_M:
                     hollow += min(1.0, rise * 14) * (1 - rise / (1.5 * REACH_M))
@@ -140,7 +140,7 @@ def corner_light(
 
 @compiled
 def smoothed(coarse: F32, inverse: F32, step: int, v: int, u: int) -> float:
-    """Return the corner light at pixel (u, v) of the image, from coarse pixels of like depth."""
+    """Return the corner light at pixel (u, v) of the image, from coarse pixels of similar depth."""
     height, width = coarse.shape
     middle = inverse[v, u]
     total, weight = 0.0, 1e-6

@@ -9,27 +9,26 @@ from common.compiled import compiled
 from lab.drawing.raster import in_bands
 from people4d.messages import F32, U8
 
-KEY_GRAIN, KEY_SHIFT = 311, 312  # of the random numbers
-GRAIN_PX = 1024  # of the pattern that all frames' noise is cut from
-READ_NOISE = 0.005  # of the sensor, in parts of the image's range
-PHOTON_NOISE = 0.008  # more where it is dark, since gamma spreads what is dark
-VIGNETTE = 0.22  # loss of light in the corners
-SATURATION = 0.86
-STRAY = 0.002  # light that strays in the lens, in parts of white
-WHITE_POINT = 1.8  # radiance that is just white
-CONTRAST = 1.22
-BLUR = 0.06  # share of a pixel's light that falls on each of its four neighbours
-TONES = 4096  # of the tone curve
-TOP = 8.0  # brightest radiance of the tone curve
+KEY_GRAIN, KEY_SHIFT = 311, 312  # keys of the random numbers
+GRAIN_PX = 1024  # side of the noise pattern of all frames [px]
+READ_NOISE = 0.005  # standard deviation of read noise, relative to the range of the image
+PHOTON_NOISE = 0.008  # additional noise in black, since gamma expands dark values
+VIGNETTE = 0.22  # relative loss of light in the corners
+SATURATION = 0.86  # saturation of colours
+STRAY = 0.002  # stray light in the lens, relative to white
+WHITE_POINT = 1.8  # radiance of white
+CONTRAST = 1.22  # exponent of the tone curve
+BLUR = 0.06  # share of a pixel's light on each of its four neighbours
+TONES = 4096  # number of samples of the tone curve
+TOP = 8.0  # maximum radiance of the tone curve
 
 
 def tone_curve() -> F32:
-    """Return the image's brightness (0 to 1, gamma applied) for TONES radiances from 0 to TOP.
+    """Return the brightness (0 to 1, gamma applied) of TONES radiances from 0 to TOP.
 
-    A straight middle with a soft shoulder, so that windows are bright but not burnt out at once,
-    and a little light that strays in the lens, so that black is not quite black.
+    The middle is linear, with a soft shoulder for bright windows and stray light above black.
     """
-    # Radiances are spaced by their root, since the eye sees differences of what is dark.
+    # The roots of the radiances are evenly spaced, since the eye resolves dark tones better.
     x = TOP * np.linspace(0, 1, TONES) ** 2
     response = STRAY + (1 - STRAY) * x * (1 + x / WHITE_POINT**2) / (1 + x)
     response = np.clip(response, 0.0, 1.0) ** CONTRAST
@@ -39,7 +38,7 @@ def tone_curve() -> F32:
 
 
 def grain(seed: int) -> F32:
-    """Return the noise of a sensor: neighbours are a little alike, as after debayering."""
+    """Return the noise of a sensor: neighbours are weakly correlated, as after debayering."""
     white = np.random.default_rng([seed, KEY_GRAIN]).standard_normal((GRAIN_PX, GRAIN_PX))
     soft = white + 0.45 * np.roll(white, 1, 0) + 0.45 * np.roll(white, 1, 1)
     return (soft / math.sqrt(1 + 2 * 0.45**2)).astype(np.float32)
@@ -50,7 +49,7 @@ def develop(
 ) -> U8:
     """Return the image of a linear radiance, HxWx3 red first.
 
-    The noise is cut from a pattern, see `grain`, by the key: seed and frame.
+    The key, seed and frame, selects the noise from the pattern of `grain`.
     """
     shifts = np.random.default_rng([*key, KEY_SHIFT]).integers(0, GRAIN_PX, (3, 2))
     image = np.empty(radiance.shape, np.uint8)

@@ -38,7 +38,7 @@ def door(x_m: float, y_m: float, colour: Vector) -> list[Mesh]:
 
 
 def poster(x_m: float, y_m: float, size_m: tuple[float, float], number: int) -> list[Mesh]:
-    """Return a framed image on a wall that faces -x; y_m is its right edge seen from -x."""
+    """Return a framed image on a wall that faces -x; y_m is its right edge in the view from -x."""
     width, height = size_m
     low = 1.15
     frame = box(
@@ -123,7 +123,7 @@ def radiator(x_m: tuple[float, float], y_m: float) -> list[Mesh]:
 
 
 def pendant(x_m: float, y_m: float, z_m: float, ceiling_m: float, glow: Vector) -> list[Mesh]:
-    """Return a lamp that hangs from the ceiling; z_m is its lower edge."""
+    """Return a pendant lamp; z_m is its lower edge."""
     shade = cylinder((x_m, y_m, z_m + 0.01), 0.22, 0.16, Finish(Material.METAL, srgb(52, 54, 58)))
     bulb = cylinder((x_m, y_m, z_m), 0.2, 0.01, Finish(Material.LAMP, glow))
     cord = box((x_m - 0.006, y_m - 0.006, z_m + 0.17), (x_m + 0.006, y_m + 0.006, ceiling_m), BLACK)
@@ -131,7 +131,7 @@ def pendant(x_m: float, y_m: float, z_m: float, ceiling_m: float, glow: Vector) 
 
 
 def ceiling_panel(x_m: float, y_m: float, ceiling_m: float, glow: Vector) -> list[Mesh]:
-    """Return a square panel of light in the ceiling."""
+    """Return a square lamp in the ceiling."""
     parts = box(
         (x_m - 0.32, y_m - 0.32, ceiling_m - 0.025), (x_m + 0.32, y_m + 0.32, ceiling_m), WHITE
     )

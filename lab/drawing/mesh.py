@@ -1,4 +1,4 @@
-"""Triangles, and their materials: one number for each solid texture of the shading."""
+"""Triangles and their materials, numbered by the solid textures of the shading."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -40,8 +40,8 @@ class Pattern(IntEnum):
     STRIPES = 1
     PLAID = 2
     PRINT = 3
-    PLACKET = 4  # a row of buttons and fine vertical lines
-    BLOCKS = 5  # chest and belly of different brightness
+    PLACKET = 4  # row of buttons and fine vertical lines
+    BLOCKS = 5  # different brightness of chest and belly
 
 
 @dataclass(frozen=True)
@@ -50,17 +50,17 @@ class Mesh:
 
     vertices_m: F64  # Vx3, frame: map
     normals: F64  # Vx3, unit length, outward
-    # Vx3 where solid textures are evaluated: position in a room, or at rest of a moving body
+    # Vx3 positions in the solid texture: position in the room, or in the rest pose of a body
     texture_m: F32
     colour: F32  # Vx3 linear reflectance, red first, 0 to 1
     faces: I32  # Fx3 indices of vertices
-    material: I32  # F numbers of the material, see `materials.Material`
-    pattern: I32  # F numbers of the cloth's pattern, see `materials.Pattern`; 0 = plain
-    owner: I32  # F, 0 = the room, k + 1 = person k
+    material: I32  # F, see `Material`
+    pattern: I32  # F, pattern of cloth, see `Pattern`
+    owner: I32  # F, 0: the room, k + 1: person k
 
 
 def join(meshes: Sequence[Mesh]) -> Mesh:
-    """Return one mesh that holds all; at least one is given."""
+    """Join meshes, at least one."""
     starts = np.cumsum([0, *(len(mesh.vertices_m) for mesh in meshes[:-1])])
     moved = [mesh.faces + np.int32(start) for mesh, start in zip(meshes, starts, strict=True)]
     joined = {name: np.concatenate([vars(m)[name] for m in meshes]) for name in vars(meshes[0])}

@@ -1,4 +1,4 @@
-"""Pieces of furniture that scenarios add to rooms."""
+"""Pieces of furniture of scenarios."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -14,12 +14,12 @@ from lab.furniture import SIZES_M, FurnitureKind, FurniturePlan
 
 PALE = Finish(Material.WOOD, srgb(214, 208, 196))
 GREY = Finish(Material.FABRIC, srgb(104, 108, 114))
-SEAT_M, BACK_M = 0.46, 0.86  # heights of a chair
-TOP_M, PARTITION_M, CABINET_M = 0.735, 1.3, 1.15  # heights of a desk, a partition, a cabinet
+SEAT_M, BACK_M = 0.46, 0.86  # heights of seat and back of a chair [m]
+TOP_M, PARTITION_M, CABINET_M = 0.735, 1.3, 1.15  # heights of desk, partition and cabinet [m]
 
 
 def furnished(room: Room, furniture: Sequence[FurniturePlan]) -> Room:
-    """Return a room with further pieces of furniture."""
+    """Return a room with additional pieces of furniture."""
     if not furniture:
         return room
     pieces = [_put(join(KINDS[piece.kind]()), piece) for piece in furniture]
@@ -34,7 +34,7 @@ def _put(mesh: Mesh, piece: FurniturePlan) -> Mesh:
 
 
 def _desk() -> list[Mesh]:
-    """Return a desk with a screen and a computer, which hides the legs of people behind it."""
+    """Return a desk with a screen and a computer."""
     y, x = SIZES_M["desk"][0] / 2, SIZES_M["desk"][1] / 2
     parts = box((-x, -y, TOP_M - 0.03), (x, y, TOP_M), PALE)
     for left in (-x + 0.03, x - 0.07):

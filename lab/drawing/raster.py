@@ -1,13 +1,13 @@
 """Rasteriser: the nearest triangle at each pixel, and its depth.
 
-A point of the optical frame becomes q = (fx x + cx z, fy y + cy z, z), so that the pixel (u, v)
-sees the points z (u, v, 1) = q. For a triangle with corners q0, q1, q2 the numbers
+A point of the optical frame is q = (fx x + cx z, fy y + cy z, z), so the pixel (u, v) sees the
+points z (u, v, 1) = q. For a triangle with corners q0, q1, q2 the numbers
 
     e = [q0 q1 q2]^-1 (u, v, 1)
 
-are all positive where the pixel sees it; their sum is 1 / z, and e z are its barycentric
-coordinates with perspective. e is linear in u and v, and nothing is divided by the z of a corner,
-so triangles that reach behind the camera need no clipping, only a bounding box that is right
+are all positive at pixels inside the triangle; their sum is 1 / z, and e z are the barycentric
+coordinates with perspective. e is linear in u and v, without division by the z of a corner, so
+triangles that reach behind the camera need no clipping but only a correct bounding box
 [Olano 1997].
 """
 
@@ -25,7 +25,7 @@ from common.compiled import compiled
 from lab.drawing.mesh import I32
 from people4d.messages import F32, F64
 
-NEAR_M = 0.05  # nothing nearer is seen
+NEAR_M = 0.05  # minimum depth of a visible surface [m]
 T = TypeVar("T")
 
 
@@ -33,26 +33,26 @@ T = TypeVar("T")
 class Raster:
     """Nearest face and inverse depth of each pixel."""
 
-    inverse_depth: F32  # HxW, 1/m along the optical axis; 0 where nothing is
-    triangle: I32  # HxW index of the face; -1 where nothing is
+    inverse_depth: F32  # [1/m] HxW, along the optical axis; 0: no surface
+    triangle: I32  # HxW index of the face; -1: no surface
 
     def depth_m(self) -> F32:
-        """Return HxW depth; inf where nothing is."""
+        """Return HxW depth; inf: no surface."""
         with np.errstate(divide="ignore"):
             return np.float32(1.0) / self.inverse_depth
 
 
 def homogeneous(points_m: F64, pixels_from_points: F64) -> F64:
-    """Return the corners q of triangles, Nx3 (u z, v z, z), by a 3x4 projection of points."""
+    """Return the corners q of triangles, Nx3 (u z, v z, z), from a 3x4 projection of points."""
     matrix = pixels_from_points
     return np.ascontiguousarray(points_m @ matrix[:, :3].T + matrix[:, 3])
 
 
 def rasterise(corners: F64, faces: I32, size: tuple[int, int], threads: int = 1) -> Raster:
-    """Draw both sides of triangles; of equally near faces the first wins.
+    """Draw both sides of triangles; the first of equally near faces wins.
 
     Args:
-        corners: Vx3, see `homogeneous`; pixel (u, v) has its centre at whole numbers.
+        corners: Vx3, see `homogeneous`; the centres of pixels are integers.
         faces: Fx3 indices of corners.
         size: Height and width of the image.
         threads: Number of threads.
@@ -69,7 +69,7 @@ def rasterise(corners: F64, faces: I32, size: tuple[int, int], threads: int = 1)
 
 @compiled
 def barycentrics(corners: F64, i: int, j: int, k: int, u: float, v: float) -> tuple[float, float]:
-    """Return the weights of corners j and k of face (i, j, k) where pixel (u, v) sees it."""
+    """Return the weights of corners j and k of face (i, j, k) at pixel (u, v)."""
     a0, a1, a2 = corners[i, 0], corners[i, 1], corners[i, 2]
     b0, b1, b2 = corners[j, 0], corners[j, 1], corners[j, 2]
     c0, c1, c2 = corners[k, 0], corners[k, 1], corners[k, 2]
@@ -84,7 +84,7 @@ def barycentrics(corners: F64, i: int, j: int, k: int, u: float, v: float) -> tu
 def _draw(
     corners: F64, faces: I32, first: int, last: int, inverse_depth: F32, triangle: I32
 ) -> None:
-    """Draw all faces into the rows from first up to, but not with, last."""
+    """Draw all faces into the rows from `first` to `last`, exclusive."""
     width = inverse_depth.shape[1]
     farthest = 1.0 / NEAR_M
     us = np.empty(len(corners))
@@ -111,7 +111,7 @@ def _draw(
             continue
         a0, a1, b0, b1 = corners[a, 0], corners[a, 1], corners[b, 0], corners[b, 1]
         c0, c1 = corners[c, 0], corners[c, 1]
-        # Neighbours compute a common edge from the same products, so no pixel falls between them.
+        # Neighbours compute a common edge from the same products, without gaps between them.
         ax, ay, ak = b1 * c2 - b2 * c1, b2 * c0 - b0 * c2, b0 * c1 - b1 * c0
         bx, by, bk = c1 * a2 - c2 * a1, c2 * a0 - c0 * a2, c0 * a1 - c1 * a0
         cx, cy, ck = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
@@ -140,7 +140,7 @@ def _draw(
 
 @compiled
 def _span(slope: float, offset: float, start: int, end: int) -> tuple[int, int]:
-    """Narrow a row to where slope u + offset >= 0, with a pixel to spare for rounding."""
+    """Narrow a row to slope u + offset >= 0, with a margin of a pixel for rounding."""
     if slope == 0.0:
         return start, (end if offset >= 0.0 else start - 1)
     zero = min(max(-offset / slope, start - 1.0), end + 1.0)
@@ -151,7 +151,7 @@ def _span(slope: float, offset: float, start: int, end: int) -> tuple[int, int]:
 
 @compiled
 def _bounds(corners: F64, face: I32) -> tuple[float, float, float, float]:
-    """Return the least and greatest u and v of the part of a face beyond the near plane."""
+    """Return the minimum and maximum u and v of the part of a face beyond the near plane."""
     u_min, u_max, v_min, v_max = np.inf, -np.inf, np.inf, -np.inf
     for i in range(3):
         p, q = corners[face[i]], corners[face[(i + 1) % 3]]
@@ -168,7 +168,7 @@ def _bounds(corners: F64, face: I32) -> tuple[float, float, float, float]:
 
 
 def at_once(jobs: Sequence[Callable[[], T]], threads: int) -> list[T]:
-    """Return the results of jobs that do not depend on each other, in their order."""
+    """Return the results of independent jobs in order."""
     if threads <= 1:
         return [job() for job in jobs]
     with ThreadPoolExecutor(threads) as pool:
@@ -177,7 +177,7 @@ def at_once(jobs: Sequence[Callable[[], T]], threads: int) -> list[T]:
 
 
 def in_bands(work: Callable[[int, int], object], rows: int, threads: int) -> None:
-    """Call `work(first, last)` for bands of rows that together are all rows, last not included.
+    """Call `work(first, last)` for bands of rows that together are all rows, last exclusive.
 
     Each pixel depends on its own row only, so the result does not depend on the number of bands.
     """

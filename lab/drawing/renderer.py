@@ -20,33 +20,33 @@ from lab.drawing.shading import SampleArrays, SceneArrays, SceneLighting, shade_
 from lab.drawing.shadows import pixels_from_map, room_shadow_maps, shadow_map
 from people4d.messages import F32, F64, U8, CameraInfo
 
-WHITE = 0.9  # reflectance of a sheet that an exposure of 1 makes white
+WHITE = 0.9  # reflectance of a sheet that is white with an exposure of 1
 
 
 @dataclass(frozen=True)
 class DepthView:
-    """Geometry seen by the camera, without any error."""
+    """Geometry visible to the camera, without errors."""
 
-    depth_m: F32  # HxW along the optical axis, inf where nothing is
-    owners: U8  # HxW, 0 = room or nothing, k + 1 = person k
-    right_depth_m: F32  # HxW as the right imager of the stereo pair sees it
+    depth_m: F32  # HxW along the optical axis, inf: no surface
+    owners: U8  # HxW, 0: room or nothing, k + 1: person k
+    right_depth_m: F32  # HxW in the view of the right imager of the stereo pair
 
 
 @dataclass(frozen=True)
 class SurfaceView:
-    """Depth and light that a depth sensor with a projector sees, without any error."""
+    """Depth and light visible to a depth sensor with a projector, without errors."""
 
-    depth_m: F32  # HxW along the optical axis, inf where nothing is
+    depth_m: F32  # HxW along the optical axis, inf: no surface
     right_depth_m: F32  # HxW in the view of the projector
     light: F32  # HxW, see `infrared.returned`
 
 
 @dataclass(frozen=True)
 class Extent:
-    """Area of the image that a body would cover if nothing hid it."""
+    """Area of an unoccluded body in the image."""
 
     pixels: int  # number of pixels inside the image
-    box_xyxy_px: F64  # 4, just around them, right and lower edge exclusive; NaN if there are none
+    box_xyxy_px: F64  # 4, bounding box, right and lower edge exclusive; NaN without pixels
 
 
 def draw_depth(
@@ -56,22 +56,16 @@ def draw_depth(
     baseline_m: float,
     threads: int = 1,
 ) -> DepthView:
-    """Draw depth and owners of meshes, the room included, as a perfect pair of imagers sees them.
+    """Draw depth and owners of meshes, including the room, for an error-free pair of imagers.
 
-    Lens distortion is not drawn. The right imager is a baseline to the right of the left one.
+    Lens distortion is not drawn. The right imager is at the baseline to the right of the left.
     """
     size = (info.height, info.width)
     if not meshes:
         empty: F32 = np.full(size, np.inf, np.float32)
         return DepthView(empty, np.zeros(size, np.uint8), empty.copy())
     scene = join(meshes)
-    corners = homogeneous(scene.vertices_m, camera_matrix(info) @ optical_from_map[:3])
-    views = (corners, corners - (info.fx * baseline_m, 0.0, 0.0))
-    # One thread each costs less than two for one after the other: triangles are set up once.
-    left, right = at_once(
-        [partial(rasterise, view, scene.faces, size, max(threads // 2, 1)) for view in views],
-        threads,
-    )
+    left, right = _stereo(scene, optical_from_map, info, baseline_m, threads)
     owners = np.append(scene.owner, 0).astype(np.uint8)[left.triangle]
     return DepthView(left.depth_m(), owners, right.depth_m())
 
@@ -83,23 +77,29 @@ def draw_surfaces(
     config: DepthSensorModel,
     threads: int = 1,
 ) -> SurfaceView:
-    """Draw meshes, at least one, as a depth imager beside the colour camera sees them.
-
-    The pose is that of the colour camera.
-    """
-    size = (info.height, info.width)
+    """Draw meshes, at least one, for a depth imager beside the colour camera of the given pose."""
     scene = join(meshes)
     beside = optical_from_map.copy()
     beside[0, 3] -= config.colour_offset_m
-    corners = homogeneous(scene.vertices_m, camera_matrix(info) @ beside[:3])
-    views = (corners, corners - (info.fx * config.baseline_m, 0.0, 0.0))
+    left, right = _stereo(scene, beside, info, config.baseline_m, threads)
+    depth_m = left.depth_m()
+    light = returned(scene, left.triangle, beside, pixel_rays(info), depth_m)
+    return SurfaceView(depth_m, right.depth_m(), light)
+
+
+def _stereo(
+    scene: Mesh, optical_from_map: F64, info: CameraInfo, baseline_m: float, threads: int
+) -> tuple[Raster, Raster]:
+    """Rasterise a scene for the left and the right imager."""
+    corners = homogeneous(scene.vertices_m, camera_matrix(info) @ optical_from_map[:3])
+    views = (corners, corners - (info.fx * baseline_m, 0.0, 0.0))
+    size = (info.height, info.width)
+    # One thread per view is faster than two threads per view in turn: triangles are set up once.
     left, right = at_once(
         [partial(rasterise, view, scene.faces, size, max(threads // 2, 1)) for view in views],
         threads,
     )
-    depth_m = left.depth_m()
-    light = returned(scene, left.triangle, beside, pixel_rays(info), depth_m)
-    return SurfaceView(depth_m, right.depth_m(), light)
+    return left, right
 
 
 def pixel_rays(info: CameraInfo) -> F64:
@@ -110,7 +110,7 @@ def pixel_rays(info: CameraInfo) -> F64:
 
 
 def body_extents(mesh: Mesh, optical_from_map: F64, info: CameraInfo) -> Extent:
-    """Return the area of the image that a body would cover if nothing hid it."""
+    """Return the area of an unoccluded body in the image."""
     corners = homogeneous(mesh.vertices_m, camera_matrix(info) @ optical_from_map[:3])
     raster = rasterise(corners, mesh.faces, (info.height, info.width)).triangle >= 0
     rows, columns = np.flatnonzero(raster.any(axis=1)), np.flatnonzero(raster.any(axis=0))
@@ -124,17 +124,17 @@ def body_extents(mesh: Mesh, optical_from_map: F64, info: CameraInfo) -> Extent:
 class Instant:
     """The scene at one instant."""
 
-    people: Sequence[Mesh]  # their meshes; the room is the renderer's own
-    optical_from_map: F64  # 4x4 of the camera
+    people: Sequence[Mesh]  # meshes of the people; the room belongs to the renderer
+    optical_from_map: F64  # transform into the camera, 4x4
 
 
 @dataclass(frozen=True)
 class Development:
     """Settings of the camera that change from frame to frame."""
 
-    gains: tuple[float, float, float] = (1.0, 1.0, 1.0)  # of red, green and blue
-    grain: float = 1.0  # noise over that of a sensor in good light
-    blur_px: float = 0.0  # standard deviation of an image out of focus
+    gains: tuple[float, float, float] = (1.0, 1.0, 1.0)  # gains of red, green and blue
+    grain: float = 1.0  # noise relative to a sensor in good light
+    blur_px: float = 0.0  # standard deviation of defocus
 
 
 PLAIN = Development()
@@ -142,18 +142,18 @@ PLAIN = Development()
 
 @dataclass(frozen=True)
 class Shaded:
-    """Light of one instant."""
+    """Radiance of one instant."""
 
     image: F32  # HxWx3, linear
     people: npt.NDArray[np.bool_]  # HxW, True: people cover the pixel
-    light: SceneLighting  # that fell on it
+    light: SceneLighting  # lights of the instant
 
 
 class Renderer:
     """Draws people in a room in colour.
 
-    It holds only what does not change: the room, its shadows and the light of its walls.
-    So frames may be drawn in any order, each gives the same bytes.
+    The state is constant: the room, its shadows and the light of its walls. Frames may therefore be
+    drawn in any order, with the same bytes.
     """
 
     def __init__(
@@ -164,9 +164,9 @@ class Renderer:
         Args:
             room: See `rooms.room_mesh`.
             info: Calibration; lens distortion is not drawn.
-            seed: Of the sensor's noise.
+            seed: Seed of the sensor's noise.
             threads: Number of threads; the image does not depend on it.
-            samples: Per pixel in both directions, 1 (ragged edges) or 2 (smooth).
+            samples: Samples along each side of a pixel, 1 (aliased) or 2.
         """
         self.room, self.info, self.seed = room, info, seed
         self.threads, self.samples = threads, samples
@@ -180,9 +180,9 @@ class Renderer:
         self._exposure = room.exposure / self._white()
 
     def exposed(self, instants: Sequence[Instant], frame: int, settings: Development = PLAIN) -> U8:
-        """Return the image of a shutter that is open over several instants: motion is blurred.
+        """Return the image of an exposure over several instants, with motion blur.
 
-        If the camera stands, the room is shaded once, and only people move.
+        For a static camera the room is shaded once, and only people are drawn at each instant.
         """
         middle = instants[len(instants) // 2]
         first = self._draw(middle)
@@ -199,16 +199,15 @@ class Renderer:
         return develop(radiance, self._exposure, noise, key, self.threads)
 
     def radiance(self, instant: Instant) -> F32:
-        """Return the light that reaches each pixel, HxWx3, linear."""
+        """Return the radiance of each pixel, HxWx3, linear."""
         return self._draw(instant).image
 
     def _draw(self, instant: Instant, base: Shaded | None = None) -> Shaded:
-        """Return the light that reaches each pixel.
+        """Return the radiance of each pixel.
 
         Args:
             instant: The scene.
-            base: The scene just before or after, in the same view: the room and its light are those
-                of it.
+            base: Another instant in the same view, whose room and light are used; or None.
         """
         mesh = join([*instant.people, self.room.mesh])
         corners = homogeneous(mesh.vertices_m, self._samples_from_map(instant.optical_from_map))
@@ -281,7 +280,7 @@ class Renderer:
         )
 
     def _white(self) -> float:
-        """Return the radiance of a white sheet in the middle of the room, turned to the camera."""
+        """Return the radiance of a white sheet in the middle of the room that faces the camera."""
         middle = (self.room.low_m + self.room.high_m) / 2
         sides = [np.array(side) for side in ([-1.0, 0, 0], [0, 0, 1.0])]
         direct = sum(direct_light(self.room, middle, side).mean() for side in sides) / 2

@@ -11,10 +11,10 @@ from lab.drawing.mesh import Material, Mesh, join
 from lab.drawing.solids import Finish, box, panel, srgb
 from people4d.messages import F64
 
-KEY = 301  # of the random numbers
+KEY = 301  # key of the random numbers
 Seats = Sequence[tuple[float, float]]
 DOWN: F64 = np.array([0.0, 0.0, -1.0])
-INWARD: F64 = np.array([0.0, -1.0, 0.0])  # from the wall with windows
+INWARD: F64 = np.array([0.0, -1.0, 0.0])  # direction of light from windows
 FLOORS = {
     Material.CONCRETE: [(140, 138, 132), (122, 122, 120)],
     Material.CARPET: [(84, 90, 102), (104, 88, 80), (88, 96, 86)],
@@ -23,25 +23,25 @@ FLOORS = {
 
 @dataclass(frozen=True)
 class Light:
-    """A lamp or a window, small against its distance."""
+    """A lamp or a window, small relative to its distance."""
 
     position_m: F64  # 3, frame: map
-    towards: F64  # 3, unit vector it shines along; nothing behind it is lit
-    intensity: F64  # 3, red first; irradiance at 1 m straight ahead
-    radius_m: float  # of its surface: the larger, the softer the shadows
+    towards: F64  # 3, unit vector of the light's axis; surfaces behind the light are not lit
+    intensity: F64  # 3, red first; irradiance at 1 m on the axis
+    radius_m: float  # radius of the surface; larger lights have softer shadows
 
 
 @dataclass(frozen=True)
 class Room:
     """A room without people."""
 
-    mesh: Mesh  # all its surfaces, frame: map
-    lights: tuple[Light, ...]  # what lights it
+    mesh: Mesh  # surfaces, frame: map
+    lights: tuple[Light, ...]
     low_m: F64  # 3, corner of the room
     high_m: F64  # 3, opposite corner
     # 6x3 linear reflectance of the walls at low x, high x, low y, high y, the floor and the ceiling
     walls: F64
-    # brightness of the image; 1 makes a white sheet in the middle of the room white
+    # brightness of the image; 1: a white sheet in the middle of the room is white
     exposure: float
 
 
@@ -49,10 +49,9 @@ def room_mesh(kind: str, seed: int, stools: Seats = ()) -> Room:
     """Build a room.
 
     Args:
-        kind: "lab" (3.5 x 6.2 m, ceiling lights, wooden floor, window at the side) or "hall"
-            (10 x 8 m, pillars, tall windows, few warm lamps).
-        seed: Of colours, light, furniture, and the side of the windows.
-        stools: x and y in metres of each, frame: map; the seat is `furniture.SEAT_M` high.
+        kind: Name of the room, see KINDS.
+        seed: Seed of colours, light, furniture, and the side of the windows.
+        stools: Positions of stools [m], frame: map; their height is `furniture.SEAT_M`.
     """
     rng = np.random.default_rng([seed, KEY])
     if rng.random() < 0.5:
@@ -111,7 +110,7 @@ def _hall(rng: np.random.Generator, stools: Seats) -> Room:
         parts += furniture.window((x, x + 2.4), 4.0, (0.5, 2.9), _triple(sky * 2.6))
     for x in (1.6, 4.4, 7.2):
         parts += furniture.pendant(x, 0.0, 2.6, 3.4, _triple(warm * 7.0))
-    # Fewer lights than lamps and windows, each for its neighbours too: each costs time.
+    # Fewer lights than lamps and windows: each light costs time.
     lights = (
         Light(np.array([2.2, 0.0, 2.58]), DOWN, warm * 3.6, 0.3),
         Light(np.array([6.0, 0.0, 2.58]), DOWN, warm * 3.6, 0.3),
@@ -160,7 +159,7 @@ def _office(rng: np.random.Generator, stools: Seats) -> Room:
     lamps = [(x, y) for x in (1.0, 3.4, 5.8) for y in (-1.3, 1.3)]
     for x, y in lamps:
         parts += furniture.ceiling_panel(x, y, 2.45, _triple(white * 5.0))
-    # Fewer lights than lamps, as in the hall.
+    # Fewer lights than lamps, as in the hall
     lights = (
         Light(np.array([1.6, 0.0, 2.4]), DOWN, white * 3.4, 0.5),
         Light(np.array([5.0, 0.0, 2.4]), DOWN, white * 3.4, 0.5),
@@ -217,7 +216,7 @@ def _shell(
 
 
 def _varied(rng: np.random.Generator, palette: list[tuple[int, int, int]]) -> Vector:
-    """Return one colour of a palette, a little lighter, darker or tinted."""
+    """Return one colour of a palette with a small change of brightness and tint."""
     colour = np.array(srgb(*palette[rng.integers(len(palette))]))
     return _triple(np.clip(colour * rng.normal(1.0, 0.08) * rng.normal(1.0, 0.025, 3), 0.01, 0.85))
 

@@ -1,4 +1,4 @@
-"""The colour of each pixel: the surface there, and the light it sends to the camera."""
+"""Radiance of each pixel, from its surface and the lights."""
 
 import math
 from typing import NamedTuple
@@ -14,18 +14,18 @@ from lab.drawing.shadows import BIAS_M, FOCAL_PX, lit_share
 from lab.drawing.textures import body_texel, fold_slope, hashed, room_texel
 from people4d.messages import F32, F64
 
-# Compiled functions compare plain numbers.
+# Compiled functions compare integers.
 SKIN, SHIRT, TROUSERS = int(Material.SKIN), int(Material.SHIRT), int(Material.TROUSERS)
 EYE, LAMP = int(Material.EYE), int(Material.LAMP)
-SHIRT_FOLDS, TROUSER_FOLDS = 0.033, 0.032  # [m] depth of the folds, about
-WRAP = 0.22  # light that passes under the skin reaches beyond the shadow's edge
+SHIRT_FOLDS, TROUSER_FOLDS = 0.033, 0.032  # depth of the folds of cloth [m]
+WRAP = 0.22  # extension of light beyond the edge of a shadow, by scattering in skin
 TURNS: F64 = np.array([[math.cos(a), math.sin(a)] for a in np.arange(64) * (math.pi / 32)])
-SOFT_PX = 12.0  # radius of a shadow's rim in the map for a light of 1 m
-BRIGHTEST = 6.0  # radiance of one sample, so that a lamp's edge is smooth
+SOFT_PX = 12.0  # radius of a shadow's penumbra in the map, for a light of 1 m [px]
+BRIGHTEST = 6.0  # maximum radiance of one sample: the edges of lamps are smooth
 
 
 class SceneArrays(NamedTuple):
-    """The triangles as the camera sees them; the arrays of `Mesh`."""
+    """Triangles in the camera's view; the arrays of `Mesh`."""
 
     corners: F64  # Vx3, see `raster.homogeneous`, in samples
     vertices: F64
@@ -50,7 +50,7 @@ class SceneLighting(NamedTuple):
 
 
 class SampleArrays(NamedTuple):
-    """Samples of the rasteriser, more than one a pixel."""
+    """Samples of the rasteriser, several per pixel."""
 
     inverse: F32  # [1/m] see `raster.Raster`
     triangle: I32
@@ -71,7 +71,7 @@ def shade_rows(
 ) -> None:
     """Write the radiance of the wanted pixels, HxW, in rows of the image, HxWx3.
 
-    A pixel whose samples all see one smooth surface is shaded once; at edges each sample is.
+    A pixel with one smooth surface is shaded once; at edges each sample is shaded.
     """
     side = samples.side
     for row in range(first, last):
@@ -154,7 +154,7 @@ def _shade(
     dr, dg, db, shine = _from_lights(light, (px, py, pz), normal, (ex, ey, ez), surface)
     direct = 0.35 + 0.65 * open_share
     glow = gloss * shine * direct
-    # Grazing light is thrown back more: walls show faintly in floors, cheeks have a bright rim.
+    # Grazing light is reflected more: floors mirror walls faintly, cheeks have a bright rim.
     rim = gloss * 0.55 * (1.0 - min(1.0, abs(facing))) ** 4 * open_share
     return (
         r * (ar * open_share + dr * direct) + rim * ar + glow * 1.0,
@@ -180,7 +180,7 @@ def _mixed(
 def _from_walls(
     light: SceneLighting, point: tuple[float, float, float], normal: tuple[float, float, float]
 ) -> tuple[float, float, float]:
-    """Return the irradiance that comes from the walls, see `ambient.bounce_light`."""
+    """Return the irradiance from the walls, see `ambient.bounce_light`."""
     x = (point[0] - light.room[0, 0]) / light.room[1, 0]
     y = (point[1] - light.room[0, 1]) / light.room[1, 1]
     z = (point[2] - light.room[0, 2]) / light.room[1, 2]
@@ -207,9 +207,9 @@ def _from_lights(
     eye: tuple[float, float, float],
     surface: tuple[float, float, float, float],
 ) -> tuple[float, float, float, float]:
-    """Return the irradiance from all lights and the light they mirror into the eye.
+    """Return the irradiance from all lights, and their specular reflection.
 
-    `surface` is its gloss, how sharp that is, a random number per pixel, and 1 for skin.
+    `surface`: gloss, sharpness of the gloss, a random number per pixel, and 1 for skin.
     """
     gloss, sharpness, random, skin = surface
     step = int(random * (len(TURNS) - 1))
@@ -228,7 +228,7 @@ def _from_lights(
         if wrapped <= 0.0 or emitted <= 0.0:
             continue
         power = emitted / (squared + lamp[9] * lamp[9])
-        # The point is moved off its surface, so that it does not shadow itself.
+        # The point is moved off its surface to avoid self-shadowing.
         sx, sy = point[0] + 0.01 * normal[0], point[1] + 0.01 * normal[1]
         sz = point[2] + 0.01 * normal[2]
         depth = q[2, 0] * sx + q[2, 1] * sy + q[2, 2] * sz + q[2, 3]
@@ -237,7 +237,7 @@ def _from_lights(
             u = (q[0, 0] * sx + q[0, 1] * sy + q[0, 2] * sz + q[0, 3]) * scale
             v = (q[1, 0] * sx + q[1, 1] * sy + q[1, 2] * sz + q[1, 3]) * scale
             radius = SOFT_PX * lamp[9]
-            # A slanted surface is nearer to the light on one side of the readings.
+            # One side of a slanted surface is nearer to the light.
             slant = (1.0 - falling * falling) / max(falling, 0.12)
             bias = BIAS_M + 0.7 * depth * radius / FOCAL_PX * slant
             around = (radius * turn[0], radius * turn[1])
@@ -251,7 +251,7 @@ def _from_lights(
             length = math.sqrt(hx * hx + hy * hy + hz * hz) + 1e-9
             peak = (normal[0] * hx + normal[1] * hy + normal[2] * hz) / length
             if peak > 0.7:
-                # Schlick's stand-in for peak ** sharpness [Schlick 1993].
+                # Approximation of peak ** sharpness [Schlick 1993]
                 peak /= sharpness - (sharpness - 1.0) * peak
                 shine += power * lamp[7] * peak * (sharpness + 8.0) / 12.0
     return red, green, blue, shine

@@ -1,4 +1,4 @@
-"""Shadow maps: distances from each light, and the share of it that a point sees."""
+"""Shadow maps: distances from each light, and the share of a light visible from a point."""
 
 import math
 from dataclasses import replace
@@ -11,14 +11,14 @@ from lab.drawing.raster import homogeneous, rasterise
 from lab.drawing.rooms import Light, Room
 from people4d.messages import F32, F64
 
-SIDE_PX = 768  # of a map
-HALF_VIEW_RAD = math.radians(66)  # of a map, in both directions
+SIDE_PX = 768  # side of a map [px]
+HALF_VIEW_RAD = math.radians(66)  # half the field of view of a map [rad]
 FOCAL_PX = SIDE_PX / 2 / math.tan(HALF_VIEW_RAD)
-BIAS_M = 0.025  # a surface casts no shadow on itself
-TAPS = 12  # readings of the map for a point at the rim of a shadow
-CASTS_NONE = (Material.PAINT, Material.LAMP)  # walls have nothing behind them
+BIAS_M = 0.025  # minimum distance of an occluder, against self-shadowing [m]
+TAPS = 12  # number of readings of the map at the penumbra of a shadow
+CASTS_NONE = (Material.PAINT, Material.LAMP)  # materials without shadows
 
-# Offsets of the readings, on a spiral that fills the unit disc evenly.
+# Offsets of the readings, on a spiral that fills the unit disc evenly
 _TURN = np.arange(TAPS) * (math.pi * (3 - math.sqrt(5)))
 SPIRAL: F64 = np.sqrt((np.arange(TAPS) + 0.5) / TAPS)[:, None] * np.column_stack(
     [np.cos(_TURN), np.sin(_TURN)]
@@ -26,7 +26,7 @@ SPIRAL: F64 = np.sqrt((np.arange(TAPS) + 0.5) / TAPS)[:, None] * np.column_stack
 
 
 def pixels_from_map(light: Light) -> F64:
-    """Return the 3x4 projection into a light's map, whose axis is that of the light."""
+    """Return the 3x4 projection into the map of a light, along its axis."""
     forward = light.towards
     right = np.cross(forward, [0.0, 0.0, 1.0] if abs(forward[2]) < 0.9 else [1.0, 0.0, 0.0])
     right /= np.linalg.norm(right)
@@ -37,7 +37,7 @@ def pixels_from_map(light: Light) -> F64:
 
 
 def shadow_map(mesh: Mesh, projection: F64) -> F32:
-    """Return the inverse distance [1/m] to the nearest surface along a light's axis; 0: none."""
+    """Return the inverse distance to the nearest surface along a light's axis [1/m]; 0: none."""
     corners = homogeneous(mesh.vertices_m, projection)
     return rasterise(corners, mesh.faces, (SIDE_PX, SIDE_PX)).inverse_depth
 
@@ -53,15 +53,15 @@ def room_shadow_maps(room: Room) -> F32:
 def lit_share(
     maps: F32, light: int, pixel: tuple[float, float], limit: float, turn: tuple[float, float]
 ) -> float:
-    """Return the share of a light that a point sees, 0 to 1.
+    """Return the share of a light visible from a point, 0 to 1.
 
     Args:
         maps: LxSxS maps.
         light: Index of the light.
         pixel: Column and row of the point in the map.
-        limit: Inverse distance [1/m] along the light's axis; what is nearer hides the light.
-        turn: Cosine and sine of the turn of the readings, times the radius [px] of a shadow's
-            soft rim; neighbours take different turns, so that they do not make the same error.
+        limit: Inverse distance along the light's axis beyond which surfaces hide the light [1/m].
+        turn: Cosine and sine of the rotation of the readings, times the radius of the penumbra
+            [px]; rotations of neighbours differ, so their errors are independent.
     """
     size = maps.shape[1]
     ca, sa = turn
@@ -74,7 +74,7 @@ def lit_share(
             count += 1
             if maps[light, row, column] > limit:
                 hidden += 1
-        # The first readings are spread over the disc: all alike, it is not the rim.
+        # Equal first readings, spread over the disc: the point is outside the penumbra.
         if i == 4 and (hidden == 0 or hidden == 5):
             break
     return 1.0 - hidden / count if count else 1.0

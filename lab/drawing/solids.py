@@ -1,4 +1,4 @@
-"""Boxes, cylinders and panels to build a room from."""
+"""Boxes, cylinders and panels of a room."""
 
 import math
 from collections.abc import Sequence
@@ -10,17 +10,17 @@ import numpy.typing as npt
 from lab.drawing.mesh import Material, Mesh
 from people4d.messages import F64
 
-SIDES = 20  # of a cylinder
+SIDES = 20  # number of sides of a cylinder
 
 
 @dataclass(frozen=True)
 class Finish:
     """Surface of a solid."""
 
-    material: Material  # of its surface
-    # linear reflectance, red first, 0 to 1; of a lamp, its radiance
+    material: Material
+    # linear reflectance, red first, 0 to 1; radiance of a lamp
     colour: tuple[float, float, float]
-    # where in the solid texture it is cut from, so that no two boards look alike
+    # position in the solid texture, so that boards differ
     shift_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
@@ -30,7 +30,7 @@ def srgb(red: int, green: int, blue: int) -> tuple[float, float, float]:
 
 
 def panel(at: npt.ArrayLike, along: npt.ArrayLike, up: npt.ArrayLike, finish: Finish) -> Mesh:
-    """Return a parallelogram at a corner [m], with two edges [m]; it faces along x up."""
+    """Return a parallelogram at a corner [m], with two edges [m]; its normal is along x up."""
     origin, right, top = (np.asarray(edge, np.float64) for edge in (at, along, up))
     points = np.array([origin, origin + right, origin + right + top, origin + top])
     normal = np.cross(right, top)
@@ -80,13 +80,13 @@ def cylinder(
 
 
 def shaded(mesh: Mesh, colours: npt.ArrayLike) -> Mesh:
-    """Return a mesh with a colour of its own for each corner, Vx3."""
+    """Return a mesh with other colours of its corners, Vx3."""
     colour = np.asarray(colours, np.float32)
     return replace(mesh, colour=np.ascontiguousarray(colour))
 
 
 def pictured(mesh: Mesh, number: float) -> Mesh:
-    """Return a panel whose texture runs over it from (0, 0) to (1, 1); the number picks one."""
+    """Return a panel with texture coordinates from (0, 0) to (1, 1); `number` selects an image."""
     return _retextured(
         mesh, np.array([[0, 0, number], [1, 0, number], [1, 1, number], [0, 1, number]])
     )

@@ -1,7 +1,7 @@
 """Solid textures: the colour of a material at a point inside it.
 
-A body's texture is evaluated where its skin and cloth were in the rest pose, so patterns move
-with the body. Noise is value noise on a lattice of hashed whole numbers.
+A body's texture is evaluated at positions in the rest pose, so patterns move with the body. Noise
+is value noise on a lattice of hashed integers.
 """
 
 import math
@@ -9,7 +9,7 @@ import math
 from common.compiled import compiled
 from lab.drawing.mesh import Material, Pattern
 
-# Compiled functions compare plain numbers.
+# Compiled functions compare integers.
 SKIN, HAIR, SHIRT = int(Material.SKIN), int(Material.HAIR), int(Material.SHIRT)
 TROUSERS, SHOE, METAL = int(Material.TROUSERS), int(Material.SHOE), int(Material.METAL)
 PLANKS, PAINT, WOOD = int(Material.PLANKS), int(Material.PAINT), int(Material.WOOD)
@@ -18,7 +18,7 @@ CARPET, CONCRETE = int(Material.CARPET), int(Material.CONCRETE)
 STRIPES, PLAID, PRINT = int(Pattern.STRIPES), int(Pattern.PLAID), int(Pattern.PRINT)
 PLACKET, BLOCKS = int(Pattern.PLACKET), int(Pattern.BLOCKS)
 
-PLANK_M = (1.2, 0.13)  # length and width
+PLANK_M = (1.2, 0.13)  # length and width of a board [m]
 MASK = 0xFFFFFFFF
 
 Texel = tuple[float, float, float, float, float]
@@ -59,7 +59,7 @@ def noise_slope(x: float, y: float, z: float) -> tuple[float, float, float, floa
 
 @compiled
 def fold_slope(x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Return the slope of the folds of cloth: long ones that hang, and small creases across."""
+    """Return the slope of the folds of cloth: long vertical folds and small horizontal creases."""
     bend = 1.7 * noise(x * 4, y * 4, z * 4)
     _, ax, ay, az = noise_slope(x * 9 + bend, y * 9 + bend, z * 3.4 + bend)
     _, bx, by, bz = noise_slope(x * 17 - bend, y * 17, z * 25 + 2 * bend)
@@ -72,7 +72,7 @@ def body_texel(
 ) -> Texel:
     """Return the colour of skin, hair or cloth, its gloss (0 to 1) and the sharpness of the gloss.
 
-    x, y and z are forward, left and up from the sole [m] in the rest pose; the colour is linear.
+    x, y and z: forward, left and up from the sole [m] in the rest pose; the colour is linear.
     """
     r, g, b = colour
     if material == SKIN:
@@ -132,13 +132,13 @@ def room_texel(
 ) -> Texel:
     """Return the colour of floors, walls and furniture, gloss and sharpness; see `body_texel`.
 
-    x, y and z are the position in the texture [m]; blur_m is the size of a pixel on the surface.
+    x, y and z: position in the texture [m]; blur_m: size of a pixel on the surface.
     """
     r, g, b = colour
     k, gloss, sharpness = 1.0, 0.0, 10.0
     if material == PAINT:
         k = 0.95 + 0.06 * noise(x * 1.7, y * 1.7, z * 1.7)
-        if blur_m < 0.012:  # roughness is seen from near only
+        if blur_m < 0.012:  # roughness is visible at small distances only
             k += 0.04 * (noise(x * 90, y * 90, z * 90) - 0.5) * (1.0 - blur_m / 0.012)
     elif material == PLANKS:
         k, gloss, sharpness = _planks(x, y, blur_m), 0.10, 26.0
@@ -174,7 +174,7 @@ def room_texel(
 
 @compiled
 def _planks(x: float, y: float, blur_m: float) -> float:
-    """Return the brightness of a floor of boards along x, each with its own tone and grain."""
+    """Return the brightness of a floor of boards along x with different tones and grains."""
     length, width = PLANK_M
     row = math.floor(y / width)
     along = x + hashed(row, 3, 7) * 1.9

@@ -1,4 +1,4 @@
-"""Walking bouts: stretches of walking or turning, in whole steps."""
+"""Walking bouts: intervals of walking or turning, in whole steps."""
 
 import math
 from dataclasses import dataclass, replace
@@ -11,13 +11,13 @@ from lab.motion.gait import step_length_m, swing_share
 from lab.motion.walker import STEP_S
 from people4d.messages import F64
 
-MOVING_MPS, TURNING_RADPS = 0.03, 0.08  # slower than that, feet stay where they are
-TURN_STEP_RAD = 0.8  # turned with each step on the spot
-SLOWEST_STEPS_HZ = 1.2
-PAUSE_S = 0.6  # shorter stops are stepped through
-SHORTEST_S = 0.3  # less is no time for two steps: the feet stay
-DELAY_S, AFTER_S = 0.15, 0.25  # steps begin after the body moves and end after it rests
-TURNING_TO_STEP_S = 0.6  # in which a turn decides the first foot
+MOVING_MPS, TURNING_RADPS = 0.03, 0.08  # minimum speed and turn rate of steps [m/s, rad/s]
+TURN_STEP_RAD = 0.8  # turn with each step on the spot [rad]
+STEPS_MIN_HZ = 1.2  # minimum cadence [steps/s]
+PAUSE_S = 0.6  # minimum duration of a pause between bouts [s]
+SHORTEST_S = 0.3  # minimum duration of a bout [s]
+DELAY_S, AFTER_S = 0.15, 0.25  # delays of steps at the begin and the end of a motion [s]
+TURNING_TO_STEP_S = 0.6  # duration in which a turn determines the first foot [s]
 
 
 @dataclass(frozen=True)
@@ -39,31 +39,31 @@ class WalkingBout:
     Step k begins, with the lift of a foot, when the progress is k, and ends when it is k + swing.
     """
 
-    begin: int  # Index of its first time in the track
+    begin: int  # index of its first time in the path
     times_s: F64  # N
     progress: F64  # N, from 0 to count - 1 + swing: the last step ends with the bout
     count: int  # number of steps
-    swing: float  # how long a foot is in the air, in steps
-    foot: int  # that steps first, 0 left or 1 right
+    swing: float  # duration of a swing [steps]
+    foot: int  # first foot, 0 left or 1 right
 
-    def when_s(self, progress: float) -> float:
+    def time_of(self, progress: float) -> float:
         """Return the time of a progress."""
         return float(np.interp(progress, self.progress, self.times_s))
 
     def cycles(self, done: float) -> F64:
-        """Return the cycles of the left leg at all times, N, above those done before.
+        """Return the cycles of the left leg at all times, N, after a number of cycles done.
 
-        They are whole when the left foot comes down, and half a cycle on when the right one does.
+        They are integers at contacts of the left foot, and integers plus 0.5 of the right foot.
         """
         first_lands = math.ceil(done - self.foot / 2 + 0.25) + self.foot / 2
         return first_lands + (self.progress - self.swing) / 2
 
 
-def limping(bout: WalkingBout, limp: float) -> WalkingBout:
-    """Return a bout whose left steps take longer than its right ones by a ratio of their mean.
+def add_limp(bout: WalkingBout, limp: float) -> WalkingBout:
+    """Return a bout whose left steps take longer than its right steps, by a share of their mean.
 
-    Landings are shifted by a quarter of it, one foot's later and the other one's earlier, but for
-    the begin and the end of the bout.
+    Landings of one foot are late by a quarter of the share, landings of the other foot early;
+    begin and end of the bout do not change.
     """
     if limp == 0.0:
         return bout
@@ -80,11 +80,11 @@ def find_walking_bouts(
 
     Args:
         path: Path of the person.
-        stature_m: Metres.
-        cadence_factor: Cadence over that of the average person.
-        preferred_foot: First foot where a turn does not decide it.
+        stature_m: Stature of the person.
+        cadence_factor: Cadence relative to the average person.
+        preferred_foot: First foot unless a turn determines it.
     """
-    rate_hz = np.maximum(_step_rate(path, stature_m, cadence_factor), SLOWEST_STEPS_HZ)
+    rate_hz = np.maximum(_step_rate(path, stature_m, cadence_factor), STEPS_MIN_HZ)
     bouts = []
     for part in _stretches(path):
         progress = np.concatenate([[0.0], np.cumsum(rate_hz[part][1:] * STEP_S)])
@@ -100,7 +100,7 @@ def _step_rate(path: WalkPath, stature_m: float, cadence_factor: float) -> F64:
     speed = np.maximum(path.speed_mps, 1e-3)
     walking = speed / step_length_m(speed, stature_m) * cadence_factor
     turning = np.abs(path.turn_radps) / TURN_STEP_RAD
-    # The larger of both, smoothly: who walks fast turns without more steps.
+    # A smooth maximum: fast walkers turn without additional steps.
     return np.asarray((walking**4 + turning**4) ** 0.25)
 
 
@@ -120,7 +120,7 @@ def _stretches(path: WalkPath) -> list[slice]:
 
 
 def _runs(flags: npt.NDArray[np.bool_]) -> list[slice]:
-    """Return the stretches in which flags are true without a break."""
+    """Return the intervals of consecutive true flags."""
     numbers, count = label(flags)
     inside = [np.flatnonzero(numbers == number) for number in range(1, count + 1)]
     return [slice(int(indices[0]), int(indices[-1]) + 1) for indices in inside]

@@ -1,8 +1,8 @@
-"""Walkers who avoid each other.
+"""Collision avoidance of walkers.
 
-Each person picks, ten times a second, the heading and speed that lead to the goal and past the
-others: every candidate is extrapolated with the others' present velocities and pays for coming
-near (after [Moussaïd 2011], where the heading is chosen so from what people see).
+Each walker selects, ten times a second, the heading and speed of least cost. Candidates are
+extrapolated with the present velocities of the others; the cost grows with the detour and with
+small distances (after the choice of heading in [Moussaïd 2011]).
 """
 
 import math
@@ -17,19 +17,19 @@ from people4d.messages import F64
 PositionFunction = Callable[[float], F64]
 Disc = tuple[float, float, float]  # [m] x, y and radius, frame: map
 
-DECIDE_EVERY = 10  # steps of the simulation
-HORIZON_S = 3.0
-COMFORT_M = 0.95  # centre to centre; people deviate to pass no nearer
-PERSONAL_M = 0.62  # nearer than that they would rather stop
-ROBOT_EXTRA_M = 0.15  # more distance from a robot
-STANDING_RADIUS_M = 0.38  # radius of a standing thing that is passed as far off as a person
-STOOL_LESS_M, OWN_STOOL_LESS_M = 0.2, 0.35  # less distance from a stool, and from one's own
+DECIDE_EVERY = 10  # interval between decisions [steps of the simulation]
+HORIZON_S = 3.0  # duration of the extrapolation [s]
+COMFORT_M = 0.95  # distance of centres below which people deviate [m]
+PERSONAL_M = 0.62  # distance of centres below which people stop [m]
+ROBOT_EXTRA_M = 0.15  # additional distance from a robot [m]
+STANDING_RADIUS_M = 0.38  # radius of an obstacle that is passed at the distance of a person [m]
+STOOL_LESS_M, OWN_STOOL_LESS_M = 0.2, 0.35  # reduction of the distance from stools, own stool [m]
 
-# Candidates: turned away from the goal to either side, and shares of the free speed.
+# Candidates: directions relative to the goal [rad], and shares of the free speed
 _OFFSETS = np.radians([0, 8, -8, 16, -16, 26, -26, 38, -38, 52, -52, 70, -70, 90, -90, 115, -115])
 _SHARES = np.array([1.0, 0.8, 0.55, 0.3, 0.0])
 OFFSETS, SHARES = (grid.ravel() for grid in np.meshgrid(_OFFSETS, _SHARES, indexing="ij"))
-# A little is added for the left, so that two who meet head-on both pass on the right.
+# A small additional cost of the left makes two people who meet head-on both pass on the right.
 DETOUR_COST = (1.0 - np.cos(OFFSETS)) + 0.02 * (OFFSETS > 0) + 0.9 * (1.0 - SHARES) ** 2
 NEAR_COST, PERSONAL_COST, BOUND_COST, CHANGE_COST = 2.5, 6.0, 4.0, 0.15
 
@@ -50,11 +50,11 @@ class CrowdPaths:
 class Surroundings:
     """Free area, stools and robot around the walkers."""
 
-    bounds_m: F64  # 2x2, lower and upper corner of where people go, frame: map
-    stools_m: Sequence[tuple[float, float]] = ()  # positions of stools, x and y in the map
-    # position of a moving thing, such as a robot, at a time: x, y and maybe more
+    bounds_m: F64  # 2x2, lower and upper corner of the free floor, frame: map
+    stools_m: Sequence[tuple[float, float]] = ()  # positions of stools, x and y, frame: map
+    # position of a moving obstacle, such as a robot, at a time: x, y and optionally more
     obstacle: PositionFunction | None = None
-    discs: Sequence[Disc] = ()  # obstacles that stand
+    discs: Sequence[Disc] = ()  # static obstacles
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class Obstacles:
 
 
 def simulate_paths(walkers: Sequence[Walker], times_s: F64, around: Surroundings) -> CrowdPaths:
-    """Let N walkers follow their agendas over T steps of STEP_S; their state is used up."""
+    """Simulate N walkers over T steps of STEP_S; the walkers are changed in place."""
     record = np.empty((5, len(walkers), len(times_s)))
     choices = [(walker.yaw_rad, 0.0) for walker in walkers]
     robot: tuple[F64, F64] | None = None
@@ -125,7 +125,7 @@ def _choose(
     here = np.array([walker.x_m, walker.y_m])
     cost = DETOUR_COST + CHANGE_COST * (1 - np.cos(headings - last[0]))
     if len(around.position_m):
-        # Beyond the goal nothing matters.
+        # Distances beyond the goal do not count.
         horizon_s = min(HORIZON_S, walker.goal_distance_m() / walker.cruise_mps + 0.5)
         cost = cost + _nearness(here, velocities, around, horizon_s)
     ahead = here + velocities * 0.8
@@ -136,7 +136,7 @@ def _choose(
 
 
 def _nearness(here: F64, velocities: F64, around: Obstacles, horizon_s: float) -> F64:
-    """Return the cost of coming near to others, for C velocities (Cx2)."""
+    """Return the cost of small distances to obstacles, for C velocities (Cx2)."""
     offset = around.position_m - here  # Mx2
     relative = around.velocity_mps - velocities[:, None]  # CxMx2
     closing = -np.sum(relative * offset, axis=-1)
@@ -145,14 +145,14 @@ def _nearness(here: F64, velocities: F64, around: Obstacles, horizon_s: float) -
     urgency = 1.0 / (0.5 + when_s)
     comfort = np.maximum(COMFORT_M - nearest, 0.0) / COMFORT_M
     personal = np.maximum(PERSONAL_M - nearest, 0.0) / PERSONAL_M
-    # Who is too near already pays nothing for going away.
+    # Moving away from an obstacle that is already near has no cost.
     leaving = (when_s == 0.0) & (closing < 0.0)
     cost = (NEAR_COST * comfort**2 + PERSONAL_COST * personal) * urgency
     return np.asarray(np.where(leaving, 0.0, cost).sum(axis=-1))
 
 
 def _safe_speed(walker: Walker, walkers: Sequence[Walker], robot: tuple[F64, F64] | None) -> float:
-    """Return the speed at which a walker can still stop before whatever is right ahead."""
+    """Return the maximum speed at which a walker can stop in front of an obstacle ahead."""
     obstacles = [(other.x_m, other.y_m, PERSONAL_M) for other in walkers if other is not walker]
     if robot is not None:
         obstacles.append((*robot[0].tolist(), PERSONAL_M + ROBOT_EXTRA_M))

@@ -1,4 +1,4 @@
-"""Motion of a foot through its stances and swings; the shoe rolls over heel, ball and toes."""
+"""Motion of a foot in its stances and swings; the shoe rolls over heel, ball and toes."""
 
 from dataclasses import dataclass
 
@@ -12,41 +12,41 @@ from lab.motion.gait import LIFT_OFF, GaitCurves
 from people4d.messages import F64
 
 FLAT = 0.25  # phase at which the whole sole is on the floor
-IN_AIR = 1.0 - LIFT_OFF  # part of the cycle
-REFERENCE_STRIDE_M = 1.40  # of the table's foot pitch
-PITCH_SHARES = (0.3, 1.1)  # of the table's foot pitch in the smallest and the longest stride
-CLEARANCE_M = 0.03  # of the lowest point of the sole, most in the first half of the swing
-LANDING = 3.0  # times the clearance: how steeply the heel comes down
-PUSH_SHARE = 0.4  # of the swing's mean velocity, that push-off adds to the rolling foot's
-# The toes stay flat up to this pitch of the foot; then it rolls over their tip. A stiff shoe.
+IN_AIR = 1.0 - LIFT_OFF  # share of the swing in the cycle
+REFERENCE_STRIDE_M = 1.40  # stride of the pitch curve [m]
+PITCH_SHARES = (0.3, 1.1)  # minimum and maximum factor of the pitch curve
+CLEARANCE_M = 0.03  # height of the lowest point of the sole in early swing [m]
+LANDING = 3.0  # steepness of the landing of the heel, relative to the clearance
+PUSH_SHARE = 0.4  # velocity added by push-off, relative to the swing's mean velocity
+# Pitch up to which the toes of a stiff shoe stay flat, and width of the transition [rad]
 TOE_BEND_RAD, TOE_STIFFENING_RAD = 0.25, 0.1
-ROUNDNESS_M = 0.03
+ROUNDNESS_M = 0.03  # smoothing of the change between heel and ball in the swing [m]
 
 
 @dataclass(frozen=True)
 class Shoe:
-    """Points of a foot in the neutral pose, 3 each, metres."""
+    """Points of a foot in the neutral pose [m], 3 each."""
 
-    heel: F64  # from the ankle
-    ball: F64  # from the ankle
-    toes: F64  # their tip from the ball, along the floor
+    heel: F64  # relative to the ankle
+    ball: F64  # relative to the ankle
+    toes: F64  # tip relative to the ball, along the floor
 
     @classmethod
-    def of(cls, skeleton: Skeleton, side: int) -> "Shoe":
-        """Return the shoe of a person; side 0 is left, 1 right."""
+    def from_skeleton(cls, skeleton: Skeleton, side: int) -> "Shoe":
+        """Return the shoe of a person; side 0 left, 1 right."""
         ankle, ball = skeleton.ankle[side], skeleton.ball[side]
         toes = (skeleton.toe[side] - ball) * (1.0, 0.0, 0.0)
         return cls(skeleton.heel[side] - ankle, ball - ankle, np.asarray(toes))
 
     def standing_ankle(self, footprint: F64, pitch_rad: F64) -> F64:
-        """Return the ankle of a foot that rolls on its footprint, Tx3 metres, frame: map.
+        """Return the ankle of a foot that rolls on its footprint [m], Tx3, frame: map.
 
         Args:
             footprint: Tx3, x and y of the ankle and yaw of the flat foot, frame: map.
             pitch_rad: T, toes up.
         """
         pivot = np.where((pitch_rad > 0.0)[:, None], self.heel, self.ball)
-        rise = self.toes - turn(about_y(_toe_roll(pitch_rad)), self.toes)  # of the ball
+        rise = self.toes - turn(about_y(_toe_roll(pitch_rad)), self.toes)  # rise of the ball
         moved = pivot - turn(about_y(-pitch_rad), pivot) + rise
         ankle = turn(about_z(footprint[:, 2]), moved)
         ankle[:, :2] += footprint[:, :2]
@@ -54,12 +54,12 @@ class Shoe:
         return ankle
 
     def ankle_height(self, pitch_rad: F64, swinging: F64) -> F64:
-        """Return the height of the ankle at which the sole touches the floor, T.
+        """Return the height of the ankle at which the sole touches the floor [m], T.
 
         Args:
             pitch_rad: T, toes up.
-            swinging: T, 0 standing to 1 in mid-swing. In the swing heel and ball change roles
-                while the foot turns: rounded, not with a kink.
+            swinging: T, 0 standing to 1 in mid-swing. The change of the lowest point from heel to
+                ball is smooth in the swing.
         """
         heel, ball = (turn(about_y(-pitch_rad), point)[:, 2] for point in (self.heel, self.ball))
         half = np.hypot((heel - ball) / 2.0, 1e-6 + ROUNDNESS_M * swinging)
@@ -68,7 +68,7 @@ class Shoe:
 
 
 def _toe_roll(pitch_rad: F64) -> F64:
-    """Return how far the toes are lifted off the floor when they bend no further, radians."""
+    """Return the pitch of toes that bend no further [rad]."""
     over = (-pitch_rad - TOE_BEND_RAD) / TOE_STIFFENING_RAD
     return np.asarray(TOE_STIFFENING_RAD * np.logaddexp(0.0, over))
 
@@ -85,9 +85,8 @@ class FootPath:
 class FootPhases:
     """Progress of a foot in its stances and swings; arrays are T long."""
 
-    # number of the present stance, or of the one before the present swing
-    stance: npt.NDArray[np.intp]
-    swing: F64  # part of the swing that is over, 0 while standing
+    stance: npt.NDArray[np.intp]  # number of the stance, or of the stance before the swing
+    swing: F64  # completed share of the swing, 0 while standing
     contact: F64  # phase since heel contact, up to FLAT
     push: F64  # phase towards lift-off, from FLAT
 
@@ -95,8 +94,8 @@ class FootPhases:
 def foot_path(
     feet: FootStances, skeleton: Skeleton, side: int, gait: GaitCurves, times_s: F64
 ) -> FootPath:
-    """Return the motion of a foot: heel first, flat, rolling about the ball, swinging on."""
-    shoe, rhythm = Shoe.of(skeleton, side), _rhythm(feet, times_s)
+    """Return the motion of a foot: heel contact, flat stance, roll about the ball, swing."""
+    shoe, rhythm = Shoe.from_skeleton(skeleton, side), _rhythm(feet, times_s)
     stride = np.linalg.norm(np.diff(feet.footprint[:, :2], axis=0), axis=-1)
     share = np.clip(stride / REFERENCE_STRIDE_M, *PITCH_SHARES)
     pitch = _pitch(rhythm, share, gait)
@@ -116,8 +115,8 @@ def foot_path(
 def _rhythm(feet: FootStances, times_s: F64) -> FootPhases:
     stance = np.clip(np.searchsorted(feet.down_s, times_s, side="right") - 1, 0, None)
     swing_s = np.maximum(feet.down_s[1:] - feet.up_s[:-1], 1e-3)
-    # Seconds of a stance become phases at the pace of the swings beside it. The first stance
-    # follows no swing and the last precedes none; both are longer than any phase.
+    # Phases of a stance scale with the swings before and after it. The first stance follows no
+    # swing and the last precedes none; both are longer than any phase.
     before_s, after_s = np.append(1.0, swing_s)[stance], np.append(swing_s, 1.0)[stance]
     return FootPhases(
         stance,
@@ -128,7 +127,7 @@ def _rhythm(feet: FootStances, times_s: F64) -> FootPhases:
 
 
 def _pitch(rhythm: FootPhases, share: F64, gait: GaitCurves) -> F64:
-    """Return the pitch of the foot, toes up, T radians: more in longer strides."""
+    """Return the pitch of the foot, toes up [rad], T; larger in longer strides."""
     before, after = np.append(0.0, share)[rhythm.stance], np.append(share, 0.0)[rhythm.stance]
     standing = before * gait.curve("foot.pitch_deg", rhythm.contact)
     standing += after * gait.curve("foot.pitch_deg", rhythm.push)
@@ -143,7 +142,7 @@ def _clearance_m(part: F64) -> F64:
 
 @dataclass(frozen=True)
 class SwingEnds:
-    """Begin and end of the swings, one row for each; x and y, frame: map."""
+    """Begin and end of S swings; x and y [m], frame: map."""
 
     leave: F64  # Sx2, ankle at lift-off
     leave_rate: F64  # Sx2, its change over a full swing at that rate
@@ -151,7 +150,7 @@ class SwingEnds:
     meet_rate: F64  # Sx2
 
     def between(self, number: npt.NDArray[np.intp], part: F64) -> F64:
-        """Return the ankle in swings at a part of each: cubics with these ends."""
+        """Return the ankle at a share of the numbered swings, by cubic interpolation."""
         s = part[:, None]
         return np.asarray(
             (2 * s**3 - 3 * s**2 + 1) * self.leave[number]

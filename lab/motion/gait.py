@@ -1,4 +1,4 @@
-"""The normative gait cycle and how it depends on speed and stature."""
+"""Normative gait cycle, and its dependence on speed and stature."""
 
 import tomllib
 from functools import cache
@@ -10,21 +10,21 @@ from scipy.interpolate import CubicSpline
 
 from people4d.messages import F64
 
-REFERENCE_MPS = 1.3  # speed of the table
-REFERENCE_STATURE_M = 1.70
-LIFT_OFF = 0.62  # phase at which the table's foot leaves the floor
+REFERENCE_MPS = 1.3  # speed of the gait curves [m/s]
+REFERENCE_STATURE_M = 1.70  # stature of the walk ratio [m]
+LIFT_OFF = 0.62  # phase of lift-off in the gait curves
 
-# Step length over cadence of adults, the same at all speeds above 1 m/s and little more below
-# [Sekiya 1998].
+# Ratio of step length to cadence of adults: constant above 1 m/s, slightly larger below
+# [Sekiya 1998]
 WALK_RATIO_M_MIN = 0.0064
 
 
 def step_length_m(speed_mps: npt.ArrayLike, stature_m: float) -> F64:
     """Return the length of one step [m] at speeds [m/s] of any shape.
 
-    From speed = step length x cadence and step length = walk ratio x cadence. People of other
-    stature move alike at the same Froude number v^2 / (g h), so that the step grows with h^0.75
-    ([Grieve 1966] use the speed in statures per second likewise).
+    From speed = step length x cadence and step length = walk ratio x cadence. People of different
+    stature move alike at the same Froude number v^2 / (g h), so steps grow with h^0.75; [Grieve
+    1966] also relate speed to stature.
     """
     speed = np.asarray(speed_mps, np.float64)
     scale = (stature_m / REFERENCE_STATURE_M) ** 0.75
@@ -32,7 +32,7 @@ def step_length_m(speed_mps: npt.ArrayLike, stature_m: float) -> F64:
 
 
 def swing_share(speed_mps: npt.ArrayLike) -> F64:
-    """Return the part of the gait cycle for which a foot is in the air.
+    """Return the share of the swing in the gait cycle.
 
     0.39 at 1.3 m/s, less in slow walking [Murray 1966].
     """
@@ -58,6 +58,6 @@ class GaitCurves:
 
 @cache
 def load_gait_curves() -> GaitCurves:
-    """Read the table that ships."""
+    """Read the gait curves of assets/gait.toml."""
     text = files("lab").joinpath("assets/gait.toml").read_text(encoding="utf-8")
     return GaitCurves(tomllib.loads(text))

@@ -1,4 +1,4 @@
-"""Kinematics of all segments: pelvis, torso and arms by the gait table, legs by the feet."""
+"""Kinematics of all segments: pelvis, torso and arms by the gait curves, legs by the feet."""
 
 import math
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from lab.bodies.skeleton import INDEX, PARENTS, SEGMENTS, Skeleton
 from lab.motion import stance
 from lab.motion.bouts import WalkPath
 from lab.motion.foot_path import FootPath, foot_path
-from lab.motion.footfalls import BodyProportions, StepPlan, plan_steps
+from lab.motion.footfalls import Individual, StepPlan, plan_steps
 from lab.motion.gait import REFERENCE_MPS, GaitCurves, load_gait_curves, step_length_m
 from lab.motion.limbs import (
     HELD,
@@ -23,68 +23,26 @@ from lab.motion.limbs import (
     with_gestures,
 )
 from lab.motion.walker import STEP_S
-from lab.scenario import PersonPlan
 from people4d.messages import F64
 
-PERSON_KEY = 7100
-BLEND_S = 0.2  # between walking and standing
-STAND_LOW_M = 0.005  # standing people do not lock their knees
-WALK_LOW_M = 0.022  # mean height of the pelvis in walking at 1.3 m/s, below standing
-ANTICIPATION_S = 0.5  # of the path, that the head turns to
-MOST_GAZE_RAD = 0.7
-GAZE_OF_CHEST = 0.25  # part of a look to the side that the chest turns along
+BLEND_S = 0.2  # duration of the transition between walking and standing [s]
+STAND_LOW_M = 0.005  # height of the pelvis below straight legs, standing [m]
+WALK_LOW_M = 0.022  # mean height of the pelvis below standing, walking at 1.3 m/s [m]
+ANTICIPATION_S = 0.5  # look-ahead of the head along the path [s]
+GAZE_MAX_RAD = 0.7  # maximum yaw of the head ahead of the path [rad]
+GAZE_OF_CHEST = 0.25  # ratio of the chest's to the head's yaw in looking around
 HANGING_ELBOW_DEG, HANGING_SHOULDER_DEG = 14.0, 0.0
 
 
 @dataclass(frozen=True)
-class Individual:
-    """A skeleton and the small differences of its owner from others."""
-
-    skeleton: Skeleton  # of the person
-    seed: int  # of the scenario
-    index: int  # of the person in it
-    cadence_factor: float  # cadence over that of the average person
-    arm_swing: float  # amplitude over that of the average person
-    first_foot: int  # preferred first foot, 0 left or 1 right
-    plan: PersonPlan  # gestures and style
-
-    @classmethod
-    def draw(cls, skeleton: Skeleton, seed: int, index: int, plan: PersonPlan) -> "Individual":
-        """Return a person of a scenario."""
-        rng = np.random.default_rng([seed, PERSON_KEY, index])
-        return cls(
-            skeleton,
-            seed,
-            index,
-            cadence_factor=float(rng.uniform(0.95, 1.05)) * plan.style.cadence,
-            arm_swing=float(rng.uniform(0.75, 1.2)),
-            first_foot=int(rng.integers(2)),
-            plan=plan,
-        )
-
-    def proportions(self) -> BodyProportions:
-        """Return the proportions that the steps depend on."""
-        ankle = self.skeleton.ankle
-        half_m = float(abs(ankle[0, 1] - ankle[1, 1])) / 2.0
-        return BodyProportions(
-            self.skeleton.stature_m,
-            float(ankle[:, 0].mean()),
-            half_m,
-            self.cadence_factor,
-            self.first_foot,
-            self.plan.style.limp,
-        )
-
-
-@dataclass(frozen=True)
 class GaitScaling:
-    """Scaling of the gait table; arrays are T long."""
+    """Scaling of the gait curves; arrays are T long."""
 
-    times_s: F64  # as of the path
+    times_s: F64  # times of the path
     phase: F64  # cycles of the left leg
     stepping: F64  # 0 standing to 1 stepping
-    stride: F64  # step length over the table's
-    speed: F64  # fidelity over the table's
+    stride: F64  # step length relative to the curves
+    speed: F64  # speed relative to the curves
 
 
 @dataclass(frozen=True)
@@ -103,17 +61,17 @@ def pose_arrays(
     """Return a person's pose at all times of a path.
 
     Args:
-        person: Skeleton and gestures.
+        person: The person.
         path: Path over the floor.
         seated: T, progress of sitting down, 0 to 1.
         looking: T, 1 while looking around.
 
     Returns:
-        Pelvis Tx3 in metres, frame: map; rotations Tx13x3x3 parent_from_segment, the first
-        map_from_pelvis; the steps.
+        Positions of the pelvis [m], Tx3, frame: map; rotations parent_from_segment, Tx13x3x3, the
+        first map_from_pelvis; the steps.
     """
     gait = load_gait_curves()
-    steps = plan_steps(path, person.proportions())
+    steps = plan_steps(path, person)
     scaling = _gait_scaling(path, steps, person)
     sitting = stance.sit(seated, person.skeleton.stature_m)
     feet = [
@@ -148,7 +106,7 @@ def _gait_scaling(path: WalkPath, steps: StepPlan, person: Individual) -> GaitSc
 def _torso_motion(
     person: Individual, path: WalkPath, scaling: GaitScaling, sitting: stance.Sitting, looking: F64
 ) -> TorsoMotion:
-    """Return pelvis, chest and head before the pelvis is lowered to let the feet be reached."""
+    """Return pelvis, chest and head before the pelvis is lowered to reach the feet."""
     lean = _curve("chest.pitch", scaling) * np.minimum(scaling.stride, 1.0) + sitting.chest_rad
     lean += math.radians(person.plan.style.lean_deg)
     lean += stance.breath(path.times_s) * (1.0 - scaling.stepping)
@@ -179,7 +137,7 @@ def _pelvis_position(
     gait, skeleton = load_gait_curves(), person.skeleton
     still = (1.0 - scaling.stepping) * (1.0 - sitting.low)
     sway = stance.sway(path.times_s, person.seed, person.index) * still[:, None]
-    bounce = scaling.stride**2  # as the height of an arc grows with its chord
+    bounce = scaling.stride**2  # the height of an arc grows with the square of its chord
     ahead = gait.curve("pelvis.ahead_m", scaling.phase) * bounce + sway[:, 0] - sitting.back_m
     left = gait.curve("pelvis.left_m", scaling.phase) * scaling.stepping + sway[:, 1]
     sole_m = float(np.min([skeleton.heel[:, 2], skeleton.ball[:, 2]]))
@@ -200,14 +158,14 @@ def _pelvis_position(
 def _gaze(person: Individual, path: WalkPath, looking: F64) -> F64:
     """Return the yaw of the head relative to the path: T, radians to the left."""
     later = np.interp(path.times_s + ANTICIPATION_S, path.times_s, path.yaw_rad)
-    ahead = MOST_GAZE_RAD * np.tanh((later - path.yaw_rad) / MOST_GAZE_RAD)
+    ahead = GAZE_MAX_RAD * np.tanh((later - path.yaw_rad) / GAZE_MAX_RAD)
     around = stance.gaze_around(path.times_s, person.seed, person.index)
     around *= gaussian_filter1d(looking, 0.3 / STEP_S, mode="nearest")
     return np.asarray(gaussian_filter1d(ahead, 0.1 / STEP_S, mode="nearest") + around)
 
 
 def _lacking(skeleton: Skeleton, torso: TorsoMotion, feet: list[FootPath]) -> F64:
-    """Return how far the pelvis must come down so that both legs reach their feet, T."""
+    """Return the lowering of the pelvis with which both legs reach their feet [m], T."""
     lacks = [
         lacking_height_m(
             torso.pelvis_m + turn(torso.pelvis, skeleton.hip[side]),
@@ -226,7 +184,7 @@ def _arm(
     gait: GaitCurves = load_gait_curves()
     phase = scaling.phase + 0.5 * side
     swing = scaling.speed * person.arm_swing
-    # The arm swings about where it hangs, and bends more the faster its owner walks.
+    # The arm swings about its hanging position, and bends more at higher speed.
     shoulder = HANGING_SHOULDER_DEG + gait.curve("arm.shoulder_deg", phase) * swing
     elbow = gait.curve("arm.elbow_deg", phase) - HANGING_ELBOW_DEG
     elbow = HANGING_ELBOW_DEG + elbow * np.minimum(swing, 1.2)
@@ -234,7 +192,7 @@ def _arm(
     elbow = elbow + (stance.RESTING_ELBOW_DEG - elbow) * sitting.rest
     angles = HELD.get(person.plan.style.arms, ArmAngles(shoulder, elbow))
     angles = with_gestures(angles, person.plan.gestures, side, scaling.times_s)
-    # Leaning forward leaves the arms hanging.
+    # Arms hang vertically from a leaning chest.
     lean = np.arctan2(-torso.chest[:, 2, 0], torso.chest[:, 2, 2])
     return arm_rotations(angles, torso.chest, lean, side)
 
@@ -250,7 +208,7 @@ def _leg(skeleton: Skeleton, path: WalkPath, torso: TorsoMotion, foot: FootPath,
 
 
 def _from_parents(rotations: F64) -> F64:
-    """Return parent_from_segment of map_from_segment, Tx13x3x3; the pelvis stays."""
+    """Convert map_from_segment, Tx13x3x3, to parent_from_segment; the pelvis is unchanged."""
     relative = rotations.copy()
     for name, parent in PARENTS.items():
         if parent:

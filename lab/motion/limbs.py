@@ -1,4 +1,4 @@
-"""Arms, which swing, rest and make gestures, and legs, which reach their feet."""
+"""Arms, with swing, rest and gestures, and legs, by inverse kinematics of the feet."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,29 +16,28 @@ from people4d.messages import F64
 
 HANDS = ("left", "right")
 ABDUCTION_RAD, ELBOW_INWARD_RAD = 0.13, 0.25
-REACH = 0.9985  # of the straight leg: the knee stays bent by 6 degrees
-SMOOTH_STEPS = 4  # over which the pelvis is lowered when a foot is out of reach
+REACH = 0.9985  # maximum reach, relative to the straight leg: the knee stays bent by 6 degrees
+SMOOTH_STEPS = 4  # smoothing of the lowering of the pelvis [steps of the simulation]
 
 
 @dataclass(frozen=True)
 class ArmAngles:
-    """The joints of one arm, T long or the same at all times."""
+    """Angles of one arm, T long or constant."""
 
     shoulder_deg: float | F64  # forward from hanging
     elbow_deg: float | F64  # bent from straight
-    aside_rad: float | F64 = ABDUCTION_RAD  # of the upper arm, away from the body
-    # by which the upper arm is turned about itself, so that the elbow bends inward
-    inward_rad: float | F64 = ELBOW_INWARD_RAD
+    aside_rad: float | F64 = ABDUCTION_RAD  # abduction of the upper arm
+    inward_rad: float | F64 = ELBOW_INWARD_RAD  # rotation of the upper arm, elbow bending inward
 
 
-# The forearm across the torso, the hand a hand's breadth before it; or the hand held high.
+# Goals of gestures: the forearm in front of the torso, or the hand above the head
 GOALS: Mapping[str, ArmAngles] = {
     "before_torso": ArmAngles(38.0, 92.0, 0.10, 1.25),
     "raise": ArmAngles(150.0, 25.0, 0.25, 0.25),
 }
 
 
-# Arms that do not swing in walking: the hands at the hips, or before the body.
+# Arms that do not swing in walking: the hands at the hips, or in front of the body
 HELD: Mapping[str, ArmAngles] = {
     "pockets": ArmAngles(-20.0, 42.0, 0.24, 0.55),
     "carry": ArmAngles(8.0, 80.0, 0.10, 0.15),
@@ -48,7 +47,7 @@ HELD: Mapping[str, ArmAngles] = {
 def with_gestures(
     angles: ArmAngles, gestures: Sequence[Gesture], side: int, times_s: F64
 ) -> ArmAngles:
-    """Return the joints of an arm (side 0 left, 1 right) with its owner's gestures at T times."""
+    """Return the angles of an arm (side 0 left, 1 right) with gestures at T times."""
     for gesture in gestures:
         if gesture.hand == HANDS[side]:
             angles = _towards(angles, GOALS[gesture.move], raised(gesture, times_s))
@@ -56,7 +55,7 @@ def with_gestures(
 
 
 def raised(gesture: Gesture, times_s: F64) -> F64:
-    """Return how far a gesture is done: T, 0 the arm as ever, 1 where the gesture takes it."""
+    """Return the progress of a gesture: T, 0 without gesture, 1 at its goal."""
     up = stance.ease((times_s - gesture.at_s) / gesture.move_s)
     down = stance.ease((gesture.at_s + gesture.for_s - times_s) / gesture.move_s)
     return np.minimum(up, down)
@@ -66,9 +65,9 @@ def arm_rotations(angles: ArmAngles, chest: F64, lean_rad: F64, side: int) -> tu
     """Return the rotations of upper arm and forearm, map_from_segment, Tx3x3.
 
     Args:
-        angles: Of the joints.
+        angles: Angles of the arm.
         chest: Tx3x3, map_from_chest.
-        lean_rad: T, of the chest forward; it leaves the arms hanging.
+        lean_rad: Forward lean of the chest, T; arms hang vertically.
         side: 0 left, 1 right.
     """
     upper = (
@@ -93,7 +92,7 @@ def _towards(angles: ArmAngles, goal: ArmAngles, part: F64) -> ArmAngles:
 
 
 def lacking_height_m(hip_m: F64, ankle_m: F64, skeleton: Skeleton, side: int) -> F64:
-    """Return how far the hip must come down so that the leg reaches the ankle, T, at least 0."""
+    """Return the lowering of the hip with which the leg reaches the ankle [m], T, at least 0."""
     length = REACH * sum(_lengths(skeleton, side))
     aside = np.sum((ankle_m - hip_m)[:, :2] ** 2, axis=-1)
     highest = ankle_m[:, 2] + np.sqrt(np.maximum(length**2 - aside, 0.01))
@@ -101,7 +100,7 @@ def lacking_height_m(hip_m: F64, ankle_m: F64, skeleton: Skeleton, side: int) ->
 
 
 def smooth_cover(values: F64) -> F64:
-    """Return a smooth curve that is nowhere below the values."""
+    """Return a smooth upper bound of the values."""
     size = 2 * SMOOTH_STEPS + 1
     cover = maximum_filter1d(values, 2 * size - 1, mode="nearest")
     for _ in range(2):
@@ -120,9 +119,9 @@ def bend_leg(hip_m: F64, foot: FootPath, forward: F64, skeleton: Skeleton, side:
 
     Args:
         hip_m: Tx3, frame: map.
-        foot: Its ankle is reached.
+        foot: Path of the foot.
         forward: Tx3, direction of the knee, frame: map.
-        skeleton: Of the person.
+        skeleton: Skeleton of the person.
         side: 0 left, 1 right.
     """
     thigh, shank = _lengths(skeleton, side)

@@ -1,6 +1,6 @@
 """Motion of people: simulated once in fixed steps, then interpolated at any time.
 
-A motion is a pure function of the plans, the skeletons, the duration and the seed.
+A motion is a pure function of plans, skeletons, duration and seed.
 """
 
 from collections.abc import Sequence
@@ -13,19 +13,23 @@ from common.geometry.transforms import transform_from
 from lab.bodies.skeleton import SEGMENTS, BodyPose, Skeleton
 from lab.motion.bouts import WalkPath
 from lab.motion.crowd import CrowdPaths, Disc, PositionFunction, Surroundings, simulate_paths
-from lab.motion.footfalls import FootStances, StepPlan
-from lab.motion.kinematics import Individual, pose_arrays
+from lab.motion.footfalls import Individual, StepPlan
+from lab.motion.kinematics import pose_arrays
 from lab.motion.walker import STEP_S, Walker
 from lab.scenario import PersonPlan
 from people4d.messages import F64
 
-BEFORE_S, AFTER_S = 1.5, 3.5  # simulated before the start; after the end, to plan whole steps
+BEFORE_S, AFTER_S = 1.5, 3.5  # simulated time before the start, and after the end, for whole steps
 ANYWHERE_M: F64 = np.array([[-np.inf, -np.inf], [np.inf, np.inf]])
-SMOOTH_S = 0.08  # of the inertia of a body that follows its plan
+SMOOTH_S = 0.08  # smoothing of paths by the inertia of the body [s]
 
 
 class PersonMotion:
-    """One person's motion."""
+    """Motion of one person.
+
+    Attributes:
+        feet: Stances of the left and the right foot.
+    """
 
     def __init__(self, path: WalkPath, pelvis_m: F64, rotations: F64, steps: StepPlan):
         self._begin_s = float(path.times_s[0])
@@ -33,12 +37,7 @@ class PersonMotion:
         # Two columns make a rotation; the third is their cross product.
         axes = rotations[..., :2].reshape(len(pelvis_m), -1)
         self._samples = np.concatenate([pelvis_m, axes], axis=-1)
-        self._feet = steps.feet
-
-    @property
-    def feet(self) -> tuple[FootStances, FootStances]:
-        """Stances of the left and the right foot."""
-        return self._feet
+        self.feet = steps.feet
 
     def at(self, t_s: float) -> BodyPose:
         """Return the pose at a time; position and rotations have smooth derivatives."""
@@ -54,11 +53,11 @@ class PersonMotion:
         return BodyPose(pelvis, rotations)
 
     def path(self, t_s: npt.ArrayLike) -> F64:
-        """Return the path without the body's oscillation at T times: Tx3 x, y [m], yaw [rad]."""
+        """Return the path without oscillation of the body at T times: Tx3 x, y [m], yaw [rad]."""
         return self._interpolate(self._path, np.atleast_1d(np.asarray(t_s, np.float64)))
 
     def path_yaw(self, t_s: float) -> float:
-        """Return the direction of the path, radians, frame: map, not wrapped."""
+        """Return the direction of the path [rad], frame: map, not wrapped."""
         return float(self.path(t_s)[0, 2])
 
     def _interpolate(self, samples: F64, t_s: F64) -> F64:
@@ -83,14 +82,14 @@ def simulate(
     """Return the motions of people who follow their plans and avoid each other.
 
     Args:
-        people: Their plans.
-        skeletons: Their skeletons, in the same order.
-        duration_s: Motions last from -1 s to this and 1 s more.
-        seed: Of the small differences between people and of sway.
-        obstacle: Position of a thing to avoid, such as the robot, at a time from -2 s on: x, y and
-            maybe more in metres, frame: map.
-        area_m: 2x2, lower and upper corner of the floor that is free to walk on, frame: map.
-        discs: Obstacles that stand: x, y and radius in metres, frame: map.
+        people: Plans of the people.
+        skeletons: Skeletons of the people.
+        duration_s: Duration of the scenario; motions last 1 s longer at both ends.
+        seed: Seed of individual differences and of sway.
+        obstacle: Position of a moving obstacle, such as the robot, at a time from -2 s on: x, y and
+            optionally more [m], frame: map.
+        area_m: 2x2, lower and upper corner of the free floor, frame: map.
+        discs: Static obstacles: x, y and radius [m], frame: map.
     """
     steps = round((duration_s + BEFORE_S + AFTER_S) / STEP_S) + 1
     times_s: F64 = np.arange(steps, dtype=np.float64) * STEP_S - BEFORE_S

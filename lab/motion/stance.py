@@ -1,4 +1,4 @@
-"""Standing, looking around and sitting: motions of people who do not walk."""
+"""Motions of people who do not walk: standing, looking around and sitting."""
 
 from dataclasses import dataclass
 
@@ -9,24 +9,24 @@ from people4d.messages import F64
 
 SWAY_KEY, GAZE_KEY = 7101, 7102
 
-# Postural sway of quiet standing: slow, mostly below 0.5 Hz, about 5 mm forward and backward and
-# 3 mm sideways [Winter 1995].
+# Frequencies [Hz] and amplitudes [m] of postural sway: mostly below 0.5 Hz, about 5 mm forward and
+# backward and 3 mm sideways [Winter 1995]
 SWAY_HZ = np.array([0.07, 0.13, 0.23, 0.37, 0.61])
 SWAY_M = np.array([0.0040, 0.0030, 0.0022, 0.0014, 0.0008])
-SIDEWAYS = 0.6
+SIDEWAYS = 0.6  # ratio of sideways to forward sway
 BREATH_HZ, BREATH_RAD = 0.25, 0.006
 
 RESTING_SHOULDER_DEG, RESTING_ELBOW_DEG = 14.0, 48.0  # hands on the thighs
-GAZE_RAD = 0.95
-HIP_ABOVE_SEAT = 0.050  # of the stature: from the seat to the hip joints of a seated person
+GAZE_RAD = 0.95  # maximum yaw of the head in looking around [rad]
+HIP_ABOVE_SEAT = 0.050  # height of the hip joints above the seat, relative to the stature
 
 
 @dataclass(frozen=True)
 class Sitting:
     """A person between standing (all 0) and sitting; arrays are T long."""
 
-    back_m: F64  # of the pelvis, behind where the person stands
-    low: F64  # 0 hips at standing height, 1 on the seat
+    back_m: F64  # displacement of the pelvis backward from standing
+    low: F64  # height of the hips: 0 standing, 1 on the seat
     pelvis_rad: F64  # forward tilt of the pelvis
     chest_rad: F64  # forward lean of the chest in the room
     rest: F64  # 0 arms hang, 1 hands on the thighs
@@ -46,8 +46,8 @@ def seated_height_m(stature_m: float) -> float:
 def sit(seated: F64, stature_m: float) -> Sitting:
     """Return the state of a person of a stature [m] at T progresses, 0 standing to 1 seated.
 
-    The torso leans forward first, so that the body's weight stays above the feet, and most at
-    seat-off [Schenkman 1990].
+    The torso leans forward, most at seat-off, to keep the weight of the body above the feet
+    [Schenkman 1990].
     """
     low = ease((seated - 0.1) / 0.75)
     lean = np.sin(np.pi * ease(seated)) ** 2
@@ -62,7 +62,7 @@ def sit(seated: F64, stature_m: float) -> Sitting:
 
 
 def sway(times_s: F64, seed: int, index: int) -> F64:
-    """Return the displacement of the pelvis of a standing person: Tx2, forward and left."""
+    """Return the displacement of the pelvis of a standing person [m]: Tx2, forward and left."""
     phase = np.random.default_rng([seed, SWAY_KEY, index]).uniform(0, 2 * np.pi, (2, len(SWAY_HZ)))
     angle = 2 * np.pi * SWAY_HZ * times_s[:, None, None] + phase
     both = np.sum(SWAY_M * np.sin(angle), axis=-1)
@@ -70,13 +70,13 @@ def sway(times_s: F64, seed: int, index: int) -> F64:
 
 
 def breath(times_s: F64) -> F64:
-    """Return the lean of the chest with each breath: T, radians."""
+    """Return the lean of the chest by breathing [rad], T."""
     return np.asarray(BREATH_RAD * np.sin(2 * np.pi * BREATH_HZ * times_s))
 
 
 def gaze_around(times_s: F64, seed: int, index: int) -> F64:
-    """Return the gaze of a person who looks around: T, radians to the left."""
+    """Return the gaze of a person who looks around [rad], T, positive to the left."""
     phase = np.random.default_rng([seed, GAZE_KEY, index]).uniform(0, 2 * np.pi, 3)
-    # Three slow waves, flattened: the gaze rests at either side.
+    # Three slow, flattened waves: the gaze rests at either side.
     angle = 2 * np.pi * np.array([0.11, 0.19, 0.31]) * times_s[:, None] + phase
     return np.asarray(GAZE_RAD * np.tanh(1.6 * np.sin(angle) @ np.array([0.6, 0.5, 0.3])))

@@ -1,4 +1,4 @@
-"""One person's path over the floor: an agenda of positions, followed within human limits."""
+"""Path of one person over the floor: an agenda of positions, followed within human limits."""
 
 import math
 from collections.abc import Generator, Iterator
@@ -6,39 +6,39 @@ from collections.abc import Generator, Iterator
 from common.geometry.transforms import wrap
 from lab.scenario import PersonPlan, Waypoint
 
-STEP_S = 0.01  # [s] of the simulation
+STEP_S = 0.01  # step of the simulation [s]
 
 ACCELERATION_MPS2 = 1.0
 BRAKING_MPS2 = 1.2
-COMFORTABLE_BRAKING_MPS2 = 0.6  # before a position to stop at
+COMFORTABLE_BRAKING_MPS2 = 0.6  # deceleration before a stop [m/s^2]
 TURN_RATE_RADPS = 2.0
 TURN_ACCELERATION_RADPS2 = 7.0
-TURN_GAIN_HZ = 3.0  # turn rate for each radian still to turn
+TURN_GAIN_HZ = 3.0  # ratio of turn rate to remaining turn [1/s]
 
-ARRIVED_M = 0.06  # at a position to stop at
-PASSED_M = 0.35  # by a position in passing
-FACED_RAD = math.radians(3.0)
-GIVE_UP_S = 4.0  # without coming nearer, until an occupied position is given up
+ARRIVED_M = 0.06  # tolerance of a position with a stop [m]
+PASSED_M = 0.35  # tolerance of a position without a stop [m]
+FACED_RAD = math.radians(3.0)  # tolerance of the yaw during a stop [rad]
+GIVE_UP_S = 4.0  # time without approach after which a position is given up [s]
 
-SIT_S = 1.9  # to sit down or to stand up
-SEAT_HEIGHT_M = 0.45
-SEAT_BEHIND = 0.215  # of the stature: from where a person stands back to the stool
+SIT_S = 1.9  # duration of sitting down and of standing up [s]
+SEAT_HEIGHT_M = 0.45  # height of a stool [m]
+SEAT_BEHIND = 0.215  # distance of the stool behind a standing person, relative to the stature
 
 
 class Walker:
-    """State and goal of a person; advanced in steps of STEP_S.
+    """State and goal of a walking person, in steps of STEP_S.
 
     Attributes:
         x_m: Position, frame: map; with y_m.
-        yaw_rad: Direction of facing and walking, frame: map, not wrapped.
-        speed_mps: Forward.
-        goal_m: Position to go to now, None while staying.
-        face_rad: Yaw to turn to while staying, None to stay as is.
+        yaw_rad: Yaw of body and path, frame: map, not wrapped.
+        speed_mps: Forward speed.
+        goal_m: Next position; None during a stop.
+        face_rad: Wanted yaw during a stop; None: no turn.
         cruise_mps: Speed of free walking to the goal.
-        stopping: The goal is a position to stop at.
+        stopping: True: the person stops at the goal.
         seated: Progress of sitting down, 0 standing to 1 seated.
-        looking: Looks around.
-        stool_m: The stool that this person goes to or sits on, None without.
+        looking: True while the person looks around.
+        stool_m: Stool that the person uses or approaches, or None.
     """
 
     def __init__(self, plan: PersonPlan, stature_m: float):
@@ -56,31 +56,31 @@ class Walker:
         self._agenda = self._follow_plan()
 
     def decide(self, time_s: float) -> None:
-        """Bring goal, facing and pose up to date for a time."""
+        """Update the goal at a time."""
         self._time_s = time_s
         next(self._agenda)
 
     def bearing_rad(self) -> float:
-        """Return the direction to the goal, or to face."""
+        """Return the direction to the goal, or the wanted yaw during a stop."""
         if self.goal_m is not None:
             return math.atan2(self.goal_m[1] - self.y_m, self.goal_m[0] - self.x_m)
         return self.yaw_rad if self.face_rad is None else self.face_rad
 
     def goal_distance_m(self) -> float:
-        """Return how far the goal is; 0 without one."""
+        """Return the distance of the goal; 0 during a stop."""
         if self.goal_m is None:
             return 0.0
         return math.hypot(self.goal_m[0] - self.x_m, self.goal_m[1] - self.y_m)
 
     def move(self, heading_rad: float, speed_mps: float) -> None:
-        """Move for one step, towards a heading and a speed, as fast as a person can change them."""
+        """Move for one step, towards a yaw and a speed, with limited accelerations."""
         error = wrap(heading_rad - self.yaw_rad)
         wanted = max(-TURN_RATE_RADPS, min(TURN_RATE_RADPS, TURN_GAIN_HZ * error))
         change = TURN_ACCELERATION_RADPS2 * STEP_S
         self.turn_radps += max(-change, min(change, wanted - self.turn_radps))
         self.yaw_rad += self.turn_radps * STEP_S
 
-        # A person who must turn far does so before walking on.
+        # Large turns come before walking.
         speed_mps *= max(0.0, min(1.0, (1.55 - abs(error)) / 1.2))
         if self.stopping:
             rest = max(0.0, self.goal_distance_m() - ARRIVED_M / 2)
@@ -91,7 +91,7 @@ class Walker:
         self.y_m += self.speed_mps * math.sin(self.yaw_rad) * STEP_S
 
     def _follow_plan(self) -> Iterator[None]:
-        """Live through the plan; one pause at each step of the simulation."""
+        """Follow the plan; yield at each step of the simulation."""
         while self._time_s < self._plan.wait_s:
             yield
         while self._plan.path:
@@ -104,7 +104,7 @@ class Walker:
             yield
 
     def _visit(self, waypoint: Waypoint, last: bool) -> Iterator[None]:
-        """Go to a waypoint and stay there as long as it says, for good at the last one."""
+        """Go to a waypoint and make its stop, which has no end at the last waypoint."""
         face_rad = None if waypoint.face_deg is None else math.radians(waypoint.face_deg)
         target = waypoint.to
         if waypoint.sit:
@@ -123,7 +123,7 @@ class Walker:
         self.stool_m = None
 
     def _go(self, target: tuple[float, float]) -> Generator[None, None, bool]:
-        """Go to a position; return True if it was reached, False if it was given up."""
+        """Go to a position; return True if it is reached, False if it is given up."""
         self.goal_m, self.face_rad = target, None
         nearest, nearest_s = math.inf, self._time_s
         while not self._arrived():
@@ -133,11 +133,11 @@ class Walker:
             if self._time_s - nearest_s > GIVE_UP_S:
                 return False
             yield
-        yield  # so that a path of reached positions ends no step too late
+        yield  # a path of reached positions takes at least a step each
         return True
 
     def _arrived(self) -> bool:
-        """Check that the goal is reached, or so near behind that going back would look odd."""
+        """Check that the goal is reached, or passed at a small distance."""
         distance = self.goal_distance_m()
         behind = math.cos(self.bearing_rad() - self.yaw_rad) < 0
         if self.stopping:
@@ -147,7 +147,7 @@ class Walker:
     def _stay(
         self, seconds: float, face_rad: float | None, sit: bool, turn_head: bool
     ) -> Iterator[None]:
-        """Stop, turn to the wanted side, stay (and sit) until it is time to go on."""
+        """Stop, turn to the wanted yaw, and stay or sit for a duration."""
         self.goal_m, self.face_rad = None, face_rad
         leave_s = self._time_s + seconds
         while self.speed_mps > 0.01 or abs(wrap(self.bearing_rad() - self.yaw_rad)) > FACED_RAD:

@@ -1,1 +1,1 @@
-"""Outputs of a scenario: recordings, bags, files of truth, previews."""
+"""Outputs of a scenario: recordings, bags, truth files, previews."""

@@ -1,4 +1,4 @@
-"""Long work in chunks, by all cores; finished chunks survive an interruption."""
+"""Parallel work in chunks; finished chunks survive an interruption."""
 
 import hashlib
 import shutil
@@ -15,14 +15,14 @@ KEY = "key"  # file that identifies the work
 
 
 class ChunkStore:
-    """A folder of finished chunks; those of other work are removed.
+    """Folder of finished chunks; chunks of other work are removed.
 
     Args:
-        folder: Made if it is not there.
-        key: Identifies the work.
+        folder: The folder; created if absent.
+        key: Identifier of the work.
 
     Raises:
-        SourceError: The folder cannot be written, or holds something else.
+        SourceError: The folder cannot be written, or holds other files.
     """
 
     def __init__(self, folder: Path, key: str) -> None:
@@ -42,31 +42,31 @@ class ChunkStore:
         return self._folder / f"{chunk:06d}"
 
     def missing(self, count: int) -> list[int]:
-        """Return those of so many chunks that are not finished."""
+        """Return the numbers of unfinished chunks below a count."""
         return [chunk for chunk in range(count) if not self.path(chunk).exists()]
 
     def remove(self) -> None:
-        """Remove all."""
+        """Remove the folder."""
         shutil.rmtree(self._folder, ignore_errors=True)
 
 
 def run_chunks(work: Callable[[int], None], chunks: Sequence[int], jobs: int) -> Iterator[int]:
-    """Run chunks of work, and yield each once it is done.
+    """Run chunks of work, and yield the number of each finished chunk.
 
     Args:
-        work: Runs one chunk; with more than one job it must be picklable.
+        work: Runs one chunk; picklable for more than one job.
         chunks: Numbers of the chunks.
-        jobs: Processes that work at once; with one it is done in this process.
+        jobs: Number of processes; 1: this process.
 
     Raises:
-        People4dError: A process was killed. Errors of a chunk are raised, too.
+        People4dError: A process was killed, or a chunk failed.
     """
     if jobs == 1 or len(chunks) < 2:
         for chunk in chunks:
             work(chunk)
             yield chunk
         return
-    # Forked, a process would have locks of threads that it has not.
+    # A forked process would inherit locks of threads that it does not have.
     context = get_context("spawn")
     pool = ProcessPoolExecutor(min(jobs, len(chunks)), context, _leave_interrupts_to_the_parent)
     try:

@@ -18,10 +18,10 @@ from people4d.errors import SourceError
 from people4d.messages import U8, U16, Detection, Detections, Track, Tracks
 
 COLUMNS = 3
-TILES = 9  # of a sheet, if not said otherwise
-TILE_PX = 640
-PATH_STEP_S = 0.1  # between points of a path on the map
-UNKNOWN = np.zeros((6, 6))  # covariance, which images do not show
+TILES = 9  # default number of tiles of a sheet
+TILE_PX = 640  # width of a tile [px]
+PATH_STEP_S = 0.1  # interval of the points of a path on the map [s]
+UNKNOWN = np.zeros((6, 6))  # covariance, not shown in images
 
 
 class Preview:
@@ -35,7 +35,7 @@ class Preview:
             np.array([motion.at(t_s).map_from_pelvis[:2, 3] for t_s in times_s])
             for motion in world.motions
         ]
-        # With the path of the camera the map has one scale all the time.
+        # The path of the camera makes the scale of the map constant.
         self._camera_path = np.array([world.map_from_optical(t_s)[:2, 3] for t_s in times_s])
 
     @property
@@ -48,12 +48,12 @@ class Preview:
         return self._world.frame_s(index)
 
     def frames(self, every_s: float | None = None) -> range:
-        """Return frames so many seconds apart; all if none are given."""
+        """Return frames at an interval; None: all."""
         step = max(1, round((every_s or 0.0) * self._world.scenario.camera.fps))
         return range(0, self._world.frame_count, step)
 
     def few_frames(self, every_s: float | None = None) -> Sequence[int]:
-        """Return frames so many seconds apart; if none are given as many as fill a page."""
+        """Return frames at an interval; None: as many as fill a page."""
         if every_s:
             return self.frames(every_s)
         last = self._world.frame_count - 1
@@ -84,7 +84,7 @@ class Preview:
 
 
 def depth_image(depth_mm: U16, most_m: float) -> U8:
-    """Return depth in colours from near (red) to far (blue), black where there is no reading."""
+    """Return depth in colours from near (red) to far (blue), black without reading."""
     share = np.clip(depth_mm / (1000 * most_m), 0, 1)
     bgr = cv2.applyColorMap((255 * (1 - share)).astype(np.uint8), cv2.COLORMAP_TURBO)
     bgr[depth_mm == 0] = 0
@@ -97,10 +97,10 @@ def write_sheet(
     """Write a PNG of some frames.
 
     Args:
-        preview: Draws them.
-        frames: Their numbers.
+        preview: Preview of the scenario.
+        frames: Numbers of the frames.
         path: The file.
-        progress: Called with the share that is done, 0 to 1.
+        progress: Called with the finished share, 0 to 1.
 
     Raises:
         SourceError: The file cannot be written.
@@ -120,7 +120,7 @@ def write_sheet(
 def write_video(
     preview: Preview, frames: Sequence[int], path: Path, progress: Callable[[float], object]
 ) -> None:
-    """Write a video of frames that follow each other at an even distance; see `write_sheet`."""
+    """Write a video of evenly spaced frames; see `write_sheet`."""
     rate_hz = 1 / (preview.time_s(frames[1]) - preview.time_s(frames[0])) if len(frames) > 1 else 1
     width, height = preview.size
     writer = VideoWriter(path, rate_hz, (width, height))

@@ -1,4 +1,4 @@
-"""A scenario as a recording, a ROS 2 bag and a file of truth for each frame."""
+"""Rendering of a scenario to a recording, a ROS 2 bag and a file with the truth of each frame."""
 
 import hashlib
 from collections.abc import Callable, Iterator
@@ -16,17 +16,17 @@ from lab.truth.files import join_frames, save_frames
 from people4d.errors import SourceError
 from services.camera.ros.export import export
 
-# Frames in a chunk: a few seconds of work, which is what an interruption costs.
+# Number of frames of a chunk: a few seconds of work, lost by an interruption
 CHUNK_FRAMES: dict[Fidelity, int] = {"geometry": 300, "depth": 60, "colour": 10}
 
 
 @dataclass(frozen=True, slots=True)
 class Outputs:
-    """Files to write; None: not."""
+    """Files to write; None: not written."""
 
-    recording: Path | None = None  # file of ours
+    recording: Path | None = None  # people4d recording
     bag: Path | None = None  # folder of a ROS 2 bag
-    truth: Path | None = None  # NPZ file with the truth about each person in each frame
+    truth: Path | None = None  # NPZ file with the truth of each person in each frame
 
     @property
     def paths(self) -> list[Path]:
@@ -47,8 +47,8 @@ def render(
     Args:
         job: Scenario, fidelity and errors.
         outputs: Files to write.
-        jobs: Processes that draw at once; the result does not depend on it.
-        on_progress: Called with the present step and the share of it that is done, 0 to 1.
+        jobs: Number of processes; the result does not depend on it.
+        on_progress: Called with the present step and its finished share, 0 to 1.
 
     Raises:
         SourceError: An output exists or cannot be written.
@@ -79,7 +79,7 @@ def render(
 
 
 def render_chunk(job: RenderJob, store: ChunkStore, size: int, chunk: int) -> None:
-    """Render the messages of a chunk of so many frames into the store."""
+    """Render the messages of a chunk of `size` frames into the store."""
     renderer, path = sequence_renderer(job), store.path(chunk)
     last = min((chunk + 1) * size, renderer.frame_count)
     unfinished = path.with_suffix(".new")
@@ -92,7 +92,7 @@ def render_chunk(job: RenderJob, store: ChunkStore, size: int, chunk: int) -> No
                 truth.append(arrays)
     if truth:
         save_frames(path.with_suffix(".npz"), renderer.world.info, truth)
-    unfinished.replace(path)  # last: from now on the chunk counts as done
+    unfinished.replace(path)  # last: the chunk is now finished
 
 
 def _messages(chunks: list[Path]) -> Iterator[TimedMessage]:

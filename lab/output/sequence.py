@@ -1,4 +1,4 @@
-"""The messages of a rendered scenario: of each frame, and of all of it in order."""
+"""Messages of a rendered scenario: of each frame, and of the whole in order."""
 
 import heapq
 from collections.abc import Iterable, Iterator
@@ -90,7 +90,7 @@ class SequenceRenderer:
         self.world = World(job.scenario, job.seed)
         self._job = job
         self._cameras = [CameraRenderer(job, view) for view in self.world.views]
-        # Frames of all cameras by their true time.
+        # Frames of all cameras by true time
         self._frames = sorted(
             (camera.world.frame_s(index), number, index)
             for number, camera in enumerate(self._cameras)
@@ -107,12 +107,12 @@ class SequenceRenderer:
         return stamp_ns(self._frames[index][0])
 
     def frame(self, index: int) -> tuple[Message, Arrays | None]:
-        """Return the message of a frame, and its truth if the job asks for it."""
+        """Return the message of a frame, and its truth if the job includes it."""
         _, number, own = self._frames[index]
         return self._cameras[number].frame(own)
 
     def timeline(self, frames: Iterable[TimedMessage]) -> Iterator[TimedMessage]:
-        """Return calibration and transforms, then all messages, with and by their true times."""
+        """Return calibration and transforms, then all messages, by true time."""
         world = self.world
         motion = [
             (view.time_ns(message.stamp_ns), message)
@@ -120,7 +120,7 @@ class SequenceRenderer:
             for message in odometry(view)
         ]
         truth = ((message.stamp_ns, message) for message in capture_truth(world))
-        # At equal times, messages that a frame may need are first.
+        # At equal times, odometry and truth come before frames.
         timed = heapq.merge(motion, truth, frames, key=lambda item: item[0])
         fixed = [m for view in world.views for m in (view.info, *transforms(view))]
         return chain(((message.stamp_ns, message) for message in fixed), timed)
@@ -140,7 +140,7 @@ class CameraRenderer:
         self._frames = FrameRenderer(world, settings)
 
     def frame(self, index: int) -> tuple[Message, Arrays | None]:
-        """Return the message of a frame, and its truth if the job asks for it."""
+        """Return the message of a frame, and its truth if the job includes it."""
         job = self._job
         if job.fidelity == "geometry" and not job.truth_per_frame:
             return self._detections(index), None
@@ -178,5 +178,5 @@ class CameraRenderer:
 
 @lru_cache(maxsize=1)
 def sequence_renderer(job: RenderJob) -> SequenceRenderer:
-    """Return the renderer of a job, one for all chunks of a process."""
+    """Return the renderer of a job, shared by all chunks of a process."""
     return SequenceRenderer(job)

@@ -1,1 +1,1 @@
-"""Ground truth: motion capture, people in each frame, markers on the body."""
+"""Ground truth: motion capture, people in each frame, visible points of the body."""

@@ -1,4 +1,4 @@
-"""Files with the truth of all frames, joined from those of some frames each."""
+"""Files with the truth of all frames, joined from files with some frames each."""
 
 import zipfile
 from collections.abc import Sequence
@@ -14,12 +14,12 @@ from lab.world import World
 from people4d.errors import SourceError
 from people4d.messages import CameraInfo
 
-CONSTANT = ("K",)  # arrays that are the same in all parts; the others have a row for each frame
+CONSTANT = ("K",)  # arrays that are equal in all parts; the others have a row for each frame
 Arrays = dict[str, npt.NDArray[Any]]
 
 
 def frame_arrays(world: World, index: int, people: Sequence[PersonView], view: DepthView) -> Arrays:
-    """Return the truth of one frame with K people, from `person_views`, for `save_frames`."""
+    """Return the arrays of `save_frames` for one frame with K people of `person_views`."""
     return {
         "t": np.array(world.frame_s(index)),
         "T_world_cam": world.map_from_optical(world.frame_s(index)),
@@ -37,21 +37,21 @@ def frame_arrays(world: World, index: int, people: Sequence[PersonView], view: D
 
 
 def save_frames(path: Path, info: CameraInfo, frames: Sequence[Arrays]) -> None:
-    """Write the truth of N frames with K people, from `frame_arrays`, as an NPZ file.
+    """Write the truth of N frames with K people, of `frame_arrays`, as an NPZ file.
 
-    Its arrays are the following; the map is the frame of 3D points, NaN stands for unknown.
+    Arrays; 3D points are in the map, NaN means unknown:
 
     - K: 4, fx, fy, cx, cy in pixels
-    - t: N, seconds since the beginning of the scenario
+    - t: N, time since the start of the scenario, s
     - T_world_cam: Nx4x4, map_from_optical
-    - pos, vel: NxKx3, torso and its derivative, m and m/s
-    - yaw, path_yaw: NxK, of the chest and of the path, rad
-    - kp3d: NxKx17x3, COCO's keypoints, m
-    - kp2d: NxKx17x2, the same in pixels
-    - kpvis: NxKx17, 1 = in the image and not hidden
-    - bbox: NxKx4, xyxy in pixels of the body as if nothing hid it
-    - vis: NxK, share of its pixels that nothing hides
-    - masks: NxHxW, 0 = no person, k = person k, counted from 1
+    - pos, vel: NxKx3, position and velocity of the torso, m and m/s
+    - yaw, path_yaw: NxK, yaw of chest and path, rad
+    - kp3d: NxKx17x3, keypoints in COCO order, m
+    - kp2d: NxKx17x2, keypoints in pixels
+    - kpvis: NxKx17, 1: in the image and not occluded
+    - bbox: NxKx4, box of the unoccluded body, xyxy in pixels
+    - vis: NxK, unoccluded share of the body's pixels
+    - masks: NxHxW, 0: no person, k: person k, counted from 1
     """
     lens = np.array([info.fx, info.fy, info.cx, info.cy])
     stacked = {name: np.stack([frame[name] for frame in frames]) for name in frames[0]}
@@ -59,7 +59,7 @@ def save_frames(path: Path, info: CameraInfo, frames: Sequence[Arrays]) -> None:
 
 
 def join_frames(path: Path, parts: Sequence[Path]) -> None:
-    """Join files of `save_frames`, at least one, by their order; one is in memory at a time.
+    """Join files of `save_frames`, at least one, in order; one is in memory at a time.
 
     Raises:
         SourceError: The file cannot be written.

@@ -1,4 +1,4 @@
-"""Truth about the people of a scenario, as a motion-capture system publishes it."""
+"""Ground truth of the people of a scenario, as published by a motion-capture system."""
 
 import math
 from collections import deque
@@ -12,18 +12,18 @@ from lab.scenario import CapturePlan
 from lab.world import World, stamp_ns
 from people4d.messages import F64, Truth, TruthPerson
 
-NOISE_KEY, GAP_KEY = 9101, 9102  # of the random numbers
-TORSO = [5, 6, 11, 12]  # shoulders and hips among COCO's keypoints
-STEP_S = 0.01  # to both sides of the time at which a velocity is wanted
+NOISE_KEY, GAP_KEY = 9101, 9102  # keys of the random numbers
+TORSO = [5, 6, 11, 12]  # shoulders and hips in COCO order
+STEP_S = 0.01  # half the interval of the numerical derivative [s]
 
 
 @dataclass(frozen=True)
 class Capture:
-    """One person at one time, without error; frame: map."""
+    """True state of one person at one time; frame: map."""
 
     position_m: F64  # 3, torso = mean of both shoulders and both hips
-    yaw_rad: float  # of the chest
-    path_yaw_rad: float  # of the path
+    yaw_rad: float  # yaw of the chest
+    path_yaw_rad: float  # yaw of the path
 
 
 def capture(world: World, person: int, t_s: float) -> Capture:
@@ -38,7 +38,7 @@ def capture(world: World, person: int, t_s: float) -> Capture:
 
 
 def velocity_mps(world: World, person: int, t_s: float) -> F64:
-    """Return the derivative of a person's torso position."""
+    """Return the velocity of a person's torso."""
     before, after = (capture(world, person, t_s + step).position_m for step in (-STEP_S, STEP_S))
     return np.asarray((after - before) / (2 * STEP_S))
 
@@ -49,9 +49,9 @@ def person_id(person: int) -> str:
 
 
 def capture_truth(world: World) -> Iterator[Truth]:
-    """Yield the messages of motion capture, from the first frame to the end of the scenario.
+    """Yield the messages of motion capture, from the start to the end of the scenario.
 
-    Velocities are derivatives of the true positions: a capture system smooths what it measures.
+    Velocities are derivatives of the true positions, since a capture system smooths positions.
     """
     plan, people = world.scenario.capture, len(world.scenario.people)
     errors = [np.random.default_rng([world.seed, NOISE_KEY, k]) for k in range(people)]
@@ -83,9 +83,9 @@ def sample_count(plan: CapturePlan, duration_s: float) -> int:
 
 
 def captured_samples(plan: CapturePlan, duration_s: float, seed: int, person: int) -> list[bool]:
-    """Return for each sample True if a person is captured.
+    """Return True for each sample in which a person is captured.
 
-    Gaps and the times between them have exponential lengths, whose means give the share of gaps.
+    Gaps and the times between them have exponential lengths.
     """
     present = np.ones(sample_count(plan, duration_s), np.bool_)
     if plan.dropout <= 0:
@@ -116,15 +116,15 @@ def _measure(
 
 @dataclass(frozen=True)
 class Footfall:
-    """A foot that came down."""
+    """Contact of a foot with the floor."""
 
-    time_s: float  # since the beginning of the scenario
+    time_s: float  # time since the start of the scenario
     side: int  # 0 left, 1 right
-    position_m: F64  # 2, x and y of the ankle while the foot stands, frame: map
+    position_m: F64  # 2, x and y of the ankle in the stance, frame: map
 
 
 def footfalls(world: World, person: int) -> list[Footfall]:
-    """Return the footfalls of a person in the time of the scenario, in order."""
+    """Return the footfalls of a person during the scenario, in order."""
     duration_s = world.scenario.duration_s
     found = [
         Footfall(float(down_s), side, footprint[:2])

@@ -1,4 +1,4 @@
-"""Visible part of a person, from keypoints alone: a body of capsules, no images."""
+"""Visible part of a person, computed from keypoints without images: a body of capsules."""
 
 from dataclasses import dataclass
 
@@ -10,12 +10,12 @@ from people4d.messages import F64, CameraInfo
 
 BOOL = npt.NDArray[np.bool_]
 
-NEAREST_M = 0.1  # to the camera's plane that a keypoint may come
-APART_M = 0.1  # a point is hidden by what is nearer by more than this
-BEHIND_M = -0.04  # parts of the face may lie this far behind the middle of the head
-EARS, TORSO = [3, 4], [5, 6, 11, 12]  # COCO
+NEAREST_M = 0.1  # minimum depth of a keypoint [m]
+APART_M = 0.1  # minimum distance of an occluder in front of a point [m]
+BEHIND_M = -0.04  # minimum position of visible parts of the face, from the centre of the head [m]
+EARS, TORSO = [3, 4], [5, 6, 11, 12]  # keypoints in COCO order
 
-# Two keypoints (COCO order) and the radius [m] of the capsule about them.
+# Two keypoints (COCO order) and the radius of the capsule between them [m]
 CAPSULES = (
     (3, 4, 0.12),  # head
     (5, 6, 0.09),
@@ -36,8 +36,8 @@ CAPSULES = (
 BEGIN, END = np.array([c[:2] for c in CAPSULES]).T
 RADIUS_M: F64 = np.array([c[2] for c in CAPSULES])
 
-# [m] how far the body reaches beyond keypoints, sideways and upright: crown, hands and feet have
-# none of their own.
+# Extent of the body beyond keypoints, sideways and upright [m]: crown, hands and feet have no
+# keypoints
 FACE, SHOULDER, ELBOW, HAND = (0.05, 0.05), (0.06, 0.06), (0.05, 0.05), (0.06, 0.10)
 HIP, KNEE, FOOT = (0.08, 0.10), (0.06, 0.06), (0.07, 0.13)
 EAR = (0.05, 0.14)
@@ -51,15 +51,15 @@ class Silhouette:
 
     keypoints_m: F64  # 17x3, frame: optical
     keypoints_px: F64  # 17x2
-    visible: BOOL  # 17, True: in the image and not hidden, not even by the own body
-    box_xyxy_px: F64  # 4, of the whole body, not cut to the image
-    visible_share: float  # part of the body that is seen, 0 to 1
+    visible: BOOL  # 17, True: in the image and not occluded, nor by the own body
+    box_xyxy_px: F64  # 4, box of the whole body, not cut to the image
+    visible_share: float  # visible part of the body, 0 to 1
 
 
 def silhouettes(
     people: list[F64], optical_from_map: F64, info: CameraInfo
 ) -> dict[int, Silhouette]:
-    """Return the people in front of the camera by index; their 17x3 keypoints are in the map."""
+    """Return the people in front of the camera by index, from 17x3 keypoints in the map."""
     in_camera = {k: apply(optical_from_map, person) for k, person in enumerate(people)}
     ahead = {k: points for k, points in in_camera.items() if points[:, 2].min() > NEAREST_M}
     return {
@@ -86,12 +86,12 @@ def _outline(keypoints_m: F64, others_m: list[F64], info: CameraInfo) -> Silhoue
 
 
 def hidden(points_m: F64, pixels: F64, other_m: F64, info: CameraInfo) -> BOOL:
-    """Return the mask of points that a person hides: of another person, or their own.
+    """Return the mask of points occluded by a person.
 
     Args:
-        points_m: Nx3, frame: optical.
-        pixels: Nx2, of the points.
-        other_m: 17x3 keypoints of the person who hides them, frame: optical.
+        points_m: Points of the same or another person, Nx3, frame: optical.
+        pixels: Pixels of the points, Nx2.
+        other_m: Keypoints of the occluding person, 17x3, frame: optical.
         info: Calibration.
     """
     if other_m[:, 2].min() > points_m[:, 2].max():
@@ -109,7 +109,7 @@ def hidden(points_m: F64, pixels: F64, other_m: F64, info: CameraInfo) -> BOOL:
 
 
 def _faces_camera(keypoints_m: F64) -> BOOL:
-    """Return the mask of keypoints that the back of the head leaves visible."""
+    """Return the mask of keypoints that are not behind the head."""
     head_m = keypoints_m[EARS].mean(axis=0)
     towards_camera = -head_m / np.linalg.norm(head_m)
     faces = np.ones(17, np.bool_)
@@ -118,7 +118,7 @@ def _faces_camera(keypoints_m: F64) -> BOOL:
 
 
 def facing(keypoints_m: F64, up: F64) -> F64:
-    """Return the level direction that a chest faces, 3, unit length, given the direction up."""
+    """Return the horizontal heading of a chest, 3, unit length, given the direction up."""
     to_left = keypoints_m[5] - keypoints_m[6] + keypoints_m[11] - keypoints_m[12]
     forward = np.cross(to_left, up)
     length: float = max(float(np.linalg.norm(forward)), 1e-9)
@@ -126,7 +126,7 @@ def facing(keypoints_m: F64, up: F64) -> F64:
 
 
 def sideways(keypoints_m: F64) -> float:
-    """Return the turn of a torso from the camera: 0 front or back, 1 from the side."""
+    """Return the orientation of a torso to the camera: 0 front or back, 1 side."""
     across = keypoints_m[5] - keypoints_m[6] + keypoints_m[11] - keypoints_m[12]
     view = keypoints_m[TORSO].mean(axis=0)
     return float(abs(across @ view) / max(np.linalg.norm(across) * np.linalg.norm(view), 1e-9))

@@ -13,7 +13,8 @@ from evaluation.recordings.ground_truth import read_truth, sample_truth
 from evaluation.recordings.recordings import EvaluationRecording, plan_recordings, render_recording
 from evaluation.recordings.visibility import load_views, save_views, simulated_views
 from lab.catalogue import load_scenario
-from lab.truth.frames import person_views
+from lab.truth.motion_capture import capture, person_id
+from lab.truth.silhouette import silhouettes
 from lab.world import World
 from people4d.errors import SourceError
 from tests.evaluation import builders
@@ -100,13 +101,17 @@ def test_visible_shares_are_computed_without_rendering(tmp_path: Path) -> None:
     scenario = load_scenario(str(write_scenario(tmp_path, DRIVE)))
     world = World(scenario)
     stamps_ns = [world.stamp_ns(k) for k in range(FRAMES)]
-    views = [person_views(world, world.frame_s(k), None) for k in range(FRAMES)]
-    positions = [{view.id: view.position_m for view in people} for people in views]
+    times_s = [world.frame_s(k) for k in range(FRAMES)]
+    positions = [
+        {person_id(k): capture(world, k, t_s).position_m for k in range(2)} for t_s in times_s
+    ]
     views_of_camera = simulated_views(scenario, None, positions, stamps_ns)
     assert views_of_camera is not None
-    for k, (view, people) in enumerate(zip(views_of_camera, views, strict=True)):
-        assert view.shares == {person.id: person.visible_share for person in people}
-        np.testing.assert_array_equal(view.map_from_camera, world.map_from_optical(k / 10))
+    for view, t_s in zip(views_of_camera, times_s, strict=True):
+        pose = world.optical_from_map(t_s)
+        outlines = silhouettes(world.keypoints_m(t_s), pose, world.info)
+        assert view.shares == {person_id(k): one.visible_share for k, one in outlines.items()}
+        np.testing.assert_array_equal(view.map_from_camera, world.map_from_optical(t_s))
     assert (
         min(view.shares["2"] for view in views_of_camera)
         < 0.8
