@@ -298,13 +298,6 @@ def test_wrong_settings_are_reported(setting: str, problem: str) -> None:
         load(DetectorConfig, "detector", None, [setting], {})
 
 
-def test_settings_come_from_the_environment_too() -> None:
-    environment = {"PEOPLE4D_DETECTOR_MODEL": "yolov8n-pose", "PEOPLE4D_DETECTOR_POSITION": "grown"}
-    config = load(DetectorConfig, "detector", None, ["depth_error_per_m=0.01"], environment)
-    assert (config.model, config.position) == ("yolov8n-pose", "grown")
-    assert config.depth_error_per_m == 0.01
-
-
 def test_a_missing_model_is_reported_at_the_start() -> None:
     with pytest.raises(ModelError, match=r"nowhere\.onnx"):
         build(DetectorConfig(model="/nowhere.onnx"))

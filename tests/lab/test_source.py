@@ -114,19 +114,6 @@ def test_robot_gives_wheel_odometry_and_the_mount_of_its_camera(tmp_path: Path) 
     assert len(captures(source)) == FRAMES
 
 
-def test_blurred_motion_is_between_that_before_and_after(tmp_path: Path) -> None:
-    """One picture in colour with an open shutter differs from the sharp one where people walk."""
-    sharp = opened(write_scenario(tmp_path), mode="colour", samples=1)
-    path = write_scenario(tmp_path, "exposure_s = 0.08", "blurred")
-    blurred = opened(path, mode="colour", samples=1)
-    a, b = (next(iter(source)) for source in (sharp, blurred))
-    assert isinstance(a, SourceFrame)
-    assert isinstance(b, SourceFrame)
-    assert a.rgb.std() > 20  # a picture, not a plane
-    assert not np.array_equal(a.rgb, b.rgb)
-    assert np.array_equal(a.depth_mm, b.depth_mm)
-
-
 def test_what_is_left_out_is_not_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     source = opened(write_scenario(tmp_path, DRIVE))
     everything = list(source)

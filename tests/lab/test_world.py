@@ -1,7 +1,3 @@
-import hashlib
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
@@ -10,21 +6,6 @@ from lab.catalogue import load_scenario
 from lab.drawing.furniture import SEAT_M
 from lab.world import EPOCH_NS, World
 from tests.lab.worlds import world
-
-pytestmark = pytest.mark.processes
-
-DIGEST = """
-import hashlib
-from lab.drawing.renderer import draw_depth
-from lab.catalogue import load_scenario
-from lab.truth.motion_capture import capture
-from lab.world import World
-of = World(load_scenario("short_robot"))
-view = draw_depth([of.room.mesh, *of.meshes(1.3)], of.optical_from_map(1.3), of.info, 0.05)
-digest = hashlib.sha256(view.depth_m.tobytes() + view.owners.tobytes())
-digest.update(capture(of, 1, 2.7).position_m.tobytes())
-print(digest.hexdigest())
-"""
 
 
 def test_frames_are_stamped_from_the_epoch_at_the_frame_rate() -> None:
@@ -53,25 +34,6 @@ def test_geometry_needs_neither_room_nor_bodies() -> None:
     assert not {"room", "bodies", "motions"} & set(vars(of))
     of.poses(1.0)
     assert "room" not in vars(of)
-
-
-def test_a_time_does_not_depend_on_those_asked_for_before() -> None:
-    one, other = (World(load_scenario("short_robot")) for _ in range(2))
-    for t_s in (3.1, 0.2, 2.0):
-        other.poses(t_s)
-    for mesh, again in zip(one.meshes(2.0), other.meshes(2.0), strict=True):
-        np.testing.assert_array_equal(mesh.vertices_m, again.vertices_m)
-
-
-def test_two_processes_see_the_same_bytes() -> None:
-    runs = [
-        subprocess.Popen([sys.executable, "-c", DIGEST], stdout=subprocess.PIPE, text=True)
-        for _ in range(2)
-    ]
-    digests = {run.communicate(timeout=100)[0].strip() for run in runs}
-    assert all(run.returncode == 0 for run in runs)
-    assert len(digests) == 1
-    assert len(digests.pop()) == 2 * hashlib.sha256().digest_size
 
 
 def test_another_seed_is_another_motion_and_room_on_the_same_paths() -> None:

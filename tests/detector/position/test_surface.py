@@ -1,10 +1,6 @@
-from pathlib import Path
-
-import cv2
 import numpy as np
 import pytest
 
-from common.geometry.transforms import apply, invert
 from people4d.messages import F32, F64, U8
 from services.detector.config import CONFIDENCE_MIN
 from services.detector.models.base import InstanceMask
@@ -16,7 +12,6 @@ from services.detector.position.surface import (
     read_windows,
 )
 from tests import builders
-from tests.detector.cameras import lab_info
 
 # X = (u - 2) Z / 2, Y = (v - 2) Z / 2
 INFO = builders.camera_info(width=5, height=5, fx=2.0, cx=2.0, cy=2.0)
@@ -148,36 +143,3 @@ def test_windows_of_several_sizes_and_ranges_are_read_as_each_alone() -> None:
         expected_m = np.median(counted) if counted.size else np.nan
         np.testing.assert_allclose(median_m[k], expected_m)
         assert share[k] == pytest.approx(counted.size / max(window_m.size, 1))
-
-
-def test_order_of_keypoints_does_not_matter_to_the_mean() -> None:
-    rng = np.random.default_rng(1)
-    depth = rng.integers(1000, 3000, (5, 5)).astype(np.uint16)
-    points = np.column_stack([rng.uniform(0, 4, (17, 2)), np.ones(17)]).astype(np.float32)
-    one = keypoint_mean(points, DepthImage(depth, INFO), CONFIDENCE_MIN)
-    other = keypoint_mean(points[rng.permutation(17)], DepthImage(depth, INFO), CONFIDENCE_MIN)
-    assert one is not None
-    assert other is not None
-    np.testing.assert_allclose(one, other)
-
-
-def test_positions_in_the_simulated_room_lie_on_the_surface(shared: Path) -> None:
-    # Measured: 0.11 m median over all frames, nearly all of it half a body's depth towards the
-    # camera; that no error is far beyond says that frames, units and axes agree.
-    folder = shared / "data" / "lab" / "two"
-    truth = np.load(folder / "gt.npz")
-    info = lab_info(truth["K"])
-    errors = []
-    for frame in range(0, 150, 15):
-        depth = np.asarray(cv2.imread(str(folder / "depth" / f"{frame:05d}.png"), -1), np.uint16)
-        for person in np.flatnonzero(truth["vis"][frame] > 0.9):
-            visible = truth["kpvis"][frame, person].astype(np.float32)
-            points = np.column_stack([truth["kp2d"][frame, person], visible]).astype(np.float32)
-            position = keypoint_mean(points, DepthImage(depth, info), CONFIDENCE_MIN)
-            assert position is not None
-            torso = apply(invert(truth["T_world_cam"][frame]), truth["pos"][frame, person])
-            errors.append(position - torso)
-    across, _, forward = np.median(errors, axis=0)
-    assert abs(across) < 0.03
-    assert -0.16 < forward < -0.06
-    assert np.max(np.abs(np.array(errors)[:, [0, 2]])) < 0.35

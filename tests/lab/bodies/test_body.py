@@ -1,7 +1,5 @@
 """Bodies: their joints, skin and keypoints follow the pose."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +16,6 @@ from lab.bodies.skeleton import INDEX, PARENTS, BodyPose, Skeleton, map_from_seg
 from lab.drawing.mesh import Material, Mesh
 from people4d.errors import ConfigError
 from people4d.messages import F64
-
-pytestmark = pytest.mark.processes
 
 ASSETS = Path(lab.__file__).parent / "assets"
 EVERYBODY = pytest.mark.parametrize("name", cast_names())
@@ -258,14 +254,6 @@ def test_bending_keeps_triangles_from_tearing() -> None:
         assert np.linalg.norm(edges, axis=2).max() < 0.12
 
 
-def test_same_bytes_again() -> None:
-    first = load_body("dana", seed=5).mesh(striding(), 1)
-    load_body.cache_clear()
-    again = load_body("dana", seed=5).mesh(striding(), 1)
-    assert first.vertices_m.tobytes() == again.vertices_m.tobytes()
-    assert first.colour.tobytes() == again.colour.tobytes()
-
-
 def shirt_colour(body: SkinnedBody) -> F64:
     mesh = body.mesh(neutral(), 1)
     used = np.unique(mesh.faces[mesh.material == Material.SHIRT])
@@ -277,14 +265,3 @@ def test_seed_changes_shades_a_little() -> None:
     first, second = shirt_colour(load_body("bea", seed=1)), shirt_colour(load_body("bea", seed=2))
     assert np.any(first != second)
     assert_allclose(first, second, rtol=0.2)
-
-
-def test_running_needs_neither_torch_nor_anny() -> None:
-    program = (
-        "import sys; from lab.bodies.body import load_body; load_body('adam'); "
-        "print(sorted({'torch', 'anny', 'PIL', 'warp'} & set(sys.modules)))"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True
-    )
-    assert done.stdout == "[]\n"

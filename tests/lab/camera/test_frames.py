@@ -34,10 +34,6 @@ def image(scenario: Scenario, index: int = 6, **camera: object) -> U8:
     return drawn.rgb(index, drawn.view(index))
 
 
-def test_plain_image_is_the_default(walk: Scenario) -> None:
-    assert np.array_equal(image(walk), image(walk, image=ImagePlan()))
-
-
 def test_exposure_and_white_balance_drift_with_the_given_spread() -> None:
     plan = ImagePlan(exposure_stops=0.4, white_balance=0.1)
     gains = np.array([ImageDrift(plan, seed).at(1.0).gains for seed in range(400)])

@@ -121,18 +121,6 @@ def test_light_falls_with_the_cosine_and_the_square_of_the_distance() -> None:
     assert view.light[60, 130] == pytest.approx(share * 0.894 / 2.236**2, rel=0.02)
 
 
-def test_readings_depend_on_seed_and_stamp_only() -> None:
-    view = draw(upright(Material.PAINT, (200, 200, 200), 3.0, -10.0))
-
-    def measured(seed: int, stamp_s: float) -> bytes:
-        sensor = DepthSensor(XTION, INFO, seed)
-        return sensor.measure(view.depth_m, view.right_depth_m, stamp_s, view.light).tobytes()
-
-    assert measured(3, 1.0) == measured(3, 1.0)
-    assert measured(3, 1.0) != measured(4, 1.0)
-    assert measured(3, 1.0) != measured(3, 2.0)
-
-
 def test_scene_of_several_meshes_has_the_light_of_each() -> None:
     dark, pale = (
         upright(Material.SHOE, (20, 20, 20), 2.0, -20.0),

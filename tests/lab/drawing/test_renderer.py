@@ -11,7 +11,7 @@ from lab.drawing.mesh import Material, Mesh, join
 from lab.drawing.renderer import Instant, Renderer
 from lab.drawing.rooms import Room, room_mesh
 from lab.drawing.solids import Finish, box, panel
-from people4d.messages import F32, F64
+from people4d.messages import F64
 from tests import builders
 
 pytestmark = pytest.mark.render
@@ -121,21 +121,6 @@ def test_walls_send_back_less_light_than_they_get(room: Room) -> None:
     assert middle.mean() < direct_light(room, np.array([1.3, 0, 0.0]), np.array([0, 0, 1.0])).mean()
     dark = Room(room.mesh, room.lights, room.low_m, room.high_m, room.walls * 0.5, room.exposure)
     assert (bounce_light(dark)[:, :, 0] < 0.6 * middle).all()
-
-
-def test_motion_is_blurred_over_the_exposure(renderer: Renderer) -> None:
-    moments = [Instant([block(3.0, y)], pose()) for y in (0.0, 0.1, 0.2)]
-    blurred = renderer.exposed(moments, 0).astype(int)
-    still = renderer.exposed(moments[:1] * 3, 0)
-    np.testing.assert_allclose(
-        still, renderer.exposed([Instant([block(3.0, 0.0)], pose())], 0), atol=1
-    )
-    assert sharpest(blurred) < sharpest(still.astype(int))
-
-
-def sharpest(image: F32) -> float:
-    """Return the greatest step between neighbours of the middle rows."""
-    return float(np.abs(np.diff(image[25:35, 20:60].mean(axis=2), axis=1)).mean(axis=0).max())
 
 
 def test_visible_lamp_is_the_brightest(renderer: Renderer) -> None:

@@ -60,8 +60,3 @@ def test_arms_that_do_not_swing(arms: str) -> None:
         return float(np.ptp(off, axis=0).max())
 
     assert swing_m(walking(arms=arms)) < 0.5 * swing_m(walking())
-
-
-def test_usual_style_changes_nothing() -> None:
-    plan = World(Scenario(about="One walks.", duration_s=10.0, room="hall", people=(PLAN,)))
-    np.testing.assert_array_equal(plan.keypoints_m(4.0), walking().keypoints_m(4.0))
