@@ -1,1 +1,1 @@
-"""Inference: networks of models/ on the CPU, by one of two engines."""
+"""Inference of networks on the CPU, by one of two engines."""

@@ -1,10 +1,9 @@
 """Threads and cores of networks.
 
-A network that runs in a thread of its own stays on one core, with its weights in that core's cache,
-while the rest of the process works on others; and a frame that waits begins as soon as the one
-before has ended, not when a thread that wants the interpreter has noticed. Where cores are few,
-threads that wake for a message still interrupt it, again and again, since the scheduler prefers
-threads that have slept. A core of its own lets the network finish.
+A network in its own thread stays on one core, with its weights in the cache of that core. The next
+frame starts immediately after the previous one, without waiting for the interpreter lock. With few
+cores, threads that wake for messages interrupt the network, since the scheduler prefers threads
+that have slept. A reserved core avoids these interruptions.
 """
 
 import logging
@@ -19,8 +18,8 @@ from common.transport.trace import record
 from people4d.errors import ConfigError
 
 VARIABLE = "PEOPLE4D_DETECTOR_CORES"
-CORES_MAX = 4096  # of one computer
-HINT = "Write cores of this computer as in 0,2 or 2-3, and leave at least one to all else."
+CORES_MAX = 4096  # maximum number of cores of a computer
+HINT = "Write cores of this computer as in 0,2 or 2-3, and leave at least one unused."
 
 T = TypeVar("T")
 
@@ -28,21 +27,21 @@ log = logging.getLogger("people4d")
 
 
 class InferenceCores:
-    """Cores of long networks: all, or some on which nothing else of this process runs."""
+    """Cores of slow networks: all, or cores on which no other thread of this process runs."""
 
     def __init__(self) -> None:
         self._reserved: frozenset[int] = frozenset()
 
     def reserve(self, environment: Mapping[str, str]) -> None:
-        """Reserve the cores that the environment names; from then on other threads leave them.
+        """Reserve the cores named in the environment; other threads do not use them.
 
-        Call it before the process starts threads: they inherit the cores of their parent.
+        Call this before the process starts threads, since they inherit the cores of their parent.
 
         Args:
             environment: Variables of the process; `PEOPLE4D_DETECTOR_CORES` as in "1" or "2-3".
 
         Raises:
-            ConfigError: It names no cores of this computer, or all of them.
+            ConfigError: The cores do not exist, or no other core remains.
         """
         text = environment.get(VARIABLE)
         if not text:
@@ -59,7 +58,7 @@ class InferenceCores:
         bind(allowed - named)
 
     def thread(self) -> ThreadPoolExecutor:
-        """Start a thread on these cores; the threads that it starts inherit them."""
+        """Start a thread on these cores; its child threads inherit them."""
         if not self._reserved:
             return ThreadPoolExecutor(1, "inference")
         return ThreadPoolExecutor(1, "inference", initializer=bind, initargs=(self._reserved,))
@@ -69,8 +68,8 @@ class NetworkRuns:
     """Runs of one network, one at a time.
 
     Args:
-        cores: Cores of the thread in which it runs; None: it runs in the threads of its callers,
-            which is faster for one that takes less than a millisecond.
+        cores: Cores of the network's thread; None: run in the threads of the callers, which is
+            faster for networks that take less than a millisecond.
     """
 
     def __init__(self, cores: InferenceCores | None) -> None:
@@ -82,7 +81,7 @@ class NetworkRuns:
         return function() if self._thread is None else self._thread.submit(function).result()
 
     def run(self, function: Callable[[], T]) -> T:
-        """Return the result of a function that runs the network; record the time."""
+        """Return the result of a function that runs the network, and record its time."""
         asked_ns = time.time_ns()
 
         def run() -> tuple[T, int, int]:
@@ -99,7 +98,7 @@ class NetworkRuns:
 
 
 def bind(cores: Set[int]) -> None:
-    """Bind the calling thread to cores; where the system forbids it, say so and go on."""
+    """Bind the calling thread to cores; log a warning if the system forbids it."""
     try:
         os.sched_setaffinity(0, cores)
     except OSError as error:
@@ -110,7 +109,7 @@ def read_cores(text: str) -> frozenset[int]:
     """Return the cores of a list such as "0,2" or "2-3".
 
     Raises:
-        ConfigError: It is no such list.
+        ConfigError: The text is not such a list.
     """
     cores: set[int] = set()
     try:
@@ -126,8 +125,8 @@ def read_cores(text: str) -> frozenset[int]:
 
 
 def listed(cores: Set[int]) -> str:
-    """Return cores as text, with commas between."""
+    """Return cores as text, separated by commas."""
     return ",".join(map(str, sorted(cores)))
 
 
-DETECTOR = InferenceCores()  # of this process
+DETECTOR = InferenceCores()  # reserved cores of this process

@@ -1,4 +1,4 @@
-"""Engines: a network is opened with one of them, and those of integers are compared."""
+"""Inference engines: sessions of networks, and a check of int8 networks."""
 
 import logging
 from collections.abc import Mapping
@@ -10,9 +10,9 @@ from common.inference.cores import InferenceCores
 from common.inference.onnx import OnnxSession
 from common.inference.session import Array, Engine, Session
 
-PROBE_SIDES = (256, 320)  # [px] height and width at which a network that takes any size is compared
-# Mean correlation of the outputs with those of the graph as it is in the file. The rounding of
-# another order of operations leaves 0.88 for MoveNet on this image; wrong fusion left 0.5.
+PROBE_SIDES = (256, 320)  # height and width of the probe image for a network of any size [px]
+# Minimum mean correlation of the outputs with the outputs of the unoptimised graph. Rounding by
+# another order of operations gives 0.88 for MoveNet on this image; wrong fusion gave 0.5.
 CORRELATION_MIN = 0.75
 
 log = logging.getLogger("people4d")
@@ -26,15 +26,15 @@ def open_session(
 ) -> Session:
     """Open a network with an engine.
 
-    Networks of integers are compared with the graph as it is in the file, on one image: some
-    versions of the libraries fuse such graphs wrongly, or to something that cannot be run. What
-    differs is run as it is in the file, which is slower.
+    int8 networks are compared with their unoptimised graph on one image, since some versions of
+    the libraries fuse such graphs wrongly or cannot run the fused graph. If the outputs differ, the
+    unoptimised graph is used, which is slower.
 
     Args:
         path: The .onnx file.
-        threads: Threads that one run may use.
+        threads: Maximum number of threads of one run.
         engine: The engine.
-        cores: Cores of the thread in which it runs; None: it runs in those of its callers.
+        cores: Cores of the network's thread; None: run in the threads of the callers.
 
     Raises:
         ModelError: The file is absent or cannot be run, or the engine is not installed.
@@ -67,7 +67,7 @@ def open_session(
 
 
 def is_quantized(path: Path) -> bool:
-    """Return whether a network computes with integers."""
+    """Check for an int8 network."""
     return b"QuantizeLinear" in path.read_bytes()
 
 
@@ -77,11 +77,11 @@ def mean_correlation(expected: Mapping[str, Array], got: Mapping[str, Array]) ->
 
 
 def probe_image(session: Session, sides: tuple[int, int] = PROBE_SIDES) -> Array:
-    """Return an image of noise as a network takes it: bytes to 255, floats to 1.
+    """Return an image of noise as input of a network: bytes to 255, floats to 1.
 
     Args:
         session: The network.
-        sides: Height and width [px], of a network that takes any size.
+        sides: Height and width for a network of any size [px].
     """
     free = iter(sides)
     shape = [
@@ -94,7 +94,7 @@ def probe_image(session: Session, sides: tuple[int, int] = PROBE_SIDES) -> Array
 
 
 def correlation(one: Array, other: Array) -> float:
-    """Return the correlation of two arrays' values; of constant ones 1 if they are equal."""
+    """Return the correlation of the values of two arrays; 1 for equal constant arrays."""
     a, b = (np.asarray(x, np.float64).ravel() for x in (one, other))
     a, b = a - a.mean(), b - b.mean()
     spread = float(np.linalg.norm(a) * np.linalg.norm(b))

@@ -9,8 +9,8 @@ from common.inference.cores import InferenceCores, NetworkRuns
 from common.inference.session import Array
 from people4d.errors import ModelError
 
-# Quantises the weights of convolutions that were left in float because they must not be, and
-# those in one range for all channels: MoveNet with one such layer is useless (onnxruntime 1.31).
+# This optimiser quantises float32 convolutions with one range for all channels: MoveNet with one
+# such layer is useless (onnxruntime 1.31).
 DISABLED = ["WeightBiasQuantization"]
 
 
@@ -19,8 +19,8 @@ class OnnxSession:
 
     Args:
         path: The .onnx file.
-        threads: Threads that one run may use; they do not spin while idle.
-        optimised: Let onnxruntime fuse operators.
+        threads: Maximum number of threads of one run; idle threads do not spin.
+        optimised: True: onnxruntime fuses operators.
         cores: See `NetworkRuns`.
 
     Raises:
@@ -65,7 +65,7 @@ class OnnxSession:
 
     @property
     def input_shape(self) -> tuple[int | None, ...]:
-        """Lengths of the first input's axes, None where any length goes."""
+        """Lengths of the axes of the first input; None: any length."""
         return tuple(n if isinstance(n, int) else None for n in self._input.shape)
 
     @property

@@ -1,4 +1,4 @@
-"""Sessions of OpenVINO, an engine for Intel's processors; the extra openvino."""
+"""Sessions of OpenVINO, an engine for Intel processors; the extra openvino."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,20 +11,20 @@ from common.inference.cores import InferenceCores, NetworkRuns
 from common.inference.session import Array
 from people4d.errors import ModelError
 
-SHAPES_MAX = 8  # sizes of an image for which a network stays compiled
+SHAPES_MAX = 8  # maximum number of image sizes with a compiled network
 
 
 class OpenVinoSession:
-    """A network in ONNX format on the CPU; one run at a time, compiled for each size of an image.
+    """A network in ONNX format on the CPU; one run at a time, compiled for each image size.
 
     Args:
         path: The .onnx file.
-        threads: Threads that one run may use; they are pinned to no core.
+        threads: Maximum number of threads of one run, not pinned to cores.
         cores: See `NetworkRuns`.
 
     Raises:
         ConfigError: OpenVINO is not installed.
-        ModelError: The file is absent or no network that it can run.
+        ModelError: The file is absent or cannot be run.
     """
 
     def __init__(self, path: Path, threads: int = 1, cores: InferenceCores | None = None) -> None:
@@ -56,7 +56,7 @@ class OpenVinoSession:
 
     @property
     def input_shape(self) -> tuple[int | None, ...]:
-        """Lengths of the first input's axes, None where any length goes."""
+        """Lengths of the axes of the first input; None: any length."""
         return self._shape
 
     @property
@@ -76,7 +76,7 @@ class OpenVinoSession:
         return dict(zip(self._names, map(np.copy, outputs), strict=True))
 
     def _request(self, shape: tuple[int, ...]) -> Any:
-        """Return what runs images of a shape; batches of any number share one."""
+        """Return the inference request of an image shape; batches of any size share one."""
         wanted = tuple(
             -1 if axis is None and index == 0 else length
             for index, (axis, length) in enumerate(zip(self._shape, shape, strict=True))

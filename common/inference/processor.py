@@ -4,18 +4,18 @@ from functools import cache
 from pathlib import Path
 
 CPU_INFO = Path("/proc/cpuinfo")
-DOT_PRODUCTS = {"avx512_vnni", "avx_vnni", "amx_int8"}  # as Linux names them
+DOT_PRODUCTS = {"avx512_vnni", "avx_vnni", "amx_int8"}  # names in Linux
 
 
 @cache
 def has_integer_dot_products(file: Path = CPU_INFO) -> bool:
-    """Return whether sums of products of 8-bit integers are one instruction (VNNI, AMX).
+    """Check for instructions of 8-bit dot products (VNNI, AMX).
 
-    With these, networks of integers take less than half the time of float; without, nearly as long.
-    False where the system does not tell.
+    With these, int8 networks take less than half the time of float32, otherwise nearly the same.
+    False if the system does not report the instructions.
 
     Args:
-        file: Flags of the processor, as Linux shows them.
+        file: Flags of the processor in the format of Linux.
     """
     try:
         text = file.read_text(encoding="utf-8", errors="replace")

@@ -15,7 +15,7 @@ class Session(Protocol):
 
     @property
     def input_shape(self) -> tuple[int | None, ...]:
-        """Lengths of the first input's axes, None where any length goes."""
+        """Lengths of the axes of the first input; None: any length."""
         ...
 
     @property

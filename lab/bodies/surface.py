@@ -21,8 +21,8 @@ class BodySurface:
     weights: F64  # VxB shares of the bones
     colour: F64  # Vx3 linear reflectance
     faces: I32  # Fx3 indices of vertices
-    material: Material  # of all triangles
-    pattern: Pattern = Pattern.PLAIN  # of all triangles
+    material: Material  # material of all triangles
+    pattern: Pattern = Pattern.PLAIN  # pattern of all triangles
 
     def compact(self) -> "BodySurface":
         """Return the surface without unused vertices."""

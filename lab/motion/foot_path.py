@@ -166,7 +166,7 @@ def _swing_ends(feet: FootStances, shoe: Shoe, gait: GaitCurves, share: F64) -> 
         pitch = np.radians(share * gait.curve("foot.pitch_deg", phase))
         return shoe.standing_ankle(footprint, pitch)[:, :2]
 
-    step = 0.005  # of the phase, into the stance
+    step = 0.005  # difference of phase, into the stance
     before, after = feet.footprint[:-1], feet.footprint[1:]
     leave, meet = ankles(before, LIFT_OFF), ankles(after, 0.0)
     leave_rate = (leave - ankles(before, LIFT_OFF - step)) * (IN_AIR / step)

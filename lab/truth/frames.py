@@ -30,8 +30,8 @@ class PersonView:
     id: str  # identity in motion capture
     position_m: F64  # 3, torso = mean of both shoulders and both hips, frame: map
     velocity_mps: F64  # 3, derivative of position_m
-    yaw_rad: float  # of the chest, frame: map
-    path_yaw_rad: float  # of the path, frame: map
+    yaw_rad: float  # yaw of the chest, frame: map
+    path_yaw_rad: float  # yaw of the path, frame: map
     keypoints_m: F64  # 17x3, COCO order, frame: map
     keypoints_px: F64  # 17x2, projected; NaN behind the camera
     visible: U8  # 17, 1: in the image and not occluded

@@ -1,4 +1,4 @@
-"""Configuration of the detector. Defaults are what ships; docs/method.md has sources and units."""
+"""Configuration of the detector; docs/method.md has sources and units of the defaults."""
 
 from typing import Annotated, Literal
 
@@ -44,7 +44,7 @@ class ModelSettings(Config, frozen=True, kw_only=True):
     iou_max: Ratio | None = None  # overlap above which two boxes are one person; absent: default
     engine: Engine = "onnxruntime"  # "openvino": faster on Intel's processors, an extra
     threads: PositiveInt = 1  # threads that one inference may use
-    max_people: Annotated[int, Meta(ge=1, le=DETECTIONS_MAX)] = 20  # in one image, best first
+    max_people: Annotated[int, Meta(ge=1, le=DETECTIONS_MAX)] = 20  # maximum number in one image
 
     def __post_init__(self) -> None:
         """Check that height and width are given together."""
@@ -77,7 +77,7 @@ class DetectorConfig(ModelSettings, frozen=True, kw_only=True):
     velocity: bool = True  # publish the velocity of each person
     # [1/m] error of one depth reading, over z^2; default: 0.07 px, 385 px, 50 mm (D435i)
     depth_error_per_m: Positive = 0.0036
-    keypoint_confidence_min: Confidence | None = None  # of positions; absent: suits the model
+    keypoint_confidence_min: Confidence | None = None  # for positions; absent: by the model
     orientation: OrientationConfig = OrientationConfig()
     crops: bool = True  # publish the crops that re-identification needs
     crop_height_max_px: Annotated[int, Meta(ge=16, le=4096)] = 256  # [px] higher: scaled down

@@ -73,7 +73,7 @@ class DetectorNode(Node):
         self._lock = threading.Lock()
         self._calibrations: dict[str, CameraInfo] = {}
         self._counters: Counter[str] = Counter()
-        self._faults: dict[str, str] = {}  # of the newest frame, by camera
+        self._faults: dict[str, str] = {}  # fault of the newest frame by camera
         self._loop = NO_LOOP
 
     def attach(self, loop: LoopCallbacks) -> None:

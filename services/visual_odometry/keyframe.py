@@ -19,7 +19,7 @@ from services.visual_odometry.reprojection import PLANAR, BaseMount, Flags, Indi
 
 NEAR_MAX = 150  # maximum number of landmarks in the room with depth
 FAR_MAX = 100  # maximum number of landmarks beyond the range of the sensor
-PEOPLE_MAX = 50  # maximum number of landmarks on people, who may stand still
+PEOPLE_MAX = 50  # maximum number of landmarks on people
 SIGMA_INVERSE = 0.004  # sigma of inverse depth [1/m]: 0.1 px between two imagers 5 cm apart
 UNKNOWN_M = 0.5  # standard deviation above which a depth is unknown [m]
 INVERSE_MIN = 0.005  # minimum inverse depth [1/m]

@@ -383,7 +383,7 @@ def test_every_method_gives_a_covariance_if_configured(method: str) -> None:
     assert ray @ found.position_covariance_m2 @ ray > 0.16**2
 
 
-def test_crop_is_without_who_stands_before_the_person() -> None:
+def test_occluders_are_blanked_in_crops() -> None:
     # The left third of the box is at 1 m, the person at 2 m.
     behind = frame(7)
     depth_mm = np.full_like(behind.depth_mm, 2000)

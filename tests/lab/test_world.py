@@ -44,7 +44,7 @@ def test_another_seed_is_another_motion_and_room_on_the_same_paths() -> None:
     assert not np.array_equal(one.room.walls, other.room.walls)
 
 
-def test_a_stool_stands_where_somebody_sits() -> None:
+def test_each_person_who_sits_has_a_stool() -> None:
     of = world("short_sit")
     x, y, z = of.room.mesh.vertices_m.T
     near = (np.hypot(x - 3.4, y - 0.7) < 0.3) & (z > 0.05)

@@ -25,8 +25,8 @@ class Watch:
     """People as upright cylinders before the camera; arrays are TxK.
 
     Args:
-        in_view: Their middle is in the image and nearer than 5 m.
-        hidden: Largest share of their width that one other hides.
+        in_view: True: the middle is in the image and nearer than 5 m.
+        hidden: Maximum share of the width that one other person occludes.
     """
 
     in_view: npt.NDArray[np.bool_]
@@ -48,7 +48,7 @@ def watch(of: World, step_s: float) -> Watch:
     bearing, distance = np.arctan2(x, z), np.hypot(x, z)
     half = np.arcsin(np.minimum(BODY_RADIUS_M / distance, 0.9))
     low, high = bearing - half, bearing + half
-    # Axes: time, the one who is hidden, the one who hides.
+    # Axes: time, occluded person, occluder
     overlap = np.minimum(high[:, :, None], high[:, None]) - np.maximum(
         low[:, :, None], low[:, None]
     )

@@ -44,7 +44,7 @@ class DetectedPerson:
 class PersonModel(Protocol):
     """Finds people in a colour image; may be called from several threads at once."""
 
-    name: str  # of the model, for results
+    name: str  # name of the model in results
 
     def detect(self, rgb: U8) -> list[DetectedPerson]:
         """Find people in an HxWx3 colour image, best score first."""
@@ -55,8 +55,8 @@ class PersonModel(Protocol):
 class Limits:
     """Thresholds of detections, and of two boxes on one person."""
 
-    score_min: float  # of the network itself
-    iou_max: float  # of two people's boxes
+    score_min: float  # minimum score of the network
+    iou_max: float  # maximum overlap of the boxes of two people
     max_people: int
 
     @classmethod

@@ -17,7 +17,7 @@ from services.detector.models.network import Outputs, check_output
 
 MAPS = {"center": 1, "kpt_heatmap": 17}  # channels
 LOCAL = {"box_scale": 2, "box_offset": 2, "kpt_regress": 34, "kpt_offset": 34}
-REACH = np.array([(row, column) for row in (-1, 0, 1) for column in (-1, 0, 1)])  # of a 3x3 kernel
+REACH = np.array([(row, column) for row in (-1, 0, 1) for column in (-1, 0, 1)])  # 3x3 kernel
 FEATURES = 24
 
 Cells: TypeAlias = npt.NDArray[np.intp]

@@ -15,7 +15,7 @@ from services.detector.models.base import DetectedPerson, Limits
 from services.detector.models.letterbox import Letterbox
 from services.detector.models.scores import ScoreCalibration
 
-Outputs: TypeAlias = Mapping[str, Array]  # of a run, by name
+Outputs: TypeAlias = Mapping[str, Array]  # outputs of a run by name
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ class NetworkModel:
     default_limits: ClassVar[tuple[float, float]]  # minimum score, maximum overlap
     grey: ClassVar[int]  # value of the bars beside an image, as in the network's training
     highest: ClassVar[float]  # value of the byte 255 if the network takes floats
-    calibration: ClassVar[ScoreCalibration]  # of scores
+    calibration: ClassVar[ScoreCalibration]  # calibration of scores
 
     def __init__(self, session: Session, settings: ModelSettings, name: str = "") -> None:
         self.name = name or self.kind

@@ -39,7 +39,7 @@ SIGMA_RATIO = 0.18  # ratio over the maximum ratio
 class FaceRule(NamedTuple):
     """Rule of the side to which a person is turned, by the face."""
 
-    by_nose: bool  # by the nose's side of the ears' middle, else by visible eyes and ears (4.17)
+    by_nose: bool  # side of the nose to the ears' middle, else visible eyes and ears (4.17)
     confidence_min: float  # minimum confidence of visible eyes, ears and nose
 
 

@@ -37,7 +37,7 @@ class BodySize:
 
     depth_m: float  # [m] depth at which the largest measure of the torso would be of common size
     farthest_m: float  # [m] depth at which the smallest measure would be
-    has_height: bool  # by its height too; widths alone are foreshortened from the side
+    has_height: bool  # True: height is known; widths alone are foreshortened from the side
 
 
 def torso_middles(

@@ -63,7 +63,7 @@ class FrameHistory:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._frames: dict[str, RgbdFrame] = {}  # by camera
+        self._frames: dict[str, RgbdFrame] = {}  # last frames by camera
 
     def swap_frame(self, frame: RgbdFrame) -> RgbdFrame | None:
         """Store a frame; return the frame before it if that is recent and of the same size.

@@ -47,7 +47,7 @@ def test_people_are_found_as_in_float(images: list[U8]) -> None:
     assert 0.7 < np.median(scores) < 1.3
 
 
-def test_thresholds_are_those_of_the_kind() -> None:
+def test_thresholds_belong_to_the_kind() -> None:
     settings = ModelSettings(score_min=0.1)
     scaled = msgspec.structs.replace(settings, score_scale=1.5)
     assert astuple(Limits.from_settings(settings, 0.05, 0.6)) == (0.1, 0.6, 20)

@@ -197,7 +197,7 @@ def local_heads(cells: int = 8) -> tuple[Heads, Heads]:
     return HeadReader(outputs, cells, cells, "m").heads(outputs), DenseHeads(dense)
 
 
-def test_heads_at_cells_are_those_computed_everywhere() -> None:
+def test_heads_at_cells_equal_dense_heads() -> None:
     local, dense = local_heads()
     rows, columns = np.array([0, 3, 7, 7]), np.array([0, 5, 7, 2])  # corners and inner cells
     for name in LOCAL:

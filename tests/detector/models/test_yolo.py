@@ -143,7 +143,7 @@ def test_two_people_and_a_dog() -> None:
         64,
         Box((20, 32, 20, 40), person=0.9),
         Box((24, 32, 20, 40), person=0.6, dog=0.1),  # 16 of 24 columns shared: IoU 0.667, the same
-        Box((4, 32, 20, 40), person=0.7),  # 4 of 36 columns: somebody else
+        Box((4, 32, 20, 40), person=0.7),  # 4 of 36 columns: another person
         Box((50, 50, 20, 20), person=0.4, dog=0.8),  # more of a dog than of a person
     )
     assert [round(person.score, 2) for person in people] == [0.9, 0.7]

@@ -123,7 +123,7 @@ def test_without_measurements_there_is_no_angle() -> None:
 
 
 def test_depth_gives_the_side_without_a_face() -> None:
-    # Facing half to the left; depth is of somebody who faces half to the right.
+    # The image shows a person facing half left, depth a person facing half right.
     body = observation(135, nose_m=math.nan, ears_m=math.nan)
     wrong = {name: JointOffsets(p.across_m, -p.along_m) for name, p in body.pairs.items()}
     body = replace_fields(body, pairs=wrong)
@@ -154,9 +154,9 @@ def test_sigma_grows_where_the_network_is_not_confident_of_a_side() -> None:
 
 
 def scene(right_m: float = -0.3, hidden: bool = False) -> tuple[F32, U16]:
-    """Return keypoints and depth of somebody at 3 m whose right joints are so far to the right.
+    """Return keypoints and depth of a person at 3 m, right joints at a distance to the right.
 
-    The right half of the body is 0.1 m farther than the left one, or somebody stands before it.
+    The right half of the body is 0.1 m farther than the left half, or occluded.
     """
     keypoints = np.zeros((17, 3), np.float32)
     keypoints[7:, 2] = 0.8  # arms and legs

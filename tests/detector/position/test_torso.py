@@ -26,7 +26,7 @@ def room() -> U16:
 
 
 def keypoints(u: float = 320.0, z_m: float = 2.0, confidence: float = 0.9) -> F32:
-    """Someone who faces the camera: joints 0.16, 0.10 and 0.25 m from the middle, in row 240."""
+    """Return a person who faces the camera, with its middle in row 240."""
     points = np.zeros((17, 3), np.float32)
     scale = 600.0 / z_m
     for joint, x, y in zip(
@@ -37,7 +37,7 @@ def keypoints(u: float = 320.0, z_m: float = 2.0, confidence: float = 0.9) -> F3
 
 
 def stand(depth_mm: U16, u: float = 320.0, z_m: float = 2.0) -> U16:
-    """Put a board 0.5 m wide and 1.7 m high before what is there."""
+    """Put a board 0.5 m wide and 1.7 m high in front of the scene."""
     left, right = round(u - 150 / z_m), round(u + 150 / z_m)
     top, bottom = max(round(240 - 360 / z_m), 0), min(round(240 + 660 / z_m), 480)
     board = depth_mm[top:bottom, left:right]
@@ -166,7 +166,7 @@ def test_without_joints_the_box_gives_the_position() -> None:
 
 
 def side_on(z_m: float = 1.2) -> tuple[DetectedPerson, U16]:
-    """Someone from the side near the camera, cut off above the hips; a wall at 4 m.
+    """Return a near person from the side, cut off above the hips, and a wall at 4 m.
 
     The shoulders are 25 px apart, as if 7.7 m away; the elbow lies on the wall, and the hips are
     guessed at the lower edge of the image.
@@ -225,7 +225,7 @@ def test_of_two_detections_of_one_person_one_has_a_position() -> None:
 
 
 def test_people_before_one_another_are_read_in_their_own_layers() -> None:
-    # At 3 m, half behind someone at 1.8 m; the order in which they are found does not matter.
+    # A person at 3 m, half behind a person at 1.8 m; the order of detection does not matter.
     depth_mm = stand(stand(room(), 370.0, 3.0), 300.0, 1.8)
     near, far = keypoints(300.0, 1.8), keypoints(390.0, 3.0)
     for people in ([near, far], [far, near]):

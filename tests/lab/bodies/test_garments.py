@@ -1,4 +1,4 @@
-"""Clothes and hair: who wears what, where it ends, and how cloth is cut."""
+"""Clothes and hair: shapes, ends and cuts of cloth."""
 
 import msgspec
 import numpy as np
@@ -51,7 +51,7 @@ def test_cutting_the_tip_off_a_triangle() -> None:
     tip, rest = cut(triangle, height - 0.75), cut(triangle, 0.75 - height)
     assert area(tip) == pytest.approx(1 / 32)
     assert area(rest) == pytest.approx(1 / 2 - 1 / 32)
-    # The rim is straight, and its weights lie between those of the corners it cuts.
+    # The rim is straight, with weights between the weights of the cut corners.
     assert tip.vertices_m[:, 2].min() == pytest.approx(0.75)
     on_rim = np.isclose(tip.vertices_m[:, 2], 0.75)
     assert_allclose(tip.weights[on_rim][:, 2], 0.75)

@@ -13,14 +13,14 @@ from tests.lab.motion.skeletons import skeleton
 
 
 def routes(people: Sequence[PersonPlan], seconds: float) -> F64:
-    """Return the ways of people, NxTx3 at 50 Hz."""
+    """Return the paths of people, NxTx3 at 50 Hz."""
     motions = simulate(people, [skeleton(1.75) for _ in people], seconds, 0)
     times_s = np.arange(0.0, seconds, 0.02)
     return np.array([motion.path(times_s) for motion in motions])
 
 
 def nearest_m(found: F64) -> float:
-    """Return the least distance of any two."""
+    """Return the minimum distance of two people."""
     return min(
         float(np.linalg.norm(a[:, :2] - b[:, :2], axis=-1).min())
         for k, a in enumerate(found)
@@ -33,7 +33,7 @@ def across(start: tuple[float, float], end: tuple[float, float]) -> PersonPlan:
     return PersonPlan(body="adam", start=start, face_deg=face_deg, path=(Waypoint(to=end),))
 
 
-def test_four_who_cross_in_the_middle_arrive_and_never_touch() -> None:
+def test_four_crossing_people_arrive_without_contact() -> None:
     ends = [(2.5, 0.0), (-2.5, 0.0), (0.0, 2.5), (0.0, -2.5)]
     people = [across(start, (-start[0], -start[1])) for start in ends]
     found = routes(people, 14.0)
@@ -42,7 +42,7 @@ def test_four_who_cross_in_the_middle_arrive_and_never_touch() -> None:
         assert route[-1, :2] == pytest.approx((-start[0], -start[1]), abs=0.15)
 
 
-def test_two_who_meet_head_on_both_pass_on_the_right() -> None:
+def test_two_people_who_meet_head_on_pass_on_the_right() -> None:
     found = routes([across((0, 0), (5, 0)), across((5, 0), (0, 0))], 9.0)
     assert nearest_m(found) > 0.55
     meeting = int(np.argmin(np.linalg.norm(found[0, :, :2] - found[1, :, :2], axis=-1)))

@@ -1,4 +1,4 @@
-"""Ways to walk that differ from that of most people."""
+"""Walking styles: limp, cadence, lean and arms."""
 
 import math
 from typing import Any

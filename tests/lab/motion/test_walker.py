@@ -12,7 +12,7 @@ from lab.scenario import PersonPlan, Waypoint
 
 
 def walk(plan: PersonPlan, seconds: float, each: Callable[[Walker], None] | None = None) -> Walker:
-    """Let somebody walk without others around."""
+    """Simulate one walker without others."""
     walker = Walker(plan, 1.75)
     for step in range(round(seconds / STEP_S)):
         walker.decide(step * STEP_S)

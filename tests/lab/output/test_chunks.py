@@ -12,7 +12,7 @@ from people4d.errors import People4dError, SourceError
 
 
 def write(folder: Path, piece: int) -> None:
-    """Leave a file that tells who wrote it."""
+    """Write a file with the id of the process."""
     (folder / str(piece)).write_text(str(os.getpid()))
 
 

@@ -55,7 +55,7 @@ def test_velocity_is_the_derivative_of_position() -> None:
         assert np.median(np.abs(velocities[100:300, 1])) == pytest.approx(1.0, abs=0.1)
 
 
-def test_yaw_is_pi_for_who_faces_the_camera() -> None:
+def test_yaw_of_a_person_who_faces_the_camera_is_pi() -> None:
     # docs/method.md section 1: to a camera that looks along +x, pi faces it, +pi/2 image-left.
     one, other = next(capture_truth(world("facing"))).people
     assert one.yaw_rad is not None
