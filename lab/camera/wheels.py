@@ -44,18 +44,13 @@ class WheelModel:
 WHEELS = WheelModel()
 
 
-@dataclass(frozen=True)
-class WheelTicks:
-    """Readings of the wheel encoders."""
-
-    time_s: F64  # N, times of the readings
-    ticks: I64  # Nx2, left and right, from the first reading
-
-
 def wheel_ticks(
     path: BasePath, duration_s: float, seed: int, wheels: WheelModel = WHEELS
-) -> WheelTicks:
-    """Return the counts of the wheel encoders on a path; the seed determines the slip."""
+) -> tuple[F64, I64]:
+    """Return the times (N) and counts (Nx2, left and right) of the wheel encoders on a path.
+
+    The seed determines the slip.
+    """
     time_s: F64 = np.arange(math.floor(duration_s * wheels.rate_hz + 1e-9) + 1) / wheels.rate_hz
     forward_m, turned_rad = np.diff(path.travel(time_s), axis=0).T
     half_track_m = wheels.track_m * (1 + wheels.track_error) / 2
@@ -67,7 +62,7 @@ def wheel_ticks(
     turned_m = rolled_m * (1 + wheels.slip * slips[second])
     distance_m = np.concatenate([np.zeros((1, 2)), np.cumsum(turned_m, axis=0)])
     true_tick_m = tick_m(wheels) / (1 + wheels.scale_error)
-    return WheelTicks(time_s, np.floor(distance_m / true_tick_m + 0.5).astype(np.int64))
+    return time_s, np.floor(distance_m / true_tick_m + 0.5).astype(np.int64)
 
 
 def tick_m(wheels: WheelModel) -> float:
@@ -86,13 +81,13 @@ def wheel_odometry(
         seed: Seed of the slip.
         wheels: Wheels and their errors.
     """
-    readings = wheel_ticks(path, duration_s, seed, wheels)
-    steps_m = np.diff(readings.ticks, axis=0) * tick_m(wheels)
+    times_s, ticks = wheel_ticks(path, duration_s, seed, wheels)
+    steps_m = np.diff(ticks, axis=0) * tick_m(wheels)
     reckoning = DeadReckoning(wheels)
     odometry = [_message(reckoning, 0.0, 0)]
     for sequence, (left_m, right_m) in enumerate(steps_m.tolist(), 1):
         reckoning.add_step(left_m, right_m)
-        odometry.append(_message(reckoning, float(readings.time_s[sequence]), sequence))
+        odometry.append(_message(reckoning, float(times_s[sequence]), sequence))
     return odometry
 
 

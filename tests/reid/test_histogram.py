@@ -38,15 +38,6 @@ def test_vectors_have_unit_length() -> None:
     np.testing.assert_allclose(np.linalg.norm(vectors, axis=1), 1, atol=1e-6)
 
 
-def test_no_crops_give_no_rows() -> None:
-    assert HistogramEmbedder().embed([]).shape == (0, HistogramEmbedder().dimension)
-
-
-def test_the_same_image_has_no_distance() -> None:
-    one = crop(image_of(WHITE, RED, BLUE))
-    assert distance(one, one) == pytest.approx(0, abs=1e-6)
-
-
 def test_a_changed_order_of_crops_changes_the_order_of_rows() -> None:
     rng = np.random.default_rng(0)
     crops = [crop(rng.integers(0, 256, (60, 20, 3)).astype(np.uint8)) for _ in range(6)]

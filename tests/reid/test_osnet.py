@@ -51,13 +51,6 @@ def test_crops_go_in_one_batch_if_the_network_can() -> None:
     np.testing.assert_allclose(together, one_by_one, atol=1e-6)
 
 
-def test_no_crops_need_no_run() -> None:
-    session = MeanColour()
-    embedder = OsnetEmbedder(session)
-    assert embedder.embed([]).shape == (0, 3)
-    assert len(session.runs) == 1  # of the constructor
-
-
 def test_other_networks_are_refused() -> None:
     with pytest.raises(ModelError, match=r"expected an input of Nx3xHxW, got \[1, 256, 128, 3\]"):
         OsnetEmbedder(MeanColour(input_shape=(1, 256, 128, 3)))

@@ -10,7 +10,6 @@ from common.geometry.transforms import invert
 from common.transport.memory_bus import MemoryBus
 from people4d.messages import (
     F64,
-    CameraInfo,
     Detection,
     Detections,
     Message,
@@ -186,13 +185,6 @@ def test_standing_person_before_a_turning_base_has_no_speed() -> None:
             speeds += [float(np.linalg.norm(t.velocity_mps[:2])) for t in tracks.tracks]
     assert len(speeds) > 20
     assert max(speeds[10:]) < 0.05
-
-
-def test_odometry_passes_the_bus() -> None:
-    bus = MemoryBus([node()])
-    bus.publish(INFO, MOUNT, *(frame(base(), number) for number in range(3)))
-    assert sum(isinstance(message, Odometry) for message in bus.log) == 3
-    assert isinstance(bus.log[0], CameraInfo)
 
 
 def found(position_m: F64, number: int) -> Detections:

@@ -86,10 +86,10 @@ def test_ticks_of_a_straight_drive() -> None:
     wheels = WheelModel(scale_error=0, track_error=0, slip=0)
     plan = CameraPlan(drive=(Drive(for_s=4, speed_mps=0.5),))
     assert tick_m(wheels) == pytest.approx(49.8544e-6, rel=1e-5)
-    readings = wheel_ticks(BasePath(plan, 4), 4, 0, wheels)
-    assert readings.ticks[-1].tolist() == [40117, 40117]
-    assert readings.ticks[0].tolist() == [0, 0]
-    assert readings.time_s[-1] == 4.0
+    times_s, ticks = wheel_ticks(BasePath(plan, 4), 4, 0, wheels)
+    assert ticks[-1].tolist() == [40117, 40117]
+    assert ticks[0].tolist() == [0, 0]
+    assert times_s[-1] == 4.0
 
 
 def test_constant_errors_scale_distances_and_turns() -> None:
