@@ -6,11 +6,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from lab.bodies.cast import CastMember, cast_names, linear, load_cast
+from lab.bodies.cast import CastMember, cast_names, load_cast
 from lab.bodies.face import make_eyes, make_glasses, paint_face
 from lab.bodies.figure import Figure, load_figure, scaled
 from lab.bodies.garments import (
     HemLevels,
+    cloth,
     collar_field,
     make_legwear,
     make_shirt,
@@ -139,12 +140,6 @@ def make_skin(figure: Figure, person: CastMember, levels: HemLevels) -> BodySurf
     above_collar = UNDER_M - collar_field(figure, levels.collar)
     torso = np.maximum(above_collar, levels.legs + UNDER_M - z)
     bare = np.where(on_arm(figure), levels.sleeve + UNDER_M - z, torso) > 0
-    faces = figure.faces["body"]
-    skin = BodySurface(
-        vertices_m=figure.vertices_m,
-        weights=figure.weights,
-        colour=np.tile(linear(person.skin), (len(z), 1)),
-        faces=faces[bare[faces].all(axis=1)],
-        material=Material.SKIN,
-    )
+    skin = cloth(figure, "body", person.skin, Material.SKIN)
+    skin = replace(skin, faces=skin.faces[bare[skin.faces].all(axis=1)])
     return paint_face(skin, figure, person).compact()

@@ -1,25 +1,26 @@
 """The cast: people and their clothes; data in assets/cast.toml."""
 
-import re
 import tomllib
 from functools import cache
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import msgspec
 import numpy as np
+from msgspec import Meta
 
 from people4d.messages import F64
 
 CAST = Path(__file__).parents[1] / "assets" / "cast.toml"
-COLOUR = re.compile(r"#[0-9a-f]{6}")
+
+Colour = Annotated[str, Meta(pattern="^#[0-9a-f]{6}$")]
 
 
 class Hair(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Hair of head and face."""
 
     style: Literal["short", "long", "bob", "bun", "balding", "bald"] = "short"
-    colour: str = "#2e2019"
+    colour: Colour = "#2e2019"
     beard: bool = False
     thickness_m: float = 0.016  # thickness on the crown
 
@@ -27,7 +28,7 @@ class Hair(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 class Shirt(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Clothes of the upper body."""
 
-    colour: str
+    colour: Colour
     pattern: Literal["plain", "stripes", "plaid", "print", "placket", "blocks"] = "plain"
     sleeves: Literal["short", "long"] = "short"
     loose_m: float = 0.012  # distance of cloth from the close-fitting suit
@@ -36,7 +37,7 @@ class Shirt(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 class Legwear(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Clothes of the legs."""
 
-    colour: str
+    colour: Colour
     kind: Literal["trousers", "shorts", "skirt"] = "trousers"
     loose_m: float = 0.014  # distance of cloth from the close-fitting suit at the hem
 
@@ -44,9 +45,9 @@ class Legwear(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 class Shoes(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Shoes and socks."""
 
-    colour: str = "#2b2a2c"
-    sole: str = "#b9b6ae"
-    socks: str = "#4a4a4e"
+    colour: Colour = "#2b2a2c"
+    sole: Colour = "#b9b6ae"
+    socks: Colour = "#4a4a4e"
 
 
 class CastMember(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -54,30 +55,13 @@ class CastMember(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
     about: str  # description in a few words
     figure: str  # name of the baked body
-    skin: str
-    eyes: str = "#4a3524"
+    skin: Colour
+    eyes: Colour = "#4a3524"
     glasses: bool = False
     hair: Hair
     shirt: Shirt
     legs: Legwear
     shoes: Shoes = Shoes()
-
-    def __post_init__(self) -> None:
-        """Check colours.
-
-        Raises:
-            ValueError: A colour is not #rrggbb.
-        """
-        parts = (self.hair, self.shirt, self.legs, self.shoes)
-        for colour in (
-            self.skin,
-            self.eyes,
-            self.shoes.sole,
-            self.shoes.socks,
-            *(part.colour for part in parts),
-        ):
-            if not COLOUR.fullmatch(colour):
-                raise ValueError(f"colour: expected #rrggbb, got {colour}")
 
 
 @cache

@@ -79,7 +79,7 @@ def collar_field(figure: Figure, collar: float) -> F64:
 
 
 def cloth(figure: Figure, part: str, colour: str, material: Material) -> BodySurface:
-    """Return a whole helper mesh as plain cloth."""
+    """Return a part of a figure, such as a helper mesh, in one colour and material."""
     return BodySurface(
         vertices_m=figure.vertices_m,
         weights=figure.weights,

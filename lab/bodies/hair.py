@@ -5,6 +5,7 @@ import numpy.typing as npt
 
 from lab.bodies.cast import Hair, linear
 from lab.bodies.figure import Figure, HeadLandmarks, find_head, on_head
+from lab.bodies.garments import cloth
 from lab.bodies.surface import BodySurface, cut, grid_faces, smoothed
 from lab.drawing.mesh import Material
 from people4d.messages import F64
@@ -52,17 +53,6 @@ def make_hair(figure: Figure, hair: Hair) -> list[BodySurface]:
     return pieces
 
 
-def strands(figure: Figure, hair: Hair) -> BodySurface:
-    """Return the skin of the body with the colour and material of hair."""
-    return BodySurface(
-        vertices_m=figure.vertices_m,
-        weights=figure.weights,
-        colour=np.tile(linear(hair.colour), (len(figure.vertices_m), 1)),
-        faces=figure.faces["body"],
-        material=Material.HAIR,
-    )
-
-
 def scalp_hair(figure: Figure, hair: Hair) -> BodySurface:
     """Return hair that follows the scalp, thin at the hairline, without ears."""
     head = find_head(figure)
@@ -70,7 +60,10 @@ def scalp_hair(figure: Figure, hair: Hair) -> BodySurface:
     if hair.style == "balding":
         field = np.minimum(field, BALD_ABOVE - head.coordinates(figure.vertices_m)[2])
     field = np.where(on_head(figure), field, -1.0)
-    shell = cut(strands(figure, hair), np.minimum(field, 0.3 - figure.masks["ears"]))
+    shell = cut(
+        cloth(figure, "body", hair.colour, Material.HAIR),
+        np.minimum(field, 0.3 - figure.masks["ears"]),
+    )
     depth = np.clip(hair_field(head, shell.vertices_m) / 0.45, 0, 1)
     _, _, above = head.coordinates(shell.vertices_m)
     # Shorter at the sides than on the crown
@@ -183,5 +176,7 @@ def beard(figure: Figure, hair: Hair) -> BodySurface:
     )
     field = np.minimum(field, 0.25 - figure.masks["lips"])
     field = np.minimum(field, before - 0.08)
-    shell = cut(strands(figure, hair), np.where(on_head(figure), field, -1.0))
+    shell = cut(
+        cloth(figure, "body", hair.colour, Material.HAIR), np.where(on_head(figure), field, -1.0)
+    )
     return smoothed(shell.inflated(0.006), 1)

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from lab.bodies.rotations import about_y, about_z, turn
 from lab.bodies.skeleton import Skeleton
 from lab.motion.footfalls import FootStances
-from lab.motion.gait import LIFT_OFF, GaitCurves
+from lab.motion.gait import LIFT_OFF, gait_curve
 from people4d.messages import F64
 
 FLAT = 0.25  # phase at which the whole sole is on the floor
@@ -91,20 +91,18 @@ class FootPhases:
     push: F64  # phase towards lift-off, from FLAT
 
 
-def foot_path(
-    feet: FootStances, skeleton: Skeleton, side: int, gait: GaitCurves, times_s: F64
-) -> FootPath:
+def foot_path(feet: FootStances, skeleton: Skeleton, side: int, times_s: F64) -> FootPath:
     """Return the motion of a foot: heel contact, flat stance, roll about the ball, swing."""
     shoe, rhythm = Shoe.from_skeleton(skeleton, side), _rhythm(feet, times_s)
     stride = np.linalg.norm(np.diff(feet.footprint[:, :2], axis=0), axis=-1)
     share = np.clip(stride / REFERENCE_STRIDE_M, *PITCH_SHARES)
-    pitch = _pitch(rhythm, share, gait)
+    pitch = _pitch(rhythm, share)
     ankle = shoe.standing_ankle(feet.footprint[rhythm.stance], pitch)
     yaw = feet.footprint[rhythm.stance, 2]
     swinging = rhythm.swing > 0.0
     if swinging.any():
         number, part = rhythm.stance[swinging], rhythm.swing[swinging]
-        ankle[swinging, :2] = _swing_ends(feet, shoe, gait, share).between(number, part)
+        ankle[swinging, :2] = _swing_ends(feet, shoe, share).between(number, part)
         height = shoe.ankle_height(pitch[swinging], np.sin(np.pi * part) ** 2)
         ankle[swinging, 2] = height + _clearance_m(part) * np.minimum(share[number], 1.0)
         turned = np.diff(feet.footprint[:, 2])[number]
@@ -126,12 +124,12 @@ def _rhythm(feet: FootStances, times_s: F64) -> FootPhases:
     )
 
 
-def _pitch(rhythm: FootPhases, share: F64, gait: GaitCurves) -> F64:
+def _pitch(rhythm: FootPhases, share: F64) -> F64:
     """Return the pitch of the foot, toes up [rad], T; larger in longer strides."""
     before, after = np.append(0.0, share)[rhythm.stance], np.append(share, 0.0)[rhythm.stance]
-    standing = before * gait.curve("foot.pitch_deg", rhythm.contact)
-    standing += after * gait.curve("foot.pitch_deg", rhythm.push)
-    swinging = after * gait.curve("foot.pitch_deg", LIFT_OFF + IN_AIR * rhythm.swing)
+    standing = before * gait_curve("foot.pitch_deg", rhythm.contact)
+    standing += after * gait_curve("foot.pitch_deg", rhythm.push)
+    swinging = after * gait_curve("foot.pitch_deg", LIFT_OFF + IN_AIR * rhythm.swing)
     return np.asarray(np.radians(np.where(rhythm.swing > 0.0, swinging, standing)))
 
 
@@ -160,10 +158,10 @@ class SwingEnds:
         )
 
 
-def _swing_ends(feet: FootStances, shoe: Shoe, gait: GaitCurves, share: F64) -> SwingEnds:
+def _swing_ends(feet: FootStances, shoe: Shoe, share: F64) -> SwingEnds:
 
     def ankles(footprint: F64, phase: float) -> F64:
-        pitch = np.radians(share * gait.curve("foot.pitch_deg", phase))
+        pitch = np.radians(share * gait_curve("foot.pitch_deg", phase))
         return shoe.standing_ankle(footprint, pitch)[:, :2]
 
     step = 0.005  # difference of phase, into the stance

@@ -39,25 +39,19 @@ def swing_share(speed_mps: npt.ArrayLike) -> F64:
     return np.asarray(np.clip(0.295 + 0.077 * np.asarray(speed_mps, np.float64), 0.3, 0.41))
 
 
-class GaitCurves:
-    """Periodic curves over the gait cycle, smooth to the second derivative."""
-
-    def __init__(self, table: dict[str, dict[str, list[float]]]):
-        self._splines = {
-            f"{part}.{name}": CubicSpline(
-                np.linspace(0.0, 1.0, len(values) + 1), [*values, values[0]], bc_type="periodic"
-            )
-            for part, curves in table.items()
-            for name, values in curves.items()
-        }
-
-    def curve(self, name: str, phase: npt.ArrayLike) -> F64:
-        """Return a curve, for example "pelvis.up_m", at phases in cycles of the left leg."""
-        return np.asarray(self._splines[name](np.asarray(phase, np.float64) % 1.0))
-
-
 @cache
-def load_gait_curves() -> GaitCurves:
-    """Read the gait curves of assets/gait.toml."""
+def _splines() -> dict[str, CubicSpline]:
+    """Read the curves of assets/gait.toml, periodic with continuous second derivatives."""
     text = files("lab").joinpath("assets/gait.toml").read_text(encoding="utf-8")
-    return GaitCurves(tomllib.loads(text))
+    return {
+        f"{part}.{name}": CubicSpline(
+            np.linspace(0.0, 1.0, len(values) + 1), [*values, values[0]], bc_type="periodic"
+        )
+        for part, curves in tomllib.loads(text).items()
+        for name, values in curves.items()
+    }
+
+
+def gait_curve(name: str, phase: npt.ArrayLike) -> F64:
+    """Return a curve of the gait cycle, such as "pelvis.up_m", at phases [cycles]."""
+    return np.asarray(_splines()[name](np.asarray(phase, np.float64) % 1.0))

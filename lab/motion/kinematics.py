@@ -12,7 +12,7 @@ from lab.motion import stance
 from lab.motion.bouts import WalkPath
 from lab.motion.foot_path import FootPath, foot_path
 from lab.motion.footfalls import Individual, StepPlan, plan_steps
-from lab.motion.gait import REFERENCE_MPS, GaitCurves, load_gait_curves, step_length_m
+from lab.motion.gait import REFERENCE_MPS, gait_curve, step_length_m
 from lab.motion.limbs import (
     HELD,
     ArmAngles,
@@ -70,13 +70,10 @@ def pose_arrays(
         Positions of the pelvis [m], Tx3, frame: map; rotations parent_from_segment, Tx13x3x3, the
         first map_from_pelvis; the steps.
     """
-    gait = load_gait_curves()
     steps = plan_steps(path, person)
     scaling = _gait_scaling(path, steps, person)
     sitting = stance.sit(seated, person.skeleton.stature_m)
-    feet = [
-        foot_path(steps.feet[side], person.skeleton, side, gait, path.times_s) for side in (0, 1)
-    ]
+    feet = [foot_path(steps.feet[side], person.skeleton, side, path.times_s) for side in (0, 1)]
     torso = _torso_motion(person, path, scaling, sitting, looking)
     torso.pelvis_m[:, 2] -= smooth_cover(_lacking(person.skeleton, torso, feet))
     rotations = np.empty((len(path.times_s), len(SEGMENTS), 3, 3))
@@ -128,20 +125,20 @@ def _torso_motion(
 
 
 def _curve(name: str, scaling: GaitScaling) -> F64:
-    return np.asarray(np.radians(load_gait_curves().curve(f"{name}_deg", scaling.phase)))
+    return np.asarray(np.radians(gait_curve(f"{name}_deg", scaling.phase)))
 
 
 def _pelvis_position(
     person: Individual, path: WalkPath, scaling: GaitScaling, sitting: stance.Sitting
 ) -> F64:
-    gait, skeleton = load_gait_curves(), person.skeleton
+    skeleton = person.skeleton
     still = (1.0 - scaling.stepping) * (1.0 - sitting.low)
     sway = stance.sway(path.times_s, person.seed, person.index) * still[:, None]
     bounce = scaling.stride**2  # the height of an arc grows with the square of its chord
-    ahead = gait.curve("pelvis.ahead_m", scaling.phase) * bounce + sway[:, 0] - sitting.back_m
-    left = gait.curve("pelvis.left_m", scaling.phase) * scaling.stepping + sway[:, 1]
+    ahead = gait_curve("pelvis.ahead_m", scaling.phase) * bounce + sway[:, 0] - sitting.back_m
+    left = gait_curve("pelvis.left_m", scaling.phase) * scaling.stepping + sway[:, 1]
     sole_m = float(np.min([skeleton.heel[:, 2], skeleton.ball[:, 2]]))
-    upright = gait.curve("pelvis.up_m", scaling.phase) * bounce
+    upright = gait_curve("pelvis.up_m", scaling.phase) * bounce
     upright += -sole_m - STAND_LOW_M - WALK_LOW_M * bounce
     seat_m = stance.seated_height_m(skeleton.stature_m)
     cos, sin = np.cos(path.yaw_rad), np.sin(path.yaw_rad)
@@ -181,12 +178,11 @@ def _lacking(skeleton: Skeleton, torso: TorsoMotion, feet: list[FootPath]) -> F6
 def _arm(
     person: Individual, scaling: GaitScaling, sitting: stance.Sitting, torso: TorsoMotion, side: int
 ) -> tuple[F64, F64]:
-    gait: GaitCurves = load_gait_curves()
     phase = scaling.phase + 0.5 * side
     swing = scaling.speed * person.arm_swing
     # The arm swings about its hanging position, and bends more at higher speed.
-    shoulder = HANGING_SHOULDER_DEG + gait.curve("arm.shoulder_deg", phase) * swing
-    elbow = gait.curve("arm.elbow_deg", phase) - HANGING_ELBOW_DEG
+    shoulder = HANGING_SHOULDER_DEG + gait_curve("arm.shoulder_deg", phase) * swing
+    elbow = gait_curve("arm.elbow_deg", phase) - HANGING_ELBOW_DEG
     elbow = HANGING_ELBOW_DEG + elbow * np.minimum(swing, 1.2)
     shoulder = shoulder + (stance.RESTING_SHOULDER_DEG - shoulder) * sitting.rest
     elbow = elbow + (stance.RESTING_ELBOW_DEG - elbow) * sitting.rest

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lab.motion.gait import load_gait_curves, step_length_m, swing_share
+from lab.motion.gait import gait_curve, step_length_m, swing_share
 
 PHASES = np.linspace(0.0, 1.0, 201)
 EVEN = ["pelvis.up_m", "pelvis.ahead_m", "pelvis.tilt_deg", "chest.pitch_deg"]
@@ -13,36 +13,32 @@ ALL = [*EVEN, *ODD, "foot.pitch_deg", "arm.shoulder_deg", "arm.elbow_deg"]
 
 @pytest.mark.parametrize("name", ALL)
 def test_a_curve_repeats_and_has_no_corner_where_it_does(name: str) -> None:
-    gait = load_gait_curves()
-    np.testing.assert_allclose(gait.curve(name, PHASES), gait.curve(name, PHASES + 3.0), atol=1e-9)
+    np.testing.assert_allclose(gait_curve(name, PHASES), gait_curve(name, PHASES + 3.0), atol=1e-9)
     # The slope changes by less than a twentieth of the curve's size for each cycle.
-    before, at, after = gait.curve(name, [1.0 - 1e-5, 1.0, 1.0 + 1e-5])
-    size = np.ptp(gait.curve(name, PHASES))
+    before, at, after = gait_curve(name, [1.0 - 1e-5, 1.0, 1.0 + 1e-5])
+    size = np.ptp(gait_curve(name, PHASES))
     assert abs((after - at) - (at - before)) / 1e-5 < 0.05 * size
 
 
 @pytest.mark.parametrize("name", EVEN)
 def test_what_both_legs_do_alike_repeats_with_each_step(name: str) -> None:
-    gait = load_gait_curves()
-    np.testing.assert_allclose(gait.curve(name, PHASES), gait.curve(name, PHASES + 0.5), atol=1e-9)
+    np.testing.assert_allclose(gait_curve(name, PHASES), gait_curve(name, PHASES + 0.5), atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ODD)
 def test_left_and_right_mirror_each_other(name: str) -> None:
-    gait = load_gait_curves()
-    np.testing.assert_allclose(gait.curve(name, PHASES), -gait.curve(name, PHASES + 0.5), atol=1e-9)
+    np.testing.assert_allclose(gait_curve(name, PHASES), -gait_curve(name, PHASES + 0.5), atol=1e-9)
 
 
 def test_the_pelvis_moves_as_published() -> None:
-    gait = load_gait_curves()
     # Murray 1964: 4 to 5 cm up and down, 4 to 5 cm from side to side.
-    assert np.ptp(gait.curve("pelvis.up_m", PHASES)) == pytest.approx(0.04, abs=0.005)
-    assert np.ptp(gait.curve("pelvis.left_m", PHASES)) == pytest.approx(0.044, abs=0.006)
+    assert np.ptp(gait_curve("pelvis.up_m", PHASES)) == pytest.approx(0.04, abs=0.005)
+    assert np.ptp(gait_curve("pelvis.left_m", PHASES)) == pytest.approx(0.044, abs=0.006)
     # Lowest while both feet stand (just after heel contact), over the left foot in its stance.
-    assert PHASES[np.argmin(gait.curve("pelvis.up_m", PHASES[:100]))] == pytest.approx(
+    assert PHASES[np.argmin(gait_curve("pelvis.up_m", PHASES[:100]))] == pytest.approx(
         0.05, abs=0.02
     )
-    assert 0.2 < PHASES[np.argmax(gait.curve("pelvis.left_m", PHASES))] < 0.4
+    assert 0.2 < PHASES[np.argmax(gait_curve("pelvis.left_m", PHASES))] < 0.4
 
 
 def test_step_length_is_the_walk_ratio_times_cadence() -> None:

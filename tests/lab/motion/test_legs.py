@@ -9,7 +9,6 @@ import pytest
 from lab.bodies.rotations import turn
 from lab.motion.foot_path import FootPath, foot_path
 from lab.motion.footfalls import FootStances
-from lab.motion.gait import load_gait_curves
 from lab.motion.limbs import bend_leg, smooth_cover
 from lab.motion.motion import PersonMotion, simulate
 from lab.scenario import PersonPlan, Waypoint
@@ -167,7 +166,7 @@ def test_a_foot_rolls_where_it_stands() -> None:
         np.array([[0.0, 0.1, 0.0], [1.4, 0.1, 0.1], [2.8, 0.2, 0.2]]),
     )
     times_s = np.arange(0.0, 3.5, 0.002)
-    path = foot_path(feet, BODY, 0, load_gait_curves(), times_s)
+    path = foot_path(feet, BODY, 0, times_s)
     heel, ball, toe = (
         path.ankle_m + turn(path.map_from_foot, point[0] - BODY.ankle[0])
         for point in (BODY.heel, BODY.ball, BODY.toe)
