@@ -56,19 +56,6 @@ class Gesture(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
             raise ValueError(f"for_s: expected >= {2 * self.move_s}, got {self.for_s}")
 
 
-class WalkStyle(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Walking style of a person."""
-
-    # asymmetry of steps: (left - right) / mean of their durations
-    limp: Annotated[float, Meta(ge=-0.4, le=0.4)] = 0.0
-    cadence: Annotated[float, Meta(ge=0.7, le=1.4)] = (
-        1.0  # relative to the normal cadence at this speed
-    )
-    lean_deg: Annotated[float, Meta(ge=0, le=35)] = 0.0  # [deg] forward lean of the chest
-    # carry: both forearms in front of the body, as with a box
-    arms: Literal["swing", "pockets", "carry"] = "swing"
-
-
 class PersonPlan(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One person and their path."""
 
@@ -82,7 +69,6 @@ class PersonPlan(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
     outfit: Outfit = "own"  # clothes
     size: Annotated[float, Meta(ge=0.8, le=1.2)] = 1.0  # stature relative to the cast
     gestures: tuple[Gesture, ...] = ()
-    style: WalkStyle = WalkStyle()
 
     def __post_init__(self) -> None:
         """Check the name of the body."""
@@ -103,10 +89,6 @@ class CapturePlan(Config, frozen=True, kw_only=True, forbid_unknown_fields=True)
     yaw_noise_deg: Annotated[float, Meta(ge=0, le=180)] = (
         0.0  # [deg] standard deviation of yaw, white
     )
-    # share of time without capture of a person, in gaps of `dropout_s`
-    dropout: Annotated[float, Meta(ge=0, le=0.99)] = 0.0
-    dropout_s: Annotated[float, Meta(ge=0.01, le=3600)] = 0.5  # [s] mean length of a gap
-    clock_offset_s: float = 0.0  # [s] clock of the system minus clock of the camera
 
 
 class Scenario(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -8,9 +8,8 @@ from msgspec.structs import replace
 from lab.bodies.cast import CastMember, Hair, Legwear, Shirt, Shoes
 
 # own: as in the cast; dark: navy, black or dark grey from head to foot, hard to distinguish;
-# random: any clothes, colours, hair and skin; skirt: own clothes with a skirt to the knee;
-# coat: a loose coat to the knee
-Outfit = Literal["own", "dark", "random", "skirt", "coat"]
+# random: any clothes, colours, hair and skin
+Outfit = Literal["own", "dark", "random"]
 T = TypeVar("T")
 
 KEY = 111  # key of the random numbers
@@ -35,7 +34,6 @@ SHOES = ("#2b2a2c", "#1c1c1e", "#3c2a20", "#5c3f28", "#c9c8c4", "#8a8a8c", "#7c2
 PATTERNS: Final = ("stripes", "plaid", "print", "placket", "blocks")
 PLAIN = 0.6  # share of plain shirts
 WOMEN = ("bea", "dana", "fumiko", "hana", "joy")  # figures with skirts and long hair
-COAT_M = 0.03  # distance of a coat from the body [m]
 TINT = 0.12  # standard deviation of a colour channel's relative change
 
 
@@ -50,18 +48,8 @@ def dress_up(person: CastMember, outfit: Outfit, seed: int, number: int) -> Cast
     """
     if outfit == "own":
         return person
-    if outfit in ("skirt", "coat"):
-        return _over_the_knee(person, coat=outfit == "coat")
     rng = np.random.default_rng([seed, KEY, number])
     return _dark(person, rng) if outfit == "dark" else _random(person, rng)
-
-
-def _over_the_knee(person: CastMember, *, coat: bool) -> CastMember:
-    long = replace(person.shirt, pattern="plain", sleeves="long", loose_m=COAT_M)
-    shirt = long if coat else person.shirt
-    colour = shirt.colour if coat else person.legs.colour
-    loose_m = COAT_M if coat else person.legs.loose_m
-    return replace(person, shirt=shirt, legs=Legwear(colour=colour, kind="skirt", loose_m=loose_m))
 
 
 def _dark(person: CastMember, rng: np.random.Generator) -> CastMember:

@@ -1,7 +1,7 @@
 """Walking bouts: intervals of walking or turning, in whole steps."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -57,20 +57,6 @@ class WalkingBout:
         """
         first_lands = math.ceil(done - self.foot / 2 + 0.25) + self.foot / 2
         return first_lands + (self.progress - self.swing) / 2
-
-
-def add_limp(bout: WalkingBout, limp: float) -> WalkingBout:
-    """Return a bout whose left steps take longer than its right steps, by a share of their mean.
-
-    Landings of one foot are late by a quarter of the share, landings of the other foot early;
-    begin and end of the bout do not change.
-    """
-    if limp == 0.0:
-        return bout
-    late = limp / 4 * (1.0 if bout.foot == 0 else -1.0)
-    shift = late * np.cos(np.pi * (bout.progress - bout.swing))
-    shift -= np.interp(bout.progress, bout.progress[[0, -1]], shift[[0, -1]])
-    return replace(bout, progress=np.interp(bout.progress, bout.progress + shift, bout.progress))
 
 
 def find_walking_bouts(

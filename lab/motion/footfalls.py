@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lab.bodies.skeleton import Skeleton
-from lab.motion.bouts import WalkingBout, WalkPath, add_limp, find_walking_bouts
+from lab.motion.bouts import WalkingBout, WalkPath, find_walking_bouts
 from lab.scenario import PersonPlan
 from people4d.messages import F64
 
@@ -51,7 +51,7 @@ class Individual:
     cadence_factor: float  # cadence relative to the average person
     arm_swing: float  # amplitude of the arms relative to the average person
     first_foot: int  # preferred first foot, 0 left or 1 right
-    plan: PersonPlan  # gestures and style
+    plan: PersonPlan  # path and gestures
 
     @classmethod
     def draw(cls, skeleton: Skeleton, seed: int, index: int, plan: PersonPlan) -> "Individual":
@@ -61,7 +61,7 @@ class Individual:
             skeleton,
             seed,
             index,
-            cadence_factor=float(rng.uniform(0.95, 1.05)) * plan.style.cadence,
+            cadence_factor=float(rng.uniform(0.95, 1.05)),
             arm_swing=float(rng.uniform(0.75, 1.2)),
             first_foot=int(rng.integers(2)),
             plan=plan,
@@ -71,10 +71,7 @@ class Individual:
 def plan_steps(path: WalkPath, person: Individual) -> StepPlan:
     """Plan all steps of a person on a path."""
     stature_m = person.skeleton.stature_m
-    bouts = [
-        add_limp(bout, person.plan.style.limp)
-        for bout in find_walking_bouts(path, stature_m, person.cadence_factor, person.first_foot)
-    ]
+    bouts = find_walking_bouts(path, stature_m, person.cadence_factor, person.first_foot)
     stepping = np.zeros(len(path.times_s))
     for bout in bouts:
         stepping[bout.begin : bout.begin + len(bout.times_s)] = 1.0

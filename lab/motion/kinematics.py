@@ -1,6 +1,5 @@
 """Kinematics of all segments: pelvis, torso and arms by the gait curves, legs by the feet."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +13,6 @@ from lab.motion.foot_path import FootPath, foot_path
 from lab.motion.footfalls import Individual, StepPlan, plan_steps
 from lab.motion.gait import REFERENCE_MPS, gait_curve, step_length_m
 from lab.motion.limbs import (
-    HELD,
     ArmAngles,
     arm_rotations,
     bend_leg,
@@ -105,7 +103,6 @@ def _torso_motion(
 ) -> TorsoMotion:
     """Return pelvis, chest and head before the pelvis is lowered to reach the feet."""
     lean = _curve("chest.pitch", scaling) * np.minimum(scaling.stride, 1.0) + sitting.chest_rad
-    lean += math.radians(person.plan.style.lean_deg)
     lean += stance.breath(path.times_s) * (1.0 - scaling.stepping)
     gaze = _gaze(person, path, looking)
     pelvis = (
@@ -186,8 +183,7 @@ def _arm(
     elbow = HANGING_ELBOW_DEG + elbow * np.minimum(swing, 1.2)
     shoulder = shoulder + (stance.RESTING_SHOULDER_DEG - shoulder) * sitting.rest
     elbow = elbow + (stance.RESTING_ELBOW_DEG - elbow) * sitting.rest
-    angles = HELD.get(person.plan.style.arms, ArmAngles(shoulder, elbow))
-    angles = with_gestures(angles, person.plan.gestures, side, scaling.times_s)
+    angles = with_gestures(ArmAngles(shoulder, elbow), person.plan.gestures, side, scaling.times_s)
     # Arms hang vertically from a leaning chest.
     lean = np.arctan2(-torso.chest[:, 2, 0], torso.chest[:, 2, 2])
     return arm_rotations(angles, torso.chest, lean, side)

@@ -37,13 +37,6 @@ GOALS: Mapping[str, ArmAngles] = {
 }
 
 
-# Arms that do not swing in walking: the hands at the hips, or in front of the body
-HELD: Mapping[str, ArmAngles] = {
-    "pockets": ArmAngles(-20.0, 42.0, 0.24, 0.55),
-    "carry": ArmAngles(8.0, 80.0, 0.10, 0.15),
-}
-
-
 def with_gestures(
     angles: ArmAngles, gestures: Sequence[Gesture], side: int, times_s: F64
 ) -> ArmAngles:

@@ -12,7 +12,7 @@ from lab.scenario import CapturePlan
 from lab.world import World, stamp_ns
 from people4d.messages import F64, Truth, TruthPerson
 
-NOISE_KEY, GAP_KEY = 9101, 9102  # keys of the random numbers
+NOISE_KEY = 9101  # key of the random numbers
 TORSO = [5, 6, 11, 12]  # shoulders and hips in COCO order
 STEP_S = 0.01  # half the interval of the numerical derivative [s]
 
@@ -55,49 +55,19 @@ def capture_truth(world: World) -> Iterator[Truth]:
     """
     plan, people = world.scenario.capture, len(world.scenario.people)
     errors = [np.random.default_rng([world.seed, NOISE_KEY, k]) for k in range(people)]
-    present = [
-        captured_samples(plan, world.scenario.duration_s, world.seed, k) for k in range(people)
-    ]
     recent = [deque[Capture](maxlen=3) for _ in range(people)]
-    for sequence in range(-2, sample_count(plan, world.scenario.duration_s)):
+    for sequence in range(-2, int(world.scenario.duration_s * plan.rate_hz + 1e-9) + 1):
         for k, samples in enumerate(recent):
             samples.append(capture(world, k, (sequence + 1) / plan.rate_hz))
         if sequence < 0:
             continue
         t_s = sequence / plan.rate_hz
         yield Truth(
-            stamp_ns=stamp_ns(t_s + plan.clock_offset_s),
+            stamp_ns=stamp_ns(t_s),
             sequence=sequence,
             frame_id="map",
-            people=tuple(
-                _measure(person_id(k), recent[k], plan, errors[k])
-                for k in range(people)
-                if present[k][sequence]
-            ),
+            people=tuple(_measure(person_id(k), recent[k], plan, errors[k]) for k in range(people)),
         )
-
-
-def sample_count(plan: CapturePlan, duration_s: float) -> int:
-    """Return the number of samples of motion capture."""
-    return int(duration_s * plan.rate_hz + 1e-9) + 1
-
-
-def captured_samples(plan: CapturePlan, duration_s: float, seed: int, person: int) -> list[bool]:
-    """Return True for each sample in which a person is captured.
-
-    Gaps and the times between them have exponential lengths.
-    """
-    present = np.ones(sample_count(plan, duration_s), np.bool_)
-    if plan.dropout <= 0:
-        return present.tolist()
-    rng = np.random.default_rng([seed, GAP_KEY, person])
-    means_s = plan.dropout_s * np.array([1 / plan.dropout - 1, 1.0])
-    rounds = int(2 * duration_s / means_s.sum()) + 20
-    lengths_s = rng.exponential(np.tile(means_s, rounds))
-    edges = np.ceil(np.cumsum(lengths_s) * plan.rate_hz).astype(int).reshape(-1, 2)
-    for begin, end in edges.tolist():
-        present[begin:end] = False
-    return present.tolist()
 
 
 def _measure(

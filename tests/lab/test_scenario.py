@@ -74,7 +74,7 @@ def refusal(folder: Path, text: str) -> str:
             "people = []\n[[camera.drive]]\nfor_s = 0.0",
             "camera.drive[0].for_s: expected `float` >= 0.05",
         ),
-        ("people = []\n[capture]\ndropout = 1.0", "dropout: expected `float` <= 0.99, got 1.0"),
+        ("people = []\n[capture]\nnoise_m = -1.0", "noise_m: expected `float` >= 0"),
         ("people = [", "invalid value"),
         ("", "missing required field `people`"),
     ],

@@ -59,14 +59,3 @@ def test_every_figure_can_wear_every_outfit() -> None:
         mesh = load_body(name, 1, "random", number).mesh(neutral(), 1)
         assert np.isfinite(mesh.vertices_m).all()
         assert (mesh.material == Material.SHIRT).any()
-
-
-def test_skirts_and_coats_reach_the_knee_on_every_figure() -> None:
-    for name in cast_names():
-        person = load_cast()[name]
-        skirt, coat = (dress_up(person, outfit, 1, 0) for outfit in ("skirt", "coat"))
-        assert skirt.legs.kind == coat.legs.kind == "skirt"
-        assert skirt.shirt == person.shirt
-        assert coat.legs.colour == coat.shirt.colour
-        assert coat.shirt.loose_m > person.shirt.loose_m
-        assert np.isfinite(load_body(name, 1, "coat", 0).mesh(neutral(), 1).vertices_m).all()
