@@ -49,7 +49,7 @@ class SyntheticDetectionsConfig(Config, frozen=True, kw_only=True, forbid_unknow
 
     keypoint_share: NonNegative = 0.009  # sigma in x and in y, relative to the height of the box
     keypoint_least_px: NonNegative = 0.5  # [px] minimum standard deviation
-    box_share: NonNegative = 0.01  # standard deviation of each side of the box, of its height
+    box_share: NonNegative = 0.01  # standard deviation of each side, relative to the box's height
     recall: Probability = 0.99  # share of visible people that are detected
     miss_s: Positive = 0.1  # [s] correlation time of misses
     false_alarms: Annotated[float, Meta(ge=0, le=100)] = 0.01  # mean number in a frame

@@ -35,7 +35,7 @@ class PersonView:
     keypoints_m: F64  # 17x3, COCO order, frame: map
     keypoints_px: F64  # 17x2, projected; NaN behind the camera
     visible: U8  # 17, 1: in the image and not occluded
-    box_xyxy_px: F64  # 4, of the unoccluded body, cut to the image; NaN if outside
+    box_xyxy_px: F64  # 4, box of the unoccluded body in the image; NaN if outside
     visible_share: float  # unoccluded part of the body's pixels in the image, 0 to 1
 
 

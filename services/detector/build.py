@@ -11,15 +11,15 @@ from services.detector.orientation.network import OrientationNetwork
 
 
 def build(config: DetectorConfig, model: PersonModel | None = None) -> Node:
-    """Make the detector; its models are loaded here, so that a missing one is reported at start."""
+    """Build the node and load its models, so that absent models are reported at the start."""
     return DetectorNode(model or load_model(config), config, load_network(config))
 
 
 def load_network(config: DetectorConfig) -> OrientationNetwork | None:
-    """Find, check and load the configured orientation network; None if there is none.
+    """Load the configured orientation network; None without one.
 
     Raises:
-        ModelError: The file is absent, altered or not such a network.
+        ModelError: The file is absent, altered or another network.
     """
     if not config.orientation_network:
         return None

@@ -16,7 +16,7 @@ from services.detector.models.base import DetectedPerson
 
 Flags = npt.NDArray[np.bool_]
 FRONT_M = 0.4  # minimum distance of blanked pixels in front of the person's layer [m]
-HIDDEN_MAX = 0.7  # maximum blanked share of a crop: with more the depth must be wrong
+HIDDEN_MAX = 0.7  # maximum blanked share of a crop; above, the depth is wrong
 
 
 def cut_box(box_xyxy_px: F32, shape: tuple[int, ...]) -> tuple[int, int, int, int]:
@@ -32,9 +32,9 @@ def cut_box(box_xyxy_px: F32, shape: tuple[int, ...]) -> tuple[int, int, int, in
 
 
 def hidden_pixels(box_xyxy_px: F32, depth_mm: U16, nearest_m: float) -> Flags | None:
-    """Return flags of the pixels of a box, cut to the image, nearer than a depth; None without any.
+    """Return flags of the pixels in a box that are nearer than a depth; None without such pixels.
 
-    Pixels without a reading are not nearer. None if too many are nearer: the depth must be wrong.
+    Pixels without a reading are not nearer. None if too many are nearer, since the depth is wrong.
     """
     left, top, right, bottom = cut_box(box_xyxy_px, depth_mm.shape)
     if left >= right or top >= bottom or not 0 < nearest_m < math.inf:
@@ -78,7 +78,7 @@ def crop_person(
 
 
 def _blank(image: U8, hidden: Flags) -> U8:
-    """Return an image whose hidden pixels, given at any scale, are blanked."""
+    """Blank the hidden pixels, given at any scale."""
     height, width = image.shape[:2]
     visible = (~hidden).view(np.uint8)
     if visible.shape != (height, width):

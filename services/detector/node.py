@@ -77,11 +77,11 @@ class DetectorNode(Node):
         self._loop = NO_LOOP
 
     def attach(self, loop: LoopCallbacks) -> None:
-        """Take the callbacks of the loop."""
+        """Set the callbacks of the loop."""
         self._loop = loop
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
-        """Take a calibration, or a frame: return its Detections and, if configured, its Crops."""
+        """Process a calibration or a frame; return Detections and, if configured, Crops."""
         if isinstance(message, CameraInfo):
             with self._lock:
                 known = message.camera in self._calibrations
@@ -96,7 +96,7 @@ class DetectorNode(Node):
         return () if info is None else self._detect(message, info)
 
     def status(self) -> Status:
-        """Return counters, and as the reason the faults of the newest frames."""
+        """Return the counters, and the faults of the newest frames as the reason."""
         with self._lock:
             faults = [f"camera {name}: {fault}" for name, fault in self._faults.items()]
             counters = dict(self._counters)
@@ -135,7 +135,7 @@ class DetectorNode(Node):
             torsos = self._find_torsos(people, image)
         outputs: list[Message] = []
         if self._config.crops:
-            # Crops first: the tracker waits longest for their embeddings.
+            # Crops first, since the tracker waits for their embeddings.
             (self._loop.publish or outputs.append)(self._crops(people, torsos, frame))
         observed = self._orientation.observe(people, torsos, frame.rgb, image)
         with span("locate"):

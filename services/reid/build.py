@@ -7,5 +7,5 @@ from services.reid.node import ReidNode
 
 
 def build(config: ReidConfig) -> Node:
-    """Make the node; its network is loaded here, so that a missing one is reported at start."""
+    """Build the node and load its network, so that an absent network is reported at the start."""
     return ReidNode(load_embedder(config))

@@ -20,19 +20,14 @@ SATURATIONS = 4
 GREYS = 8
 BINS = HUES * SATURATIONS + GREYS
 PART_WEIGHTS = (0.15, 0.5, 0.35)  # weights of head, torso, legs
-PART_EDGES = (
-    0.0,
-    0.18,
-    0.48,
-    1.0,
-)  # edges of the parts from the top, of a standing person's height
+PART_EDGES = (0.0, 0.18, 0.48, 1.0)  # edges of the parts from the top, relative to the height
 CHROMA_GREY, CHROMA_FULL = 0.06, 0.2  # saturation times value of a grey and of a coloured pixel
-PRIOR_FRACTION = 0.05  # uniform prior, of the part's pixels: a hidden part resembles all
+PRIOR_FRACTION = 0.05  # uniform prior relative to the part's pixels: hidden parts match all
 HEIGHT_PX = 64  # maximum height of a crop, else scaled down [px]
 CONFIDENCE_MIN = 0.3  # minimum confidence of keypoints that divide the body
-SIDE_SPREAD = 0.35  # spread of pixel weights without mask or keypoints, of half the box
-LIMB_WIDTH = 0.15  # width of a limb, of the torso's length; the head is twice as wide
-VISIBLE_MIN = 0.05  # minimum visible part of the weights, else all pixels count
+SIDE_SPREAD = 0.35  # spread of pixel weights without mask or keypoints, per half box
+LIMB_WIDTH = 0.15  # ratio of a limb's width to the torso's length; the head is twice as wide
+VISIBLE_MIN = 0.05  # minimum visible share of the weights; below, all pixels count
 HEAD = [0, 1, 2, 3, 4]  # COCO
 TORSO = [5, 6, 12, 11]  # COCO, round the outline: left, right shoulder, right, left hip
 LIMBS = ((5, 7), (7, 9), (6, 8), (8, 10), (11, 13), (13, 15), (12, 14), (14, 16))

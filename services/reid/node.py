@@ -30,7 +30,7 @@ class ReidNode(Node):
         self._fault = ""
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
-        """Take the crops of a frame and return their Embeddings."""
+        """Return the embeddings of the crops of a frame."""
         if not isinstance(message, Crops):
             return ()
         crops = [crop for crop in message.crops if min(crop.rgb.shape[:2]) >= SIDE_MIN_PX]
@@ -57,7 +57,7 @@ class ReidNode(Node):
         )
 
     def status(self) -> Status:
-        """Return counters, and as the reason the error of the newest frame's embedding."""
+        """Return the counters, and the error of the newest frame as the reason."""
         return Status(
             state="degraded" if self._fault else "ready",
             reason=self._fault,

@@ -70,7 +70,7 @@ class People:
     ids: Sequence[int]
     position_m: F64  # Nx3
     velocity_mps: F64  # Nx3
-    covariance_m2: F64  # Nx3x3, of the position
+    covariance_m2: F64  # Nx3x3, covariance of the position
     yaw_rad: F64  # N, NaN: unknown
 
     @classmethod

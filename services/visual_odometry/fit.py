@@ -36,7 +36,7 @@ class MotionPrior:
     """Predicted motion."""
 
     before_from_now: F64  # 4x4
-    covariance: F64  # KxK, of the free entries of the twist of its error
+    covariance: F64  # KxK, covariance of the free entries of the error's twist
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class MotionFit:
     """Estimated motion of the base."""
 
     before_from_now: F64  # 4x4, the base now in the frame of the base then
-    covariance: F64  # KxK, of the free entries of the twist of the error, frame: the base now
+    covariance: F64  # KxK, covariance of the free entries of the error's twist, frame: the base now
     # KxK, covariance from an error common to all depths. It is constant while a keyframe is used,
     # so it does not add to the motion from frame to frame
     common: F64

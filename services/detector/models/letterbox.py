@@ -18,13 +18,13 @@ from people4d.messages import F64, U8
 class Letterbox:
     """An image scaled with its aspect kept and centred between two bars."""
 
-    input_height: int  # [px] of the network's input
+    input_height: int  # [px] height of the network's input
     input_width: int  # [px]
-    height: int  # [px] of the scaled image
+    height: int  # [px] height of the scaled image
     width: int  # [px]
     top: int  # [px] bar above the scaled image
     left: int  # [px] bar left of the scaled image
-    scale_x: float  # scaled width / image width: rounded to pixels, so not exactly scale_y
+    scale_x: float  # scaled width / image width; differs from scale_y by rounding to pixels
     scale_y: float  # scaled height / image height
 
     @property

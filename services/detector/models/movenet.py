@@ -20,10 +20,10 @@ from services.detector.models.scores import ScoreCalibration
 
 STRIDE = 4  # [px] of the input per cell of the heads
 PEAK_CELLS = 5  # side of the window whose highest cell is a centre [cells]
-CENTRES_PER_PERSON = 3  # peaks to read, for each person that may be returned
+CENTRES_PER_PERSON = 3  # number of peaks read per person of `max_people`
 KEYPOINT_MIN = 0.127  # minimum confidence of a keypoint, as in the original
 AT_CENTRES = ("box_offset", "box_scale", "kpt_regress")  # heads that are read at the centres
-SPREAD = 0.3  # twice the variance of the keypoint search, of the grid's shorter side
+SPREAD = 0.3  # ratio of twice the variance of the keypoint search to the grid's shorter side
 
 # Minimum score of a person. Of 228 annotated people in real frames, 256x320 finds 207 at 0.05, with
 # 6 wrong boxes, 4 of them on heads of annotated people; 208 at 0.03 (8), 195 at 0.10 (1). At
@@ -31,8 +31,8 @@ SPREAD = 0.3  # twice the variance of the keypoint search, of the grid's shorter
 SCORE_MIN = 0.05
 CALIBRATION = ScoreCalibration(midpoint=0.059, slope=4.7)
 IOU_MAX = 0.6
-SIMILARITY_MAX = 0.5  # maximum of two people: side by side below 0.4, two centres on one body above
-# Spread of people's labels per COCO keypoint, over the person's size
+SIMILARITY_MAX = 0.5  # maximum similarity of two people: below 0.4 side by side, above for one body
+# Standard deviation of annotations by COCO keypoint, relative to the person's size [1/1000]
 LABEL_MM = [26, 25, 25, 35, 35, 79, 79, 72, 72, 62, 62, 107, 107, 87, 87, 89, 89]
 LABEL_SPREAD = np.array(LABEL_MM) / 1e3
 
@@ -144,7 +144,7 @@ def best_cells(heat: F32, guess: F64, left: int, top: int, right: int, bottom: i
 
 
 def select_people(candidates: MoveNetCandidates, limits: Limits) -> list[int]:
-    """Return the candidates that are people, each once, best first."""
+    """Select the candidates of different people, highest score first."""
     selected: list[int] = []
     good = np.flatnonzero(candidates.scores >= limits.score_min)
     boxes, keypoints = candidates.boxes[good], candidates.keypoints[good]

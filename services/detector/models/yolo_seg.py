@@ -31,9 +31,9 @@ from services.detector.models.yolo import (
 
 SEG_CALIBRATION = ScoreCalibration(midpoint=0.119, slope=3.1)
 MASK_ROWS = 32
-# Maximum shared part of two people's masks, of the smaller mask. Two people share blurred edges, at
-# most 0.55 on 640x480 frames of up to five people; two boxes on one body, whose overlap may be as
-# low as 0.4 if the body is half hidden, share 0.91 and more
+# Maximum shared part of the masks of two people, relative to the smaller mask. Two people share
+# blurred edges, at most 0.55 on 640x480 frames of up to five people. Two boxes on one body share
+# at least 0.91; their overlap may be as low as 0.4 if the body is half hidden
 SHARED_MAX = 0.75
 
 

@@ -21,7 +21,7 @@ from services.detector.position.torso import LayeredTorso
 class LayeredPeople:
     """The N people of a frame with keypoints and a layer of depth."""
 
-    indices: Sequence[int]  # N, of the people of the frame
+    indices: Sequence[int]  # N, people of the frame
     keypoints: F32  # Nx17x3
     layers_m: F64  # [m] N
     by_image: F64 | None  # NxA, log likelihood of the yaws by images; None: no network

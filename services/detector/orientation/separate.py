@@ -30,7 +30,7 @@ BASELINE_MIN_M = 0.1  # minimum distance of a pair; in a shorter one a joint hid
 SHOULDER_RATIO_MAX = 0.90  # maximum shoulder width over torso height [Winter 2009]
 HIP_RATIO_MAX = 0.66  # maximum hip width over torso height [Winter 2009]
 TORSO_MIN_PX = 8.0  # minimum height of a torso with readable proportions [px]
-NOSE_OFFSET_MIN = 0.05  # minimum offset of the nose from the ears' middle, of the torso's height
+NOSE_OFFSET_MIN = 0.05  # minimum offset of the nose from the ears' middle, per torso height
 # Standard deviations, from the simulated room
 SIGMA_POINT_M = 0.05  # each point of a pair, across the pair [m]
 SIGMA_RATIO = 0.18  # ratio over the maximum ratio

@@ -22,10 +22,10 @@ from services.detector.position.surface import DepthImage, Flags, read_windows
 HALF_M = 0.25  # maximum distance of a reading from the middle of its layer [m]
 SIZE_SIGMA = 0.2  # standard deviation of the logarithm of people's sizes
 MISFIT = 0.02  # minimum weight of a possible layer by the person's size
-LARGER_MAX = 2.0  # maximum size of a person, of the common size
-SMALLER_MAX = 2.2  # common size over the minimum size of a person, by the torso's height
-# Minimum score of a person's layer among all samples. Of a person that appears half as large as
-# people are, a quarter of the samples reaches it
+LARGER_MAX = 2.0  # maximum size of a person, relative to the mean
+SMALLER_MAX = 2.2  # ratio of the mean to the minimum height of a torso
+# Minimum score of a person's layer; a quarter of the samples of a person that appears half as large
+# as the mean reaches it
 SCORE_MIN = 0.005
 
 

@@ -20,14 +20,14 @@ from services.detector.position.torso import LayeredTorso, TorsoJoints
 
 INTERVAL_MAX_S = 0.25  # maximum time between two compared frames [s]
 COLUMNS, ROWS = 5, 8  # points on a torso
-MARGIN, MARGIN_DOWN = 0.25, 0.06  # margin beside the joints, of their width and of the box's height
-UPPER_BODY = 0.2, 0.2, 0.8, 0.55  # part of a box if joints are unknown: left, top, right, bottom
+MARGIN, MARGIN_DOWN = 0.25, 0.06  # margins relative to the joints' width and the box's height
+UPPER_BODY = 0.2, 0.2, 0.8, 0.55  # torso in a box without joints: left, top, right, bottom
 WINDOW_PX, LEVELS = 9, 2  # window and pyramid of the optical flow
 WIDTH_PX, REACH_PX = 48, 20  # maximum width of a torso, and motion, in the reduced image [px]
 POINTS_MIN = 5  # minimum number of points of a velocity
 LAYER_M, MOVED_M = 0.3, 0.35  # maximum distance from the person's layer now, and in both frames [m]
 SIGMA_PX, SPREAD_PART = 0.3, 0.7  # error of a motion in the reduced image [px]; part of its spread
-DEPTH_PER_M = 0.0032  # error of a motion along the line of sight, over z^2 [1/m]
+DEPTH_PER_M = 0.0032  # error of a motion along the line of sight, divided by z^2 [1/m]
 # Standard deviation of the surface's velocity from the axis's [m/s], and its correlation time [s]
 SURFACE_MPS, SURFACE_S = 0.1, 0.35
 # Points of a square of side 1, Nx2

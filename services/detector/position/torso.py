@@ -50,12 +50,18 @@ from services.detector.position.visible_area import (
 )
 
 OTHERS = [i for i in range(17) if i not in TORSO]  # face and limbs
-TORSO_ROWS = (0.20, 0.275, 0.35, 0.425, 0.50)  # chest to hips of the upright, of a mask's height
+TORSO_ROWS = (
+    0.20,
+    0.275,
+    0.35,
+    0.425,
+    0.50,
+)  # rows from chest to hips, relative to a mask's height
 PULL = 0.3  # distance of a window from its joint to the torso's middle, off the outline
 EDGE_PX = 8.0  # maximum distance of a guessed joint of a cut-off person from the image's edge [px]
-WINDOW_SHARE = 0.12  # side of a window, of the torso's diagonal in the image
+WINDOW_SHARE = 0.12  # side of a window, relative to the torso's diagonal
 WINDOW_MIN_PX, WINDOW_MAX_PX = 5, 31  # limits of that side [px]
-MARGIN_SHARE = 0.25  # outline beyond the keypoints, of the torso's diagonal
+MARGIN_SHARE = 0.25  # outline beyond the keypoints, relative to the torso's diagonal
 OTHER_WEIGHT = 0.5  # weight of a sample that is not on the torso
 AREA_WEIGHT = 2.0  # weight of all samples of the visible area together
 # Axis behind face and limbs, if the torso itself is hidden, and its standard deviation [m]

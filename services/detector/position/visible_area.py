@@ -14,10 +14,10 @@ from services.detector.position.surface import DepthImage, Flags
 
 EMPTY: F64 = np.zeros((0, 2))
 COLUMNS, ROWS = 6, 8  # samples of depth across and downward
-WIDTH = 0.5  # width of the area, of the box
-EDGE_RATIO = 0.02  # maximum distance of a cut-off box from the image's edge, of the image's width
-BELOW_TOP = 0.3  # upper edge of the area if no shoulder is known, of the box's height
-CROWN_M = 0.55  # upper edge of the box to the middle of the torso, if no joint is known [m]
+WIDTH = 0.5  # width of the area, relative to the box
+EDGE_RATIO = 0.02  # maximum distance of a cut-off box from the edge, relative to the image's width
+BELOW_TOP = 0.3  # upper edge of the area without shoulders, relative to the box's height
+CROWN_M = 0.55  # distance of the torso's middle from the box's upper edge, without joints [m]
 BOX_SIGMA_M = 0.15  # standard deviation of that middle, across the line of sight [m]
 # Middles of the cells of a square of side 1, Nx2
 GRID: F64 = np.stack(
