@@ -20,7 +20,6 @@ from services.gait.points.limbs.visibility import (
     WITHOUT_KEYPOINTS,
     Visibility,
     limb_evidence,
-    shank_points_away,
 )
 from services.gait.points.point_filter import GATE, TIMEOUT_S, PointFilter
 
@@ -144,7 +143,7 @@ class Acceptance:
         needed = surface.noise_m2 is None  # by the distance along the body alone
         if off > GATE or point.state == "lost" or (needed and not supported):
             point.mark_missed(dt_s)
-        elif supported and self._is_visible(point, body, evidence.anchor, odds):
+        elif supported and self._is_visible(point, odds):
             point.mark_measured(position_m, confidence, noise_m2)
             if confidence > START_CONFIDENCE:
                 point.adapt_reference(float(body.geodesic_m[surface.vertex]))
@@ -211,9 +210,7 @@ class Acceptance:
         )
         return None if measured is None else kind.odds(measured)
 
-    def _is_visible(
-        self, point: PointFilter, body: MeasuredBody, anchor: Anchor | None, odds: float | None
-    ) -> bool:
+    def _is_visible(self, point: PointFilter, odds: float | None) -> bool:
         """Check that the measured surface probably belongs to the point itself.
 
         With keypoints this is not known without a detection or a heading.
@@ -221,8 +218,6 @@ class Acceptance:
         kind = self._visibility(point)
         if odds is None or kind is None:
             return point.kind == "head" or not self.had_keypoints
-        if point.kind == "foot" and shank_points_away(anchor, body, self._info):
-            return False
         return odds >= kind.least
 
 
