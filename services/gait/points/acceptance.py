@@ -3,7 +3,6 @@
 Source: docs/method.md, section 19.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -12,8 +11,7 @@ import numpy as np
 from common.geometry.transforms import deproject, project
 from people4d.messages import F64, CameraInfo
 from services.gait.points.body import Extremity, MeasuredBody
-from services.gait.points.keypoints import PAIRS, START_CONFIDENCE, Anchor, sigma_px
-from services.gait.points.limbs.anchors import SAME_M
+from services.gait.points.keypoints import START_CONFIDENCE, Anchor, sigma_px
 from services.gait.points.limbs.surface import SurfacePosition
 from services.gait.points.limbs.visibility import (
     VISIBILITY,
@@ -230,26 +228,6 @@ def _uncertainty_m2(point: PointFilter, surface: SurfacePosition, odds: float | 
     along_m2 = uncertainty.depth**2 + hidden * uncertainty.before**2
     along_m2 = HIDDEN_M**2 if odds is None else along_m2
     return np.asarray(across_m**2 * np.eye(3) + along_m2 * np.outer(ray, ray))
-
-
-def drop_same(
-    surfaces: dict[str, SurfacePosition | None], points: Mapping[str, PointFilter]
-) -> None:
-    """Drop one of two positions on one limb: the one farther from its expected position."""
-    for pair in PAIRS:
-        both = [(name, one) for name in pair if (one := surfaces.get(name)) is not None]
-        if len(both) < 2:
-            continue
-        (_, first), (_, second) = both
-        if np.linalg.norm(first.position_m - second.position_m) > SAME_M:
-            continue
-        off = [_off2(points[name], one.position_m) for name, one in both]
-        surfaces[pair[int(np.argmax(off))]] = None
-
-
-def _off2(point: PointFilter, position_m: F64) -> float:
-    expected = point.expected_position()
-    return 0.0 if expected is None else float(expected.distances2(position_m[None])[0])
 
 
 def _agreement(off: float) -> float:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from people4d.messages import F32, F64, CameraInfo
 from services.gait.config import DepthLayerConfig
-from services.gait.points.acceptance import Acceptance, PointEvidence, drop_same
+from services.gait.points.acceptance import Acceptance, PointEvidence
 from services.gait.points.assignment import assign_extremities, body_vertex, initial_extremities
 from services.gait.points.body import (
     UP,
@@ -138,18 +138,14 @@ class DepthLayer:
     ) -> None:
         """Update all points by their positions on the surface, or on the floor."""
         points = [point for point in self._points.values() if point.motion is not None]
-        measured = {point.name: self._position(point, body, anchors) for point in points}
-        surfaces = dict(measured)
-        drop_same(surfaces, self._points)
-        for point in points:
+        surfaces = [self._position(point, body, anchors) for point in points]
+        for point, surface in zip(points, surfaces, strict=True):
             name, floor = point.name, self._floor_feet.get(point.name)
-            if floor is not None and measured[name] is None and point.alive:
+            if floor is not None and surface is None and point.alive:
                 correct_by_floor(point, floor, dt_s)
                 continue
             other = self._points.get(COUNTERPARTS.get(name, ""))
-            evidence = PointEvidence(
-                anchors.get(name), other, self._assigned.get(name), surfaces[name]
-            )
+            evidence = PointEvidence(anchors.get(name), other, self._assigned.get(name), surface)
             self._acceptance.update_point(point, body, evidence, dt_s)
 
     def _position(
