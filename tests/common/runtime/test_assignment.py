@@ -112,6 +112,22 @@ def test_replica_that_answers_nothing_is_excluded_for_a_while() -> None:
     assert two.replicas == ("a", "b")
 
 
+@pytest.mark.parametrize(
+    ("seconds", "excluded"),
+    [((0.0, 6.0), False), ((0.0, 1.0, 4.9), False), ((0.0, 1.0, 5.1), True)],
+)
+def test_third_unanswered_message_after_five_seconds_excludes(
+    seconds: tuple[float, ...], excluded: bool
+) -> None:
+    two = membership("a", "b")
+    two.note_answered("b")
+    for now_s in seconds:
+        two.note_heartbeat("b", stalled=False, now_s=now_s)
+        two.note_assigned("b", now_s)
+    two.update(seconds[-1])
+    assert two.replicas == (("a",) if excluded else ("a", "b"))
+
+
 def test_replica_that_answers_slowly_is_not_excluded() -> None:
     two = membership("a", "b")
     two.note_answered("b")
