@@ -1,1 +1,1 @@
-"""Events around people: they come, leave, enter zones, come near the robot."""
+"""Events of people: appearance, disappearance, zones, distance to the robot."""

@@ -5,5 +5,5 @@ from services.events.node import EventsNode
 
 
 def build(config: EventsConfig) -> EventsNode:
-    """Make the node; it opens its files when the loop attaches."""
+    """Build the node; it opens its files when the loop attaches."""
     return EventsNode(config)

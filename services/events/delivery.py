@@ -1,4 +1,4 @@
-"""Delivery of events to a receiver outside; what it does not take is tried again, in order."""
+"""Delivery of events to an external receiver, in order, with retries."""
 
 import json
 import threading
@@ -11,28 +11,28 @@ import msgspec
 from people4d.messages import Event
 from services.events.journal import Journal
 
-TIMEOUT_S = 5.0
-WAITS_S = (0.0, 1.0, 2.0, 5.0, 10.0, 30.0)  # before an attempt, by the failures before it
-BATCH = 100
+TIMEOUT_S = 5.0  # longest duration of one delivery [s]
+WAITS_S = (0.0, 1.0, 2.0, 5.0, 10.0, 30.0)  # wait before an attempt, by number of failures [s]
+BATCH = 100  # events read from the journal at once
 
 
 class Receiver(Protocol):
-    """Receiver of events: a web address, or a broker of MQTT."""
+    """Receiver of events: a web address or an MQTT broker."""
 
     name: str
 
     def send(self, event: Event, body: bytes) -> None:
-        """Return once it has taken the event, within TIMEOUT_S; raise if it does not."""
+        """Deliver an event within TIMEOUT_S; raise if that fails."""
 
     def close(self) -> None:
-        """Close its connection."""
+        """Close the connection."""
 
 
 class Delivery:
-    """Sends each event of a journal once it is taken, from a thread of its own.
+    """Sends the events of a journal from its own thread, each until it is accepted.
 
     Args:
-        receiver: Where to.
+        receiver: The receiver.
         file: The journal.
         robot: Name of the robot, part of each event.
     """
@@ -41,7 +41,7 @@ class Delivery:
         self._receiver, self._file, self._robot = receiver, file, robot
         self._journal: Journal | None = None
         self._problem = ""
-        self._sending_s: float | None = None  # monotonic, when the present attempt began
+        self._sending_s: float | None = None  # monotonic start of the current attempt
         self._sent, self._failed = f"{receiver.name}_sent", f"{receiver.name}_failed"
         self.counters = {self._sent: 0, self._failed: 0}
         self._due = threading.Event()
@@ -51,19 +51,19 @@ class Delivery:
 
     @property
     def problem(self) -> str:
-        """Reason for which events wait, one sentence; empty if they do not."""
+        """Sentence on waiting events; empty without any."""
         sending_s = self._sending_s
         held_s = 0.0 if sending_s is None else time.monotonic() - sending_s
-        if held_s > TIMEOUT_S + 1:  # the name of a host takes long to be found, for example
+        if held_s > TIMEOUT_S + 1:  # for example a slow name look-up
             return self._waiting(f"no answer for {held_s:.0f} s")
         return self._problem
 
     def wake(self) -> None:
-        """Send what is new."""
+        """Send new events."""
         self._due.set()
 
     def close(self) -> None:
-        """End it; what was not taken is sent after the next start."""
+        """End the thread; remaining events are sent after the next start."""
         self._closed.set()
         self._due.set()
         self._thread.join(TIMEOUT_S + 1)
@@ -85,11 +85,11 @@ class Delivery:
         self._close_journal()
 
     def _try_all(self) -> bool:
-        """Send what waits; return False if that failed, for whatever reason."""
+        """Send all waiting events; return False after any failure."""
         try:
             self._journal = self._journal or Journal(self._file, 1)
             self._send_all(self._journal)
-        except Exception as error:  # a receiver's answer may break any library
+        except Exception as error:  # an answer may raise in any library
             self.counters[self._failed] += 1
             self._problem = self._waiting(" ".join(str(error).split()) or type(error).__name__)
             self._close_journal()

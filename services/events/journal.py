@@ -1,4 +1,4 @@
-"""Journal of events in a file: each is written before it is published."""
+"""Journal of events in a file; each event is written before its publication."""
 
 import sqlite3
 from collections.abc import Sequence
@@ -13,15 +13,15 @@ TABLES = """
 create table if not exists events (number integer primary key, message blob not null);
 create table if not exists marks (name text primary key, number integer not null);
 """
-PRUNE_EVERY = 500
+PRUNE_EVERY = 500  # events between two deletions of old ones
 
 
 class Journal:
-    """Events of a robot, in the order of their numbers.
+    """Events of a robot, ordered by number.
 
     Args:
         file: SQLite file; None: in memory.
-        most: Events that it holds; the oldest make room.
+        most: Largest number of events; the oldest are deleted.
 
     Raises:
         ConfigError: The file cannot be used.
@@ -44,7 +44,7 @@ class Journal:
             ) from error
 
     def append(self, events: Sequence[Event]) -> None:
-        """Write events at once; sqlite3.Error if that fails."""
+        """Write events in one transaction; sqlite3.Error if that fails."""
         with self._base:
             rows = [(event.sequence, encode(event)) for event in events]
             self._base.executemany("insert into events values (?, ?)", rows)
@@ -53,7 +53,7 @@ class Journal:
                 self._base.execute("delete from events where number <= ?", (oldest,))
 
     def after(self, number: int, most: int = -1) -> list[Event]:
-        """Return the events above a number, oldest first; damaged ones are left out."""
+        """Return the undamaged events above a number, oldest first."""
         query = "select message from events where number > ? order by number limit ?"
         found = []
         for (payload,) in self._base.execute(query, (number, most)):
@@ -66,17 +66,17 @@ class Journal:
         return found
 
     def last_number(self) -> int:
-        """Return the highest number, -1 if there is none."""
+        """Return the highest number; -1 without events."""
         (number,) = self._base.execute("select max(number) from events").fetchone()
         return -1 if number is None else int(number)
 
     def mark(self, name: str) -> int:
-        """Return the number up to which somebody has taken the events, -1 at first."""
+        """Return the number of the last event that a receiver has accepted; -1 without any."""
         row = self._base.execute("select number from marks where name = ?", (name,)).fetchone()
         return -1 if row is None else int(row[0])
 
     def set_mark(self, name: str, number: int) -> None:
-        """Set that number; sqlite3.Error if that fails."""
+        """Set the mark of a receiver; sqlite3.Error if that fails."""
         with self._base:
             self._base.execute("insert or replace into marks values (?, ?)", (name, number))
 

@@ -1,4 +1,4 @@
-"""Broker of MQTT that events are published to."""
+"""MQTT broker as a receiver of events."""
 
 import os
 import time
@@ -12,14 +12,14 @@ from people4d.messages import Event
 from services.events.config import EventsConfig
 from services.events.delivery import TIMEOUT_S
 
-PASSWORD = "PEOPLE4D_MQTT_PASSWORD"  # name of a variable
+PASSWORD = "PEOPLE4D_MQTT_PASSWORD"  # name of the environment variable
 PORTS = {"mqtt": 1883, "mqtts": 8883}
 EXAMPLE = "mqtt://192.168.1.9/robots/events"
-NO_KEEP_ALIVE = 0  # nothing is received between two events
+NO_KEEP_ALIVE = 0  # keep-alive interval: no pings between events [s]
 
 
 class MqttBroker:
-    """Receiver of events by MQTT 3.1.1 with quality of service 1: taken once the broker says so.
+    """Receiver of events by MQTT 3.1.1 with quality of service 1.
 
     Args:
         address: mqtt://[user@]host[:port][/topic], or mqtts for TLS with the certificates of the
@@ -28,7 +28,7 @@ class MqttBroker:
         robot: Name of the robot.
 
     Raises:
-        ConfigError: The address is none, or paho-mqtt is not installed.
+        ConfigError: The address is invalid, or paho-mqtt is not installed.
     """
 
     name = "mqtt"
@@ -54,13 +54,13 @@ class MqttBroker:
 
     def send(self, event: Event, body: bytes) -> None:  # noqa: ARG002
         """Publish an event; OSError unless the broker acknowledges it in time."""
-        if self._client and self._client.loop(0):  # the broker left meanwhile
+        if self._client and self._client.loop(0):  # the broker has closed the connection
             self.close()
         self._client = self._client or self._connected()
         try:
             sent = self._client.publish(self._topic, body, qos=1)
             self._await(self._client, sent.is_published, "acknowledgement")
-        except Exception:  # a new connection; this one would send the event again by itself
+        except Exception:  # this connection would repeat the event on its own
             self.close()
             raise
 
@@ -90,7 +90,7 @@ class MqttBroker:
         return client
 
     def _await(self, client: Any, came: Callable[[], object], what: str) -> None:
-        """Receive in this thread, so that what a broker sends can break no other, until `came`."""
+        """Receive in this thread until `came`, so that bad input cannot break another thread."""
         end_s = time.monotonic() + TIMEOUT_S
         while not came():
             left_s = end_s - time.monotonic()
@@ -102,10 +102,6 @@ class MqttBroker:
 
 
 def check_broker(config: EventsConfig) -> None:
-    """Check that the client of a broker is installed where one is named.
-
-    Raises:
-        ConfigError: It is not.
-    """
+    """Check that the MQTT client is installed if a broker is set; ConfigError otherwise."""
     if config.mqtt:
         need("events.mqtt", "mqtt")

@@ -31,15 +31,16 @@ from services.events.rules import EventRules
 from services.events.webhook import Webhook
 from services.events.zones import read_zones, write_zones
 
+CLOCK_JUMP_NS = 1_000_000_000  # least step back of the stamps that is a clock reset [ns]
 ZONES = "zones.json"
-# Goes with the identities of the tracker when the system is started anew.
+# Deleted with the identities of the tracker when the system restarts
 RUN = "events-run.checkpoint"
-PUBLISHED = "published"
+PUBLISHED = "published"  # name of the mark of published events
 COUNTERS = ("stale", "clock_resets", "journal_errors", "edits", "edits_refused")
 
 
 class EventsNode(Node):
-    """Makes events; each is in the journal before it is published.
+    """Makes events, and writes each to the journal before its publication.
 
     Args:
         config: Configuration of the service.
@@ -62,12 +63,12 @@ class EventsNode(Node):
         self._revision, self._zones = 0, tuple[Zone, ...]()
         self._pending: list[Message] = []
         self._newest_ns: int | None = None
-        self._unmarked = -1  # number of the last event that was returned, and not yet marked
+        self._unmarked = -1  # number of the last returned event without a mark
         self._problem = ""
         self._counters = Counter(dict.fromkeys(COUNTERS, 0))
 
     def attach(self, loop: LoopCallbacks) -> None:
-        """Open journal and zones, and go on where the process before ended."""
+        """Open journal and zones, and continue where the previous process ended."""
         folder, config = loop.state_folder, self._config
         if folder:
             self._journal.close()
@@ -96,21 +97,21 @@ class EventsNode(Node):
         self._deliveries = [Delivery(r, folder / JOURNAL, robot) for r in receivers if folder]
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
-        """Take a message; return the events that it makes."""
+        """Process a message; return the events that follow."""
         if isinstance(message, ZoneEdit):
             return self._edit(message)
         if not isinstance(message, Tracks):
             if isinstance(message, StaticTransform | MovingTransform | Odometry):
                 self._transforms.add_transform(message)
             return ()
-        if message.predicted:  # by the wall clock: it may be ahead of the frames to come
+        if message.predicted:  # its stamp may be ahead of the next frames
             return ()
         events = []
         newest_ns = self._newest_ns
         if newest_ns is None:
             newest_ns = self._rules.newest_ns
         if newest_ns is not None and message.stamp_ns < newest_ns:
-            if newest_ns - message.stamp_ns < self._config.clock_jump_s * 1e9:
+            if newest_ns - message.stamp_ns < CLOCK_JUMP_NS:
                 self._counters["stale"] += 1
                 return ()
             self._counters["clock_resets"] += 1
@@ -121,7 +122,7 @@ class EventsNode(Node):
         return self._recorded(events)
 
     def tick(self, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
-        """Return what waits from the start; note what has been published."""
+        """Return messages that wait since the start; mark published events."""
         if self._pending:
             pending, self._pending = self._pending, []
             numbers = [event.sequence for event in pending if isinstance(event, Event)]
@@ -180,7 +181,7 @@ class EventsNode(Node):
         self._counters["edits"] += 1
         problem = ""
         if edit.base != self._revision:
-            problem = "the zones were changed by somebody else meanwhile, edit them again"
+            problem = "the zones were changed meanwhile: edit them again"
         else:
             try:
                 if self._zones_file:

@@ -1,7 +1,7 @@
-"""Rules by which tracks make events.
+"""Rules that make events of tracks.
 
-The state is what the events so far say: `apply` takes each of them, so that a process goes on from
-the journal of the one before, and no event is made twice.
+The state follows from the events alone: `apply` replays them, so that a process continues from the
+journal of its predecessor and makes no event twice.
 """
 
 import math
@@ -16,28 +16,28 @@ from people4d.messages import F64, Event, Track, Tracks, Zone
 from people4d.messages.base import MAX_STAMP_NS
 from services.events.config import EventsConfig
 
-GONE_MAX = 10_000  # identities that may return
-# New people: so many at once, then so many a second. Invented tracks shall not fill the journal.
+GONE_MAX = 10_000  # most stored identities of people who disappeared
+# Largest burst and rate of new people [Hz], so that invented tracks do not fill the journal
 NEW_MAX, NEW_HZ = 256, 16.0
 
 
 @dataclass(slots=True)
 class _Person:
-    """A person who is tracked."""
+    """A tracked person."""
 
-    stamp_ns: int  # of the last message with them
-    position_m: F64
-    zones: dict[str, int] = field(default_factory=dict)  # stamps of entering, by zone
-    dwelled: set[str] = field(default_factory=set)  # zones in which the stay was an event
+    stamp_ns: int  # [ns] stamp of the last track
+    position_m: F64  # [m] 3
+    zones: dict[str, int] = field(default_factory=dict)  # [ns] stamp of entry, by zone
+    dwelled: set[str] = field(default_factory=set)  # zones with a dwell event
     is_near: bool = False
     is_uncertain: bool = False
 
 
 class EventRules:
-    """Makes events from tracks; those that it returns have been applied.
+    """Makes events from tracks; returned events are already applied.
 
     Attributes:
-        offset_ns: Wall time minus stamps, of the events to be made; None if unknown.
+        offset_ns: Wall time minus stamps, for new events; None if unknown.
     """
 
     def __init__(self, config: EventsConfig) -> None:
@@ -50,16 +50,16 @@ class EventRules:
         self._next = 0
         self._frame_id = "map"
         self._budget, self._budget_s = float(NEW_MAX), time.monotonic()
-        self.left_out = 0  # tracks of new people beyond the limit, in all messages
+        self.left_out = 0  # number of tracks of new people beyond the limit
         self._made: list[Event] = []
 
     @property
     def newest_ns(self) -> int | None:
-        """Newest stamp of a person who is tracked; None if none is."""
+        """Newest stamp of all tracked people; None without people."""
         return max((person.stamp_ns for person in self._people.values()), default=None)
 
     def apply(self, event: Event) -> None:
-        """Take an event that was made before."""
+        """Apply an earlier event to the state."""
         self._next = max(self._next, event.sequence + 1)
         number = event.id
         if event.kind == "count_reached":
@@ -90,11 +90,11 @@ class EventRules:
             person.is_uncertain = True
 
     def begin_numbers(self, number: int) -> None:
-        """Give no number below this one."""
+        """Use no number below this one."""
         self._next = max(self._next, number)
 
     def change_zones(self, zones: Sequence[Zone]) -> None:
-        """Take other zones; those that are gone or have another shape are left without an event."""
+        """Replace the zones; people leave deleted or changed zones without an event."""
         same = {z.name for z in zones if any(_same(z, other) for other in self._zones)}
         known = {zone.name for zone in self._zones}
         for person in self._people.values():
@@ -132,7 +132,7 @@ class EventRules:
         return self._made
 
     def close(self) -> list[Event]:
-        """Return the events with which everybody who is tracked disappears."""
+        """Return the events of all people disappearing."""
         self._made = []
         for number, person in list(self._people.items()):
             self._end(number, person)
@@ -155,7 +155,7 @@ class EventRules:
         self._made.append(event)
 
     def _has_room(self) -> bool:
-        """Check that one more new person makes events."""
+        """Check that the rate of new people permits one more."""
         now_s = time.monotonic()
         self._budget = min(NEW_MAX, self._budget + NEW_HZ * (now_s - self._budget_s))
         self._budget_s = now_s

@@ -1,4 +1,4 @@
-"""Web address that events are posted to."""
+"""Web address as a receiver of events."""
 
 import io
 import socket
@@ -11,19 +11,19 @@ from people4d.messages import Event
 from services.events.delivery import TIMEOUT_S
 
 CONNECTIONS = {"http": HTTPConnection, "https": HTTPSConnection}
-HEAD_MAX = 65536  # [bytes] of an answer
+HEAD_MAX = 65536  # largest head of an answer [bytes]
 HEAD_END = b"\r\n\r\n"
 
 
 class Webhook:
-    """Receiver of events by HTTP: one POST with JSON for each, to this address and no other.
+    """Receiver of events by HTTP: one POST with JSON for each, without redirects.
 
     Args:
         url: Address, http or https.
         robot: Name of the robot.
 
     Raises:
-        ConfigError: The address is none.
+        ConfigError: The address is invalid.
     """
 
     name = "webhook"
@@ -61,11 +61,11 @@ class Webhook:
             raise OSError(f"it answers {status}")
 
     def close(self) -> None:
-        """Nothing stays open."""
+        """Do nothing, since no connection stays open."""
 
 
 def _status(sock: socket.socket, end_s: float) -> int:
-    """Return the status of an answer whose head comes before a time, however slowly."""
+    """Return the status of an answer whose head arrives before a deadline."""
     head = b""
     while HEAD_END not in head and len(head) <= HEAD_MAX:
         sock.settimeout(_left_s(end_s))
@@ -80,7 +80,7 @@ def _status(sock: socket.socket, end_s: float) -> int:
 
 
 def _left_s(end_s: float) -> float:
-    """Return the time until a deadline; TimeoutError if it is over."""
+    """Return the time until a deadline; TimeoutError after it."""
     left_s = end_s - time.monotonic()
     if left_s <= 0:
         raise TimeoutError(f"no answer within {TIMEOUT_S:g} s")

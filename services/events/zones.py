@@ -1,4 +1,4 @@
-"""File of the zones."""
+"""File of zones."""
 
 from pathlib import Path
 
@@ -10,21 +10,21 @@ from people4d.errors import ConfigError
 from people4d.messages import Zone
 from people4d.messages.events import ZONES_MAX
 
-FILE_MAX = 2**20  # [bytes]
+FILE_MAX = 2**20  # largest size of the file [bytes]
 
 
 class StoredZones(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Content of the file."""
+    """Content of the file of zones."""
 
     revision: int
     zones: list[PlainZone]
 
 
 def read_zones(file: Path) -> tuple[int, tuple[Zone, ...]]:
-    """Return revision and zones of a file, 0 and none if it does not exist.
+    """Return revision and zones of a file; 0 and no zones without a file.
 
     Raises:
-        ConfigError: It is no file of valid zones.
+        ConfigError: The file is not valid.
     """
     try:
         stored = msgspec.json.decode(read_bytes(file, FILE_MAX), type=StoredZones)

@@ -19,8 +19,7 @@ from services.predictor.motion import (
 from services.predictor.motion_filter import MotionFilter, TrackedMotion
 
 MOTION_HORIZON_S = 3.0  # horizon of the probabilities of motion [s]
-# Ratio of the displacement of a group in the displacement of its members, and the horizon [s] from
-# which it applies: single steps are individual
+# Share of the group's displacement in the displacement of a member, and its least horizon [s]
 COHESION, COHESION_FROM_S = 0.6, 1.0
 ACCELERATIONS = (0.1, 0.2, 0.6)  # densities of white acceleration in forecasts [m/s^2 sqrt(s)]
 STANDING_RADIUS_M = 0.6  # maximum displacement of a standing person [m]

@@ -4,9 +4,11 @@ import math
 from collections import Counter
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial.distance import cdist
 
 from people4d.messages import F64
-from services.predictor.motion import Flags, Integers
+from services.predictor.motion import Integers
 
 WALKING_MPS = 0.3  # minimum speed of a walking person [m/s]
 WALKING_M = 1.5  # maximum distance of two people walking together [m]
@@ -52,7 +54,8 @@ class GroupFinder:
         self._together &= self._scores > LEAVE_SCORE
         self._together |= self._scores > JOIN_SCORE
         if self._together.any():
-            self._groups = self._number_groups(_components(self._together))
+            _, components = connected_components(self._together)
+            self._groups = self._number_groups(components.astype(np.int64))
         else:
             self._groups = np.zeros(len(ids), np.int64)
         return self._groups
@@ -73,15 +76,15 @@ class GroupFinder:
 
     def _evidence(self, positions_m: F64, velocities_mps: F64, yaws_rad: F64) -> F64:
         """Return the present evidence of each pair for a group, NxN from 0 to 1."""
-        apart_m = _distances(positions_m)
-        differ_mps = _distances(velocities_mps)
+        apart_m = cdist(positions_m, positions_m)
+        differ_mps = cdist(velocities_mps, velocities_mps)
         walks = np.hypot(velocities_mps[:, 0], velocities_mps[:, 1]) > WALKING_MPS
         walking = (apart_m < WALKING_M) & (differ_mps < WALKING_DIFFER_MPS)
         walking &= walks[:, None] & walks
         heading = np.stack([np.cos(yaws_rad), np.sin(yaws_rad)], axis=1)
         facing = np.isfinite(yaws_rad)
         centres = positions_m + SPACE_M * np.where(facing[:, None], heading, 0)
-        share_space = _distances(centres) < SPACE_APART_M
+        share_space = cdist(centres, centres) < SPACE_APART_M
         near = apart_m < STANDING_UNKNOWN_M
         both_face = facing[:, None] & facing
         standing = np.where(both_face, share_space & (apart_m < STANDING_M), near)
@@ -105,21 +108,3 @@ class GroupFinder:
             taken.add(number)
             groups[members] = number
         return groups
-
-
-def _distances(points: F64) -> F64:
-    x, y = (part[:, None] - part for part in points.T)
-    found: F64 = np.sqrt(x * x + y * y)  # faster than np.hypot
-    return found
-
-
-def _components(together: Flags) -> Integers:
-    """Return the connected component of each row, numbered by its first row."""
-    count = len(together)
-    numbers = np.arange(count)
-    linked = together | np.eye(count, dtype=bool)
-    while True:
-        least = np.where(linked, numbers, count).min(axis=1, initial=count)
-        if np.array_equal(least, numbers):
-            return numbers
-        numbers = least

@@ -1,4 +1,4 @@
-"""Memory of past forecasts: true displacements, and the scale of the ellipses."""
+"""Memory of past forecasts: their true displacements, and the scale of the ellipses."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ from services.predictor.motion_filter import Samples
 SIZE = 1500  # number of stored forecasts
 STORE_S = 0.8  # minimum interval between two stored forecasts of a person [s]
 NEAR_M, ALIKE_MPS = 1.0, 0.2  # standard deviations of the kernel [m, m/s]
-PRIOR_WEIGHT = 5.0  # weight of forecasts without a habit
+PRIOR_WEIGHT = 5.0  # prior weight of forecasts without a habit
 MEASURED_WEIGHT = 4.0  # prior weight of the measured motion [m/s]
 GAIN_WEIGHT = 5.0  # prior weight of a share of 1, as people at 1 m/s
 FROM_S = 1.0  # minimum horizon of habits, and maximum horizon of the measured motion [s]
@@ -28,7 +28,7 @@ SCALE_RANGE = (-2.5, 2.0)  # range of the logarithm of a scale
 
 @dataclass(frozen=True)
 class Situation:
-    """People at one time, and the forecast of their motion models."""
+    """People at one time, with the forecasts of their motion models."""
 
     ids: Integers  # N
     positions_m: F64  # Nx2
@@ -40,10 +40,10 @@ class Situation:
 
 
 class ForecastMemory:
-    """The last forecasts and the true displacements.
+    """Recent forecasts and their true displacements.
 
     All forecasts give the ratio of true to expected displacements (below 1 in a room, where people
-    turn or stop). Forecasts at a similar position and velocity give a habit.
+    turn or stop). Forecasts at a similar position and velocity give a habit: their mean error.
     """
 
     def __init__(self, horizons_s: F64) -> None:

@@ -23,7 +23,7 @@ SAMPLE_S = 0.4  # minimum interval between two independent positions of a track 
 SIGMA_M = 0.05  # initial standard deviation of a measured position, per axis [m]
 SIGMA_MIN_M = 0.005  # minimum standard deviation of a measured position [m]
 NOISE_FACTOR = 1.7  # ratio of the standard deviation to the measured jitter
-# Ratios of the standard deviations of measurements to the track's: velocities of tracks are more
+# Ratios of the standard deviations of measurements to those of tracks, whose velocities are more
 # accurate than their covariance
 POSITION_FACTOR, VELOCITY_FACTOR = 0.9, 0.3
 SIGMA_MIN_MPS = 0.02  # minimum standard deviation of a measured velocity [m/s]
@@ -60,7 +60,7 @@ class Samples:
 class MotionFilter:
     """Interacting motion models of all people.
 
-    Positions of neighbouring frames have the same errors, so one position every `SAMPLE_S` is a
+    Positions of consecutive frames have the same errors, so only one position every SAMPLE_S is a
     measurement. In between, the estimate is the last sample updated with the newest position.
     """
 

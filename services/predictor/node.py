@@ -47,7 +47,7 @@ VARIANCE_MIN, VARIANCE_MAX = 1e-6, 1e6
 class PredictorNode(Node):
     """Predicts every person of Tracks, at most at `rate_max_hz`.
 
-    Predictions follow frames only, since an old prediction would mislead. Extrapolated tracks are
+    Only frames give predictions, since an old prediction would mislead. Extrapolated tracks are
     ignored; without people they give an empty prediction.
     """
 
@@ -117,7 +117,7 @@ class PredictorNode(Node):
         return True
 
     def _restart(self, tracks: Tracks) -> None:
-        """Restart with an empty memory, which holds for one frame and one clock."""
+        """Restart with an empty memory, since it is valid for one frame and one clock."""
         self._frame_id, self._start_ns = tracks.frame_id, tracks.stamp_ns
         self._published_ns = None
         self._forecaster = Forecaster(self._horizons_s)

@@ -24,11 +24,11 @@ from services.tracker.strongsort3d.config import StrongSort3dConfig
 class Sort3dConfig(Config, frozen=True, kw_only=True):
     """SORT-3D [PIC4SeR], section 4; its other constants stand in `sort3d`."""
 
-    # [m] least distance gate tau. With one person sigma is 0 and tau the last distance itself, so
-    # that the plain rule rejects about every second match; 0: the plain rule
+    # [m] least distance gate tau. With one person sigma is 0 and tau the last distance, so the
+    # plain rule rejects about every second match; 0: the plain rule
     distance_gate_floor_m: NonNegative = 0.5
-    min_hits: PositiveInt = 3  # consecutive matches that confirm, with the first; section 4
-    t_lost: PositiveInt = 30  # [frames] unmatched frames that delete; plain SORT has 1 (section 7)
+    min_hits: PositiveInt = 3  # consecutive matches that confirm a track; section 4
+    t_lost: PositiveInt = 30  # [frames] unmatched frames that end a track; SORT: 1 (section 7)
 
 
 class ImageSortConfig(Config, frozen=True, kw_only=True):
@@ -38,14 +38,14 @@ class ImageSortConfig(Config, frozen=True, kw_only=True):
     """
 
     # association
-    # Two rounds by score, as in ByteTrack [Zhang 2022]: detections of at least this score choose
-    # first; the others may only continue a track matched in the frame before. 0: one round, SORT
+    # Two rounds by score, as in ByteTrack [Zhang 2022]: detections of at least this score match
+    # first; others only continue tracks matched in the previous frame. 0: one round, SORT
     score_high: Ratio = 0.0
     # life cycle
-    score_new: Ratio = 0.0  # detections of a smaller score begin no track; 0: SORT
-    min_hits: Annotated[int, Meta(ge=0)] = 3  # matches in a row after the first that confirm; SORT
-    # "streak": a miss ends the confirmation of a track, but in the first min_hits frames all
-    # tracks are published, SORT; "once": a track stays confirmed
+    score_new: Ratio = 0.0  # least score of a detection that begins a track; 0: SORT
+    min_hits: Annotated[int, Meta(ge=0)] = 3  # matches after the first that confirm; SORT
+    # "streak": a miss ends the confirmation, but in the first min_hits frames all tracks are
+    # published, SORT; "once": a track stays confirmed
     confirm: Literal["streak", "once"] = "streak"
     lifetime: Literal["fixed", "dynamic"] = "fixed"  # lifetime of an unmatched track; section 7
     t_lost: NonNegative = 1.0  # [frames] T_lost: longest lifetime without a match; section 7
@@ -54,39 +54,38 @@ class ImageSortConfig(Config, frozen=True, kw_only=True):
     # ego motion
     # Correction of the camera's rotation; section 7. "odometry": by odometry and transforms
     ego_motion: Literal["none", "odometry"] = "none"
-    # "linear": the same displacement of all columns, section 7; "pinhole": by the position in the
-    # image, as in a camera without distortion
+    # "linear": equal displacement of all columns, section 7; "pinhole": displacement by the
+    # position in the image of a pinhole camera
     projection: Literal["linear", "pinhole"] = "linear"
 
 
 class TrackerConfig(Config, frozen=True, kw_only=True):
     """Configuration of the tracker service."""
 
-    # sort3d, strongsort3d, image_sort, or module:Class of your own
+    # sort3d, strongsort3d, image_sort, or module:Class of a plug-in
     tracker: str = "strongsort3d"
-    # Frame of the tracks: a fixed one, or the robot's own ("base_link") where there is no map;
-    # velocities are over the ground then, too
+    # Frame of the tracks: a fixed frame, or the robot's base ("base_link") without a map;
+    # velocities are relative to the ground in both
     frame_id: str = "map"
-    # True: a frame without a transform from its camera is dropped. False: the camera is taken to
-    # stand at the origin and look along +x, and the status reports it
+    # True: frames of a camera without a transform are dropped. False: such a camera is at the
+    # origin and looks along +x, and the status reports it
     require_transform: bool = False
     # output
-    publish_lost: bool = True  # publish unmatched tracks, predicted; section 4: False
-    publish_tentative: bool = False  # publish tracks not yet confirmed
-    # "keypoints": measured yaws, filtered by their density (section 12); "kalman": by a Kalman
-    # filter (section 6); "velocity": the direction of walking (section 4); "none"
+    publish_lost: bool = True  # publish predicted unmatched tracks; section 4: False
+    publish_tentative: bool = False  # publish unconfirmed tracks
+    # "keypoints": measured yaws in a density filter (section 12); "kalman": in a Kalman filter
+    # (section 6); "velocity": the direction of walking (section 4); "none"
     yaw: Literal["keypoints", "kalman", "velocity", "none"] = "keypoints"
     yaw_speed_min_mps: NonNegative = 0.2  # [m/s] least speed for a yaw from velocity; section 4: 0
     # time
     max_lost_s: Positive = 5.0  # [s] longest time without a match of any track
     embedding_wait_s: NonNegative = 0.05  # [s] longest wait for the embeddings of a frame
-    # [s] longest wait for frames of an earlier stamp from other cameras or detectors; absent: one
-    # frame interval for detectors, and none for cameras
+    # [s] longest wait for earlier frames of other cameras or detectors; absent: one frame interval
+    # for detectors, no wait for cameras
     reorder_wait_s: NonNegative | None = None
-    # input
-    area: SiteAreaConfig = SiteAreaConfig()  # of a site with several trackers
+    area: SiteAreaConfig = SiteAreaConfig()  # area of a site with several trackers
     # methods
     sort3d: Sort3dConfig = Sort3dConfig()
     strongsort3d: StrongSort3dConfig = StrongSort3dConfig()
-    image_sort: ImageSortConfig = ImageSortConfig()  # positions: with the noise of strongsort3d
-    options: dict[str, Any] = msgspec.field(default_factory=dict)  # for a tracker of your own
+    image_sort: ImageSortConfig = ImageSortConfig()  # positions have the noise of strongsort3d
+    options: dict[str, Any] = msgspec.field(default_factory=dict)  # options of a plug-in tracker

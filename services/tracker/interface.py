@@ -68,8 +68,8 @@ class Observation:
     size_px: tuple[int, int] | None = None  # [px] width and height of the image; None if unknown
     edges: ImageEdges | None = None  # None if unknown
     unlocated: tuple[UnlocatedDetection, ...] = ()  # in any order
-    turn_sigma_rad: float = 0.0  # [rad] of the camera's direction where it is extrapolated
-    base: PlanarCovariance | None = None  # of the base that carries the camera; None: unknown
+    turn_sigma_rad: float = 0.0  # [rad] standard deviation of an extrapolated camera direction
+    base: PlanarCovariance | None = None  # covariance of the base of the camera; None: unknown
 
     @cached_property
     def camera_from_map(self) -> F64 | None:
@@ -81,17 +81,17 @@ class Observation:
 class GalleryEntry:
     """One person of the gallery."""
 
-    position_m: F64  # 3, of the last match
+    position_m: F64  # [m] 3, position at the last match
     matched_ns: int  # [ns] stamp of the last match
     views: list[F64] = field(default_factory=list)  # embeddings of unit length
-    matches: int = 0  # frames in which this tracker matched the person
-    occluded: bool = False  # the only view is the last one of an occluded person
+    matches: int = 0  # number of matched frames
+    occluded: bool = False  # the only view is an occluded one
 
 
 class IdCounter:
-    """Identities, each given once.
+    """Counter of identities, each given once.
 
-    Those of area n of a site are n, n + 1000, n + 2000, ...; without areas 1, 2, 3, ...
+    Area n of a site gives n, n + 1000, n + 2000, ...; a tracker without areas 1, 2, 3, ...
     """
 
     def __init__(self) -> None:
@@ -124,8 +124,8 @@ class IdCounter:
 class Tracker(ABC):
     """Tracks over time, from one observation to the next.
 
-    A tracker owns its identities: they start at 1 and are never used again, not even after `reset`,
-    nor, if it saves its state, after a restart of its process.
+    A tracker owns its identities: they start at 1 and are never reused, not even after `reset` or,
+    if it saves its state, after a restart of its process.
     """
 
     uses_embeddings: ClassVar[bool] = False
@@ -144,7 +144,7 @@ class Tracker(ABC):
         """Delete all tracks and times; identities go on counting."""
 
     def image_tracks(self) -> tuple[ImageTrack, ...] | None:
-        """Return the tracks in the image of the last update by id; None: there are none ever."""
+        """Return the tracks in the image of the last update by id; None without image tracking."""
         return None
 
     def save(self) -> bytes:

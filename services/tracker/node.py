@@ -56,18 +56,18 @@ class NodeCheckpoint(msgspec.Struct, frozen=True, kw_only=True):
     stamp_ns: int  # [ns] time of the last frame tracked
     camera_poses: dict[str, F64]  # 4x4 by optical frame, of fixed cameras
     tracker: bytes  # its own checkpoint
-    # [ns] offset subtracted from the stamps of each camera, the reference first
+    # [ns] offset subtracted from the stamps of each camera; the reference is first
     clock_offsets_ns: dict[str, int] = {}
 
 
 class TrackerNode(StatefulNode):
     """Joins the streams by camera and stamp, and tracks in one fixed frame.
 
-    Every Detections is answered by one Tracks of the same stamp, but for counted drops: `stale`
-    (older than the last frame tracked), `duplicates` (of two detectors), `no_transform` and
-    `refused_cameras` (too many), `stray_frames` (see StampGuard). Stamps of several cameras are
-    corrected to one time, see CameraClocks. When detections stop, predictions are published for
-    EXTRAPOLATION_MAX_NS, marked as such; the tracker itself does not change by them.
+    Every Detections gives one Tracks of the same stamp, except for counted drops: `stale` (too
+    late), `duplicates` (from two detectors), `no_transform`, `refused_cameras` (too many) and
+    `stray_frames` (see StampGuard). CameraClocks corrects stamps of several cameras to one time.
+    When detections stop, predictions are published for EXTRAPOLATION_MAX_NS, marked as such; they
+    do not change the tracker.
     """
 
     inputs: tuple[type[Message], ...] = (
@@ -91,12 +91,12 @@ class TrackerNode(StatefulNode):
         self._hosts = CameraHosts(config.area.hosts)
         self._areas = AreaExchange(config.area, config.frame_id, self._tracker)
         self._edges: dict[str, ImageEdges] = {}  # by camera, see Observation
-        self._held: PendingFrame | None = None  # waits for the odometry of its time
+        self._held: PendingFrame | None = None  # frame that waits for its odometry
         self._schedule = PredictionSchedule()
         self._counters = Counter(dict.fromkeys(COUNTERS, 0))
 
     def attach(self, loop: LoopCallbacks) -> None:
-        """Listen to cameras of other hosts and to neighbours; this area has the robot's name."""
+        """Subscribe to cameras of other hosts and to neighbouring areas."""
         self.foreign_inputs = [*self._hosts.topics(loop.robot), *self._areas.attach(loop.robot)]
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
@@ -113,7 +113,7 @@ class TrackerNode(StatefulNode):
             if message.camera in self._edges or len(self._edges) < MAX_CAMERAS:
                 self._edges[message.camera] = edges(message)
         elif isinstance(message, TRANSFORMS) and self._poses.add_transform(message):
-            # The tracks are relative to the former pose of the camera.
+            # Tracks are relative to the previous pose of the camera.
             self._counters["transform_changes"] += 1
             self._tracker.reset()
             self._drift.clear()
@@ -121,19 +121,19 @@ class TrackerNode(StatefulNode):
         return [*flushed, *self._track_due(now_ns)]
 
     def tick(self, now_ns: int) -> Sequence[Message]:
-        """Return tracks of frames that have waited long enough, and predictions."""
+        """Return tracks of frames whose wait is over, and predictions."""
         self._now_ns = now_ns
         flushed = self._add_frames(self._guard.due(now_ns))
         tracks = self._track_due(now_ns) or self._predict_due(now_ns)
         return [*flushed, *tracks, *self._areas.due(now_ns, self._schedule.time_ns(now_ns))]
 
     def flush(self, now_ns: int) -> Sequence[Message]:
-        """Return tracks of all frames that wait."""
+        """Return tracks of all waiting frames."""
         flushed = self._add_frames(self._guard.due(now_ns, flush=True))
         return [*flushed, *self._track_due(now_ns, flush=True)]
 
     def wake_ns(self) -> int | None:
-        """Return the time at which a frame has waited long enough or a prediction is due."""
+        """Return the time at which the wait of a frame is over or a prediction is due."""
         due_ns = self._join.wake_ns() if self._join.waiting else self._schedule.wake_ns
         waking = [due_ns, self._guard.wake_ns(), self._areas.wake_ns()]
         if self._held:
@@ -171,7 +171,7 @@ class TrackerNode(StatefulNode):
         )
 
     def next_number(self) -> int:
-        """Return the next identity to be given; 0 if the tracker does not save its state."""
+        """Return the next identity; 0 if the tracker does not save its state."""
         return self._tracker.ids.next if self._tracker.ids else 0
 
     def save(self) -> bytes:
@@ -188,7 +188,7 @@ class TrackerNode(StatefulNode):
         return pack(checkpoint)
 
     def restore(self, saved: bytes, next_number: int) -> None:
-        """Continue from a checkpoint; its identities are not given again."""
+        """Continue from a checkpoint; its identities are not reused."""
         if not self._tracker.ids:
             return
         self._tracker.ids.raise_to(next_number)
@@ -208,7 +208,7 @@ class TrackerNode(StatefulNode):
             detections, arrived_ns = frame.detections, frame.arrived_ns
             if self._guard.is_reset(detections):  # a recording looped, or a camera was restarted
                 flushed += self._track_due(arrived_ns, flush=True)
-                # Embeddings of the frames that were held have come, perhaps.
+                # Embeddings of held frames may have arrived.
                 self._join.restart(detections.camera, frames[-1].detections.stamp_ns)
                 self._restart(detections, arrived_ns)
             time_ns = self._clocks.add_detections(detections, arrived_ns)
@@ -236,7 +236,7 @@ class TrackerNode(StatefulNode):
         while frame := self._next(now_ns, flush):
             tracks = self._track(frame)
             if tracks:
-                # A camera in lock-step continues at the tracks: they come last.
+                # A camera in lock-step continues after the tracks, so they are last.
                 in_image = self._tracker.image_tracks()
                 outputs += self._output.image_tracks(frame.detections, tracks, in_image)
                 outputs.append(tracks)
@@ -244,7 +244,7 @@ class TrackerNode(StatefulNode):
         return outputs
 
     def _next(self, now_ns: int, flush: bool) -> PendingFrame | None:
-        """Return the next frame once the odometry of its time has arrived or timed out."""
+        """Return the next frame once its odometry has arrived or timed out."""
         frame = self._held = self._held or self._join.pop(now_ns, flush)
         if frame is None:
             return None
@@ -295,13 +295,13 @@ class TrackerNode(StatefulNode):
     def _compare_cameras(
         self, observation: Observation, tracks: Sequence[Track], frame: PendingFrame
     ) -> None:
-        """Compare a frame with the people that other cameras find."""
+        """Compare a frame with the people of other cameras."""
         self._drift.add_frame(observation, tracks)
         self._clocks.correct_stamps(self._drift, frame.time_ns)
         self._absence.add_frame(observation, tracks, frame.arrived_ns)
 
     def _pose_before(self, frame: PendingFrame) -> TransformEstimate | None:
-        """Return the pose of the camera at the beginning of the velocities of a frame."""
+        """Return the pose of the camera at the beginning of the interval of velocities."""
         interval_s = frame.detections.velocity_interval_s
         if interval_s is None:
             return None

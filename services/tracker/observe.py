@@ -22,10 +22,10 @@ from services.tracker.interface import (
 PEOPLE_MAX = 128  # most detections of a frame, by score; matching takes their cube
 POSE_SIGMA_MIN_M = 0.01  # least standard deviation of a pose that adds a covariance [m]
 RANGE_MAX_M = 100.0  # largest distance from the camera of a used position [m]
-LENGTH_MIN = 1e-6  # least length of an embedding that has a direction
+LENGTH_MIN = 1e-6  # least length of a usable embedding
 VELOCITY_MAX_MPS = 15.0  # largest speed of a person [m/s]
 VELOCITY_SIGMA_MPS = 0.03  # change of a velocity within a frame [m/s]
-MOTION_ERROR = 0.1  # error of the movement of a camera, as a part of the movement
+MOTION_ERROR = 0.1  # relative error of the motion of a camera
 SURFACE_M = 0.12  # distance of a position from the surface on which velocities are measured [m]
 LEVEL_MIN = 0.2  # least level part of a heading that has a yaw (78 deg steep)
 
@@ -37,7 +37,7 @@ def observe(
     counters: Counter[str],
     pose_before: TransformEstimate | None = None,
 ) -> Observation:
-    """Return the usable detections of one frame; the others are counted.
+    """Return the usable detections of one frame; count the others.
 
     Positions with a coordinate beyond RANGE_MAX_M are dropped, and the lowest scores beyond
     PEOPLE_MAX.
@@ -103,12 +103,12 @@ def observe(
 
 
 def _positions_m(people: Sequence[Detection], map_from_camera: F64) -> dict[int, F64]:
-    """Return the positions in the map by index, unless far from the camera or the map's origin."""
+    """Return positions in the map by index, if near enough to the camera and the map's origin."""
     known = {i: p.position_m for i, p in enumerate(people) if p.position_m is not None}
     if not known:
         return {}
     in_camera = np.array(list(known.values()))
-    # One product each, so that no position depends on the others in its last digit.
+    # Separate products, so that no position depends on the others in its last digit.
     in_map = apply(map_from_camera, in_camera[:, None])[:, 0]
     near = np.abs(in_camera).max(axis=1) <= RANGE_MAX_M
     near &= np.abs(in_map).max(axis=1) <= MAX_M / 2
@@ -131,9 +131,8 @@ def _velocities(
 ) -> dict[int, VelocityMeasurement]:
     """Return the velocities over the ground by index.
 
-    They are measured on the surface of a person, which a camera that turns carries less far than
-    the axis behind it. What a camera's own motion adds to the movement of a point is known to a
-    part of it.
+    Velocities are measured on the surface of a person, which a turning camera moves less than the
+    axis. The motion of the camera contributes a relative error of MOTION_ERROR.
     """
     interval_s, velocities = detections.velocity_interval_s, dict[int, VelocityMeasurement]()
     if interval_s is None or pose_before is None:
@@ -168,7 +167,7 @@ def edges(info: CameraInfo) -> ImageEdges:
 
 
 def rotated(covariances_m2: F64, map_from_camera: F64) -> F64:
-    """Return covariances (...x3x3) of the camera's frame in the map."""
+    """Return covariances (...x3x3) in the map, from the camera's frame."""
     turn = map_from_camera[:3, :3]
     result: F64 = turn @ covariances_m2 @ turn.T
     return (result + result.swapaxes(-1, -2)) / 2
@@ -183,7 +182,7 @@ def yaw_of(heading: F64 | None, map_from_camera: F64) -> float | None:
 
 
 def _unit_vectors(embeddings: Embeddings, count: int, counters: Counter[str]) -> dict[int, F64]:
-    """Return the embeddings by index of their detection, at unit length."""
+    """Return embeddings of unit length by index of their detection."""
     vectors: dict[int, F64] = {}
     rows = embeddings.vectors.astype(np.float64)
     lengths = np.sqrt(np.einsum("ij,ij->i", rows, rows))

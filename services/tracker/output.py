@@ -11,7 +11,7 @@ from services.tracker.prediction_schedule import DuePrediction
 
 
 class TrackerOutput:
-    """Makes messages of tracks, in the frame and of the states that are configured."""
+    """Makes messages of tracks, in the configured frame and states."""
 
     def __init__(self, config: TrackerConfig, poses: CameraPoseLookup) -> None:
         self._config, self._poses = config, poses
@@ -37,14 +37,14 @@ class TrackerOutput:
         )
 
     def predicted_tracks(self, due: DuePrediction, tracks: Sequence[Track]) -> Tracks:
-        """Return the message of tracks that were predicted without a frame."""
+        """Return the message of predicted tracks."""
         message = self.tracks(due.detections, tracks, due.time_ns, ())
         return msgspec.structs.replace(message, stamp_ns=due.stamp_ns, predicted=True)
 
     def image_tracks(
         self, detections: Detections, tracks: Tracks, image_tracks: Sequence[ImageTrack] | None
     ) -> list[Message]:
-        """Return the message of tracks in the image of a frame; none if there are none."""
+        """Return the message of tracks in the image; empty without image tracking."""
         if image_tracks is None:
             return []
         message = ImageTracks(

@@ -23,13 +23,13 @@ class DuePrediction(NamedTuple):
 
 
 class PredictionSchedule:
-    """Decides when tracks are predicted instead of measured.
+    """Decides when tracks are predicted without a frame.
 
     Predictions begin QUIET_NS after the last frame, or later if frames are slow, and follow each
     other every PERIOD_NS until EXTRAPOLATION_MAX_NS after it, or until no track is left.
 
     Attributes:
-        counters: People that were not predicted for longer.
+        counters: Number of people whose prediction ended.
     """
 
     def __init__(self) -> None:
@@ -40,23 +40,23 @@ class PredictionSchedule:
         self.wake_ns: int | None = None  # [ns] arrival time at which the next one is due
 
     def time_ns(self, now_ns: int) -> int | None:
-        """Return the time of the frames that come now; None before the first one."""
+        """Return the time of frames that arrive now; None before the first frame."""
         last = self._last
         return None if last is None else last.time_ns + now_ns - last.arrived_ns
 
     def record(self, frame: PendingFrame, tracks: Tracks) -> None:
-        """Note the tracks of a frame."""
+        """Record the tracks of a frame."""
         self._published = len(tracks.tracks)
         if self._last:
             self._intervals_ns.append(frame.arrived_ns - self._last.arrived_ns)
         self._last = frame
-        # A playback slower than real time is no outage: wait longer where frames are slow.
+        # A playback slower than real time is no outage: slow frames get a longer wait.
         period_ns = median(self._intervals_ns) if self._intervals_ns else 0
         quiet_ns = max(QUIET_NS, SLOW_FACTOR * period_ns)
         self.wake_ns = frame.arrived_ns + int(quiet_ns)
 
     def due(self, now_ns: int) -> DuePrediction | None:
-        """Return the prediction that is due; none lies beyond the range of stamps."""
+        """Return the prediction that is due; None otherwise, and beyond the range of stamps."""
         last, time_ns = self._last, self.time_ns(now_ns)
         if last is None or time_ns is None or self.wake_ns is None or now_ns < self.wake_ns:
             return None
@@ -67,18 +67,18 @@ class PredictionSchedule:
         return DuePrediction(last.detections, time_ns, stamp_ns)
 
     def ends(self, now_ns: int) -> bool:
-        """Check that people are not predicted any longer, and count them."""
+        """Check for the end of predictions, and count the people."""
         ended = self._last is not None and now_ns - self._last.arrived_ns > EXTRAPOLATION_MAX_NS
         self.counters["people_unknown"] += self._published if ended else 0
         return ended
 
     def publishes(self, tracks: Tracks, now_ns: int) -> bool:
-        """Return whether to publish predicted tracks: after the last track one empty message."""
+        """Check that predicted tracks are published: after the last track one empty message."""
         before, self._published = self._published, len(tracks.tracks)
         self.wake_ns = now_ns + PERIOD_NS if tracks.tracks else None
         return bool(before or tracks.tracks)
 
     def clear(self) -> None:
-        """Forget all frames."""
+        """Delete all frames."""
         self._last = self.wake_ns = None
         self._intervals_ns.clear()

@@ -57,7 +57,7 @@ def test_edit_of_zones_that_were_changed_meanwhile_is_refused(tmp_path: Path) ->
     node.handle(edit(0, Zone(name="a", corners_m=SQUARE)), 0)
     (answer,) = node.handle(edit(0, Zone(name="b", corners_m=SQUARE)), 0)
     assert isinstance(answer, Zones)
-    assert "somebody else" in answer.problem
+    assert "changed meanwhile" in answer.problem
     assert [zone.name for zone in answer.zones] == ["a"]
     node.close()
 

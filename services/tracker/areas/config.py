@@ -12,14 +12,14 @@ Memory = Annotated[float, Meta(gt=0, le=600)]
 
 
 class SiteAreaConfig(Config, frozen=True, kw_only=True):
-    """The area of a site that this tracker covers; the robot's name is its name."""
+    """The area of a site that this tracker covers; its name is the name of the robot."""
 
-    # robot names of further hosts with tracked cameras; names of cameras and frames are unique over
+    # Robot names of further hosts with tracked cameras. Names of cameras and frames are unique over
     # all hosts
     hosts: tuple[Name, ...] = ()
-    # of this area, unique in the site: it gives the identities n, n + 1000, n + 2000, ...; 0: there
-    # are no areas
+    # Number n of this area, unique in the site: its identities are n, n + 1000, n + 2000, ...
+    # 0: no areas
     number: Annotated[int, Meta(ge=0, lt=AREAS_MAX)] = 0
-    neighbours: tuple[Name, ...] = ()  # names of the areas from which people come
-    # [s] since their last match anywhere, for which people keep their identity from area to area
+    neighbours: tuple[Name, ...] = ()  # names of neighbouring areas
+    # [s] time since the last match for which a person keeps the identity from area to area
     memory_s: Memory = 30.0

@@ -18,13 +18,13 @@ from services.tracker.areas.neighbours import Neighbours
 from services.tracker.interface import GalleryEntry, IdCounter, Tracker
 
 SHARE_NS = 250_000_000  # time between two messages to neighbours [ns]
-REFRESH_NS = 1_000_000_000  # longest time between two looks at the people of neighbours [ns]
+REFRESH_NS = 1_000_000_000  # longest time between two updates of neighbours' people [ns]
 PRESENT_NS = 500_000_000  # largest time since the last match of a present person [ns]
-REACH_M, REACH_MPS = 1.5, 3.0  # largest distance of one person's positions, and its growth
-# Largest distance of one person's tracks in two areas [m], least distance of others [m], and least
+REACH_M, REACH_MPS = 1.5, 3.0  # largest distance of one person in two areas, and its growth
+# Largest distance of two tracks of one person [m], least distance of other people [m], and least
 # number of consecutive messages
 SAME_M, ALONE_M, SAME_MESSAGES = 0.5, 1.0, 4
-NO_VIEWS = 3.0  # more than any cosine distance
+NO_VIEWS = 3.0  # distance of people without views, above any cosine distance
 MATCHES_ALIKE = 15  # difference of matches below which the lower identity is the older one
 COUNTERS = ("identities_taken_over", "identities_joined", "identities_yielded")
 
@@ -48,8 +48,8 @@ class AreaExchange:
         self._run = secrets.randbelow(2**53)
         self._due_ns = 0
         self._refreshed_ns: int | None = None
-        self._away: set[int] = set()  # people who were elsewhere at the last refresh
-        self._both: dict[tuple[int, int], int] = {}  # consecutive messages with one person twice
+        self._away: set[int] = set()  # people in other areas at the last refresh
+        self._both: dict[tuple[int, int], int] = {}  # messages in a row, by pair of tracks
         self._sequence = 0
         self._counters = Counter(dict.fromkeys(COUNTERS, 0)) if config.number else Counter[str]()
         if config.neighbours and not config.number:
@@ -70,7 +70,7 @@ class AreaExchange:
         return {**self._neighbours.counters, **self._counters}
 
     def attach(self, name: str) -> Sequence[ForeignTopic]:
-        """Take the name of this area; return the topics to listen to, its own among them.
+        """Set the name of this area; return the topics of this area and its neighbours.
 
         Raises:
             ConfigError: The area is its own neighbour, or a neighbour is named twice.
@@ -88,12 +88,12 @@ class AreaExchange:
         return [topic_of(area, AreaPeople, partial(_of_area, area)) for area in (name, *neighbours)]
 
     def hear(self, message: AreaPeople, now_ns: int, time_ns: int | None) -> None:
-        """Take a message of a neighbour, or of another process that uses this area's name.
+        """Process a message of a neighbour, or of another process with the name of this area.
 
         Args:
             message: The message.
             now_ns: Monotonic time.
-            time_ns: Time of the frames that come now; None before the first one.
+            time_ns: Time of frames that arrive now; None before the first frame.
         """
         known = self._known_people()
         if message.run == self._run or known is None:
@@ -102,7 +102,7 @@ class AreaExchange:
         self._refreshed_ns = None
 
     def refresh(self, time_ns: int, now_ns: int) -> None:
-        """Give the people of neighbours to the tracker, before it tracks a frame.
+        """Pass the people of neighbours to the tracker, before it tracks a frame.
 
         Args:
             time_ns: Time of the frame.
@@ -144,7 +144,7 @@ class AreaExchange:
                 matches=max(entry.matches, 1),
                 views=np.asarray(entry.views, np.float32),
             )
-            for identity, entry in recent[-PEOPLE_MAX:]  # the last were seen last
+            for identity, entry in recent[-PEOPLE_MAX:]  # recently seen people are last
             if identity <= ID_MAX
         )
         message = AreaPeople(
@@ -164,7 +164,7 @@ class AreaExchange:
         return self._due_ns if self._config.number else None
 
     def reasons(self, now_ns: int) -> list[str]:
-        """Return sentences on neighbours that are silent, refused or of another clock."""
+        """Return a sentence on each neighbour that is silent, refused or has another clock."""
         return self._neighbours.reasons(now_ns)
 
     def gauges(self) -> dict[str, float]:
@@ -177,9 +177,9 @@ class AreaExchange:
     def _joined(
         self, own: Mapping[int, GalleryEntry], people: Mapping[int, GalleryEntry], time_ns: int
     ) -> dict[int, int]:
-        """Return the identities of neighbours for people that both track, by the own identities.
+        """Return identities of neighbours by own identity, for people whom both areas track.
 
-        The tracker with fewer matches takes the identity of the other.
+        The tracker with fewer matches takes the identity of the other one.
         """
         pairs = _tracked_by_both(own, people, time_ns)
         self._both = {pair: self._both.get(pair, 0) + 1 for pair in pairs}
@@ -194,7 +194,7 @@ class AreaExchange:
     def _count_taken_over(
         self, own: Mapping[int, GalleryEntry], people: Mapping[int, GalleryEntry]
     ) -> None:
-        """Count the people that came here from elsewhere."""
+        """Count the people who came from other areas."""
         away = {
             identity
             for identity, entry in people.items()
@@ -207,9 +207,9 @@ class AreaExchange:
 def _tracked_elsewhere(
     own: Mapping[int, GalleryEntry], people: Mapping[int, GalleryEntry], time_ns: int
 ) -> Iterator[int]:
-    """Yield own identities that a neighbour tracks elsewhere at the same time, and for longer.
+    """Yield own identities that a neighbour tracks at another place, with more matches.
 
-    One of both areas took the identity over for another person: that with fewer matches.
+    The area with fewer matches has confused the person with another one.
     """
     for identity, theirs in people.items():
         mine = own.get(identity)
@@ -224,9 +224,9 @@ def _tracked_elsewhere(
 def _tracked_by_both(
     own: Mapping[int, GalleryEntry], people: Mapping[int, GalleryEntry], time_ns: int
 ) -> list[tuple[int, int]]:
-    """Return pairs of an own identity and a neighbour's whose tracks are of one person now.
+    """Return pairs of an own and a neighbour's identity whose tracks show one person now.
 
-    Among several nearby people the pair with the most similar views is one person.
+    Of several nearby people the pair with the most similar views is one person.
     """
     oldest_ns = time_ns - PRESENT_NS
     here = [i for i, entry in own.items() if entry.matched_ns >= oldest_ns]
@@ -243,12 +243,12 @@ def _tracked_by_both(
     alone = (unlike < np.inf).sum(axis=0) * (unlike < np.inf).sum(axis=1)[:, None] == 1
     known = (unlike < NO_VIEWS) | alone
     pairs = [(here[i], there[j]) for i, j in np.argwhere(alike & known & (distance_m < SAME_M))]
-    taken = {*here} & {*there}  # both have it already
+    taken = {*here} & {*there}  # identities that both areas have
     return [(a, b) for a, b in pairs if a != b and a not in taken and b not in taken]
 
 
 def _unlikeness(mine: GalleryEntry, theirs: GalleryEntry) -> float:
-    """Return the least cosine distance of two people's views, NO_VIEWS where there are none."""
+    """Return the least cosine distance of the views of two people; NO_VIEWS without any."""
     a, b = mine.views, theirs.views
     if not a or not b or len(a[0]) != len(b[0]):
         return NO_VIEWS
@@ -256,7 +256,7 @@ def _unlikeness(mine: GalleryEntry, theirs: GalleryEntry) -> float:
 
 
 def _of_area(area: str, message: AreaPeople) -> AreaPeople:
-    """Return a message of an area, or raise DecodeError if it is one of another."""
+    """Return a message; DecodeError if it comes from another area."""
     if message.area != area:
         raise DecodeError(f"area_people: expected area {area}, got {message.area}")
     return message

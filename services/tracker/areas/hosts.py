@@ -19,35 +19,35 @@ from people4d.messages import (
 from people4d.topics import BY_MESSAGE, ForeignTopic
 
 KINDS = (Detections, Embeddings, CameraInfo, StaticTransform, MovingTransform, Odometry)
-FORGOTTEN_S = 10.0  # without a message, after which another host may have a camera's name
-NAMES_MAX = 1024  # cameras and frames that are remembered
-SILENT_S = 3.0  # without detections, after which a host is reported
+FORGOTTEN_S = 10.0  # silence after which another host may use the name of a camera [s]
+NAMES_MAX = 1024  # most stored names of cameras and frames
+SILENT_S = 3.0  # time without detections after which a host is reported [s]
 
 
 class CameraHosts:
-    """Topics of the cameras of other hosts, whose names may not be used twice.
+    """Topics of cameras on other hosts; each name belongs to one host.
 
     Args:
         names: Robot names of the hosts.
 
     Raises:
-        ConfigError: One is named twice.
+        ConfigError: A host is named twice.
     """
 
     def __init__(self, names: Sequence[str]) -> None:
         if len(set(names)) < len(names):
             raise ConfigError("tracker.area.hosts: expected each name once, got one twice")
         self._heard_s = dict.fromkeys(names, time.monotonic())  # last detections, by host
-        self._owners: dict[str, tuple[str, float]] = {}  # host and last message, by camera or frame
+        self._owners: dict[str, tuple[str, float]] = {}  # host and time, by camera or frame
 
     def topics(self, own: str) -> list[ForeignTopic]:
         """Return the topics to listen to.
 
         Args:
-            own: Name of this robot, whose cameras are heard anyway.
+            own: Name of this robot, whose cameras need no further topics.
 
         Raises:
-            ConfigError: It is one of the hosts.
+            ConfigError: This robot is one of the hosts.
         """
         if own in self._heard_s:
             raise ConfigError(
@@ -72,7 +72,7 @@ class CameraHosts:
         """Return a message of a host.
 
         Raises:
-            DecodeError: It is of a camera or frame that another host has.
+            DecodeError: Another host has the camera or frame.
         """
         name, now_s = BY_MESSAGE[type(message)].name, time.monotonic()
         if isinstance(message, StaticTransform | MovingTransform):

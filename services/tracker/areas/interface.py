@@ -16,19 +16,19 @@ class KnownPeople:
 
 
 class AreaTracker(ABC):
-    """A tracker that can hand identities over between areas."""
+    """A tracker that hands identities over between areas."""
 
     @abstractmethod
     def known_people(self) -> KnownPeople | None:
-        """Return the people that it can recognise; None if re-identification is off."""
+        """Return the people of the gallery; None without re-identification."""
 
     @abstractmethod
     def learn_neighbours(self, people: Mapping[int, GalleryEntry]) -> None:
-        """Take the people of neighbouring areas by identity, in place of those before."""
+        """Replace the people of neighbouring areas, by identity."""
 
     @abstractmethod
     def rename(self, identities: Mapping[int, int | None]) -> None:
-        """Give tracks the identities that neighbours have for the same people.
+        """Change the identities of tracks to the identities of neighbours for the same people.
 
-        None: another person elsewhere has the identity, and the track gets a new one.
+        None: a neighbour tracks another person under the identity; the track gets a new one.
         """

@@ -1,4 +1,4 @@
-"""Neighbouring areas as a tracker hears of them: which people they have, and what is wrong."""
+"""Neighbouring areas: their people, and conflicts with this area."""
 
 from collections import Counter, deque
 from dataclasses import dataclass, field
@@ -11,12 +11,12 @@ from people4d.messages import AreaPeople
 from services.tracker.areas.config import SiteAreaConfig
 from services.tracker.interface import GalleryEntry, IdCounter
 
-CONFLICT_NS = 5_000_000_000  # for which areas of one name or number are refused
+CONFLICT_NS = 5_000_000_000  # time for which areas of one name or number are refused [ns]
 SILENCE_NS = 3_000_000_000  # time without a message of a neighbour after which it is reported [ns]
-# Difference of a neighbour's clock above which it is reported [ns]. Identities are handed over all
-# the same: a message holds times since the last match
+# Difference of a neighbour's clock above which it is reported [ns]. Hand-over works regardless,
+# since a message holds times since the last match
 CLOCK_TOLERANCE_NS = 1_000_000_000
-RUNS_MAX = 8  # processes of one name that are remembered
+RUNS_MAX = 8  # most stored processes of one name
 COUNTERS = ("area_conflicts", "area_refused", "area_clock_apart")
 
 
@@ -27,11 +27,11 @@ class Neighbour:
     message: AreaPeople
     heard_ns: int  # [ns] monotonic
     runs: deque[int] = field(default_factory=lambda: deque(maxlen=RUNS_MAX))  # former processes
-    offsets_ns: deque[int] = field(default_factory=lambda: deque(maxlen=9))  # of its clock
+    offsets_ns: deque[int] = field(default_factory=lambda: deque(maxlen=9))  # offsets of its clock
 
 
 class Neighbours:
-    """The last message of each neighbouring area, and what makes it unusable.
+    """The last message of each neighbouring area, and the conflicts that make it unusable.
 
     Args:
         config: This area.
@@ -40,9 +40,9 @@ class Neighbours:
 
     def __init__(self, config: SiteAreaConfig, frame_id: str) -> None:
         self._config, self._frame_id = config, frame_id
-        self.name = ""  # of this area
+        self.name = ""  # name of this area
         self._heard: dict[str, Neighbour] = {}  # by area
-        self._problems: dict[str, tuple[str, int]] = {}  # what is wrong, and until when, by area
+        self._problems: dict[str, tuple[str, int]] = {}  # sentence and end of a conflict, by area
         self._started_ns: int | None = None
         self.counters = Counter(dict.fromkeys(COUNTERS, 0)) if config.number else Counter[str]()
 
@@ -50,14 +50,14 @@ class Neighbours:
         return bool(self._heard)
 
     def start(self, now_ns: int) -> None:
-        """Note that messages are expected from now on."""
+        """Expect messages from now on."""
         if self._started_ns is None:
             self._started_ns = now_ns
 
     def add_message(
         self, message: AreaPeople, embedder: str, now_ns: int, time_ns: int | None
     ) -> None:
-        """Take a message of another process; see `AreaExchange.hear`."""
+        """Add a message of another process; arguments as in `AreaExchange.hear`."""
         area, before = message.area, self._heard.get(message.area)
         conflict = self._conflict(message, before)
         problem = conflict or self._mismatch(message, embedder)
@@ -79,11 +79,9 @@ class Neighbours:
     def people(self, ids: IdCounter, time_ns: int, now_ns: int) -> dict[int, GalleryEntry]:
         """Return the people of all usable neighbours by identity, each at the last match.
 
-        `matches` are counted by the other tracker.
-
         Args:
-            ids: Identities of this tracker; a neighbour cannot have one that was never given.
-            time_ns: Time of a frame; times of matches are in it.
+            ids: Identities of this tracker; identities it has not given yet are refused.
+            time_ns: Time of a frame, in whose clock times of matches are returned.
             now_ns: Monotonic time of its arrival.
         """
         found: dict[int, GalleryEntry] = {}
@@ -105,7 +103,7 @@ class Neighbours:
         return found
 
     def reasons(self, now_ns: int) -> list[str]:
-        """Return sentences on neighbours that are silent, refused or of another clock."""
+        """Return a sentence on each neighbour that is silent, refused or has another clock."""
         found = [text for text, until_ns in self._problems.values() if now_ns < until_ns]
         silent = [
             area
@@ -140,7 +138,7 @@ class Neighbours:
         return bool(neighbour.offsets_ns) and abs(median(neighbour.offsets_ns)) > CLOCK_TOLERANCE_NS
 
     def _conflict(self, message: AreaPeople, before: Neighbour | None) -> str:
-        """Return what contradicts the names or numbers of the areas; empty if nothing does."""
+        """Return a conflict of names or numbers of areas; empty without one."""
         area, number = message.area, message.number
         if area == self.name:
             return f"another tracker calls itself area {area}, too"
@@ -155,7 +153,7 @@ class Neighbours:
         return ""
 
     def _mismatch(self, message: AreaPeople, embedder: str) -> str:
-        """Return why no person of a message can be recognised; empty if they can."""
+        """Return a reason to refuse the people of a message; empty without one."""
         area = message.area
         if message.frame_id != self._frame_id:
             return (

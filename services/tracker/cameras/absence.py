@@ -1,6 +1,6 @@
-"""Watch for cameras of several that send nothing, or find none of the people before them.
+"""Watch for cameras that send nothing, or miss the people whom other cameras find.
 
-Section 28 of docs/method.md. Tracks do not change by it.
+Source: docs/method.md, section 28. The watch changes no tracks.
 """
 
 from collections import deque
@@ -16,25 +16,25 @@ from people4d.messages.base import MAX_CAMERAS
 from services.tracker.interface import Observation
 
 SILENT_NS, SILENT_FRAMES = 3_000_000_000, 10  # time and frames after which a camera is silent
-FORGOTTEN_NS = 600_000_000_000  # silence after which a camera has been taken away [ns]
+FORGOTTEN_NS = 600_000_000_000  # silence after which a camera is no longer reported [ns]
 SAMPLE_NS, WINDOW_NS = 200_000_000, 10_000_000_000  # interval of samples, and their window [ns]
-NEAR_M, FAR_M = 0.8, 5.0  # depths of people whom a camera should find [m]
+NEAR_M, FAR_M = 0.8, 5.0  # range of depth in which a camera should find people [m]
 INSIDE = 0.8  # central part of the image's width in which a camera should find people
 FRESH_S = 0.3  # largest time since the last match of a track [s]
-EXPECTED_MIN = 25  # expected people in the window, none found, by which a camera is covered
-USUAL_MIN, USUAL_SHARE = 50, 0.5  # least expected people before, and their least share found
+EXPECTED_MIN = 25  # least expected people in the window of a covered camera
+USUAL_MIN, USUAL_SHARE = 50, 0.5  # least expected people before the window, least share found
 
 
 @dataclass(slots=True)
 class _Camera:
-    """Frames of one camera."""
+    """State of the watch of one camera."""
 
-    arrived_ns: int  # [ns] monotonic, of the last one
-    interval_ns: int = 0  # from one to the next
+    arrived_ns: int  # [ns] monotonic arrival of the last frame
+    interval_ns: int = 0  # [ns] longest recent interval between frames
     sampled_ns: int | None = None  # [ns] stamp of the last sample
     samples: deque[tuple[int, int, int]] = field(default_factory=deque)  # stamp, expected, found
-    expected: int = 0  # of all samples that have left the window
-    found: int = 0
+    expected: int = 0  # sum over all samples before the window
+    found: int = 0  # sum over all samples before the window
 
     def add_sample(self, stamp_ns: int, expected: int, found: int) -> None:
         """Add a sample."""
@@ -42,31 +42,31 @@ class _Camera:
         self.samples.append((stamp_ns, expected, min(expected, found)))
         while self.samples and stamp_ns - self.samples[0][0] > WINDOW_NS:
             _, expected, found = self.samples.popleft()
-            if not self.is_covered:  # else its own failure would become usual
+            if not self.is_covered:  # else its failure would count as usual
                 self.expected, self.found = self.expected + expected, self.found + found
 
     @property
     def is_covered(self) -> bool:
-        """True if it finds no one, although people are in its view and it found most before."""
+        """True if the camera finds no person in view, but found most people before."""
         expected = sum(sample[1] for sample in self.samples)
         usual = self.expected >= USUAL_MIN and self.found >= USUAL_SHARE * self.expected
         return usual and expected >= EXPECTED_MIN and not any(s[2] for s in self.samples)
 
 
 class CameraAbsence:
-    """Compares the frames of each camera with the people that all of them find."""
+    """Compares the detections of each camera with the tracks of all cameras."""
 
     def __init__(self) -> None:
         self._cameras: dict[str, _Camera] = {}
 
     def clear(self) -> None:
-        """Forget what cameras found, after transforms changed."""
+        """Delete the samples, after transforms changed."""
         for camera in self._cameras.values():
             camera.samples.clear()
             camera.sampled_ns = None
 
     def add_frame(self, observation: Observation, tracks: Sequence[Track], arrived_ns: int) -> None:
-        """Take a frame and the tracks after it."""
+        """Add a frame and the tracks after it."""
         name, stamp_ns = observation.camera, observation.stamp_ns
         if name not in self._cameras and len(self._cameras) >= MAX_CAMERAS:
             return
@@ -81,7 +81,7 @@ class CameraAbsence:
             )
 
     def reasons(self, now_ns: int) -> list[str]:
-        """Return sentences on cameras that are silent or covered, while others are not."""
+        """Return a sentence on each camera that is silent or covered while others are not."""
         ages_ns = {
             name: age_ns
             for name, camera in self._cameras.items()
@@ -104,7 +104,7 @@ class CameraAbsence:
 
 
 def _expected(observation: Observation, tracks: Sequence[Track]) -> int:
-    """Return the number of people well inside of the image and range of a camera."""
+    """Return the number of tracks well inside the image and range of a camera."""
     if observation.camera_from_map is None or observation.edges is None:
         return 0
     positions = [t.position_m for t in tracks if t.time_since_update_s < FRESH_S]

@@ -1,10 +1,10 @@
-"""Offsets between the clocks of cameras, from the times at which their frames arrive, and people.
+"""Offsets between the clocks of cameras, by the arrival of their frames and by people in view.
 
-The time from a frame's stamp to its arrival, without the stages that its trace measured, is the
-offset of two clocks plus a delay that is never negative: its least value over some seconds changes
-only with the clock or with the path of the messages. The difference of two cameras' least values is
-the offset of their clocks plus the difference of their least unmeasured delays. A large difference
-counts as an offset of the clocks; people before both cameras divide a smaller one (see `adjust`).
+The time from the stamp of a frame to its arrival, less the stages in its trace, is the offset of
+two clocks plus a delay >= 0. Its minimum over some seconds changes only with the clock or with the
+path of the messages. The difference of the minima of two cameras is the offset of their clocks plus
+the difference of their least delays. A large difference counts as an offset of the clocks. People
+in view of both cameras show how much of a smaller one is an offset (see `adjust`).
 """
 
 from collections import deque
@@ -15,15 +15,15 @@ from people4d.messages import Detections, Span
 from people4d.messages.base import MAX_CAMERAS
 from services.tracker.cameras.drift import CameraDrift
 
-# Difference of delays above which a camera has another clock, unless people show one [ns]
+# Difference of delays above which the clock of a camera is corrected by arrival alone [ns]
 TOLERANCE_NS = 350_000_000
 HALF_WINDOW_NS = 5_000_000_000  # half of the window of the least delay [ns]
-DELAY_MAX_NS = 900_000_000  # largest difference of two delays; a larger one is of clocks [ns]
+DELAY_MAX_NS = 900_000_000  # largest plausible difference of two delays [ns]
 RISE_NS = 250_000_000  # rise of the least delay that shows a clock set back [ns]
-RISEN_MAX = 10  # consecutive frames with such a rise
+RISEN_MAX = 10  # consecutive frames with such a rise, after which the minimum restarts
 TRACE_MAX_NS = 2_000_000_000  # largest sum of the stages in a trace [ns]
 ACTIVE_NS = 3_000_000_000  # longest silence of an active camera [ns]
-INTERVALS = 9  # last intervals between frames of a camera; the longest one counts
+INTERVALS = 9  # stored intervals between frames of a camera
 REFERENCE_NS = 30_000_000_000  # silence of the reference after which another replaces it [ns]
 # Least error of stamps that is corrected, and in standard deviations: the first, and later ones
 FIRST_MIN_S, FIRST_SIGMAS = 0.015, 3.0
@@ -31,28 +31,28 @@ LATER_MIN_S, LATER_SIGMAS = 0.005, 1.0
 
 
 class LeastDelay:
-    """Least delay of the last seconds."""
+    """Minimum delay over the last 5 to 10 seconds."""
 
     def __init__(self) -> None:
         self.frames = 0
         self._least_ns: int | None = None
-        self._before_ns: int | None = None  # of the half window before
+        self._before_ns: int | None = None  # minimum of the previous half window
         self._since_ns = 0
         self._risen = 0
 
     @property
     def ns(self) -> int:
-        """The least delay; 0 before the first."""
+        """The minimum delay; 0 before the first frame."""
         found = [ns for ns in (self._least_ns, self._before_ns) if ns is not None]
         return min(found, default=0)
 
     @property
     def rises(self) -> bool:
-        """The last frames came later than ever: perhaps the clock was set back."""
+        """True if the last frames have longer delays than all before: the clock may be set back."""
         return self._risen > 0
 
     def add_delay(self, delay_ns: int, now_ns: int) -> None:
-        """Take the delay of a frame."""
+        """Add the delay of a frame."""
         self.frames += 1
         self._risen = self._risen + 1 if self.frames > 1 and delay_ns > self.ns + RISE_NS else 0
         if self._least_ns is None or self._risen >= RISEN_MAX:
@@ -69,7 +69,7 @@ class CameraClock:
     """The clock of one camera."""
 
     offset_ns: int  # subtracted from its stamps
-    delay_ns: int = 0  # by so much longer than the reference's messages its own take
+    delay_ns: int = 0  # delay of its messages, relative to the reference
     newest_ns: int = 0  # [ns] newest stamp
     heard_ns: int = 0  # [ns] monotonic
     delay: LeastDelay = field(default_factory=LeastDelay)
@@ -88,12 +88,12 @@ class CameraClocks:
         self._restored: dict[str, int] = {}  # offsets of a checkpoint [ns]
         self._restored_ns: int | None = None  # newest stamp of its reference
         self.reference = ""  # name of the camera; empty before the first frame
-        self.corrected: set[str] = set()  # cameras whose offset changed by the arrival of frames
-        self._reference_ns = 0  # [ns] monotonic, of its last frame
+        self.corrected: set[str] = set()  # cameras whose offset was changed by arrival times
+        self._reference_ns = 0  # [ns] monotonic arrival of the last frame of the reference
 
     @property
     def has_several(self) -> bool:
-        """True if frames of two or more cameras came."""
+        """True if two or more cameras send frames."""
         return len(self._clocks) > 1
 
     def add_detections(self, detections: Detections, now_ns: int) -> int | None:
@@ -130,7 +130,7 @@ class CameraClocks:
         return max(clock.intervals_ns, default=0) if clock else 0
 
     def restart(self, camera: str, now_ns: int) -> bool:
-        """Restart the clock of a camera; return True if other cameras continue."""
+        """Delete the clock of a camera; return True if other cameras continue."""
         others = [
             name
             for name, clock in self._clocks.items()
@@ -145,7 +145,7 @@ class CameraClocks:
         return bool(others)
 
     def correct_stamps(self, watch: CameraDrift, time_ns: int) -> None:
-        """Correct the stamps of cameras that differ by the people before two of them."""
+        """Correct stamps of cameras by the positions of people in view of two cameras."""
         while self.corrected:
             watch.forget(self.corrected.pop())
         for camera, error in watch.stamp_errors(self.reference, time_ns).items():
@@ -201,7 +201,7 @@ class CameraClocks:
     def _begin(self, camera: str, now_ns: int) -> CameraClock | None:
         if len(self._clocks) >= MAX_CAMERAS:
             oldest = min(self._clocks, key=lambda name: self._clocks[name].heard_ns)
-            # A camera that is heard of makes no room for an invented one.
+            # An active camera is never evicted by a new one.
             if now_ns - self._clocks[oldest].heard_ns < ACTIVE_NS:
                 return None
             del self._clocks[oldest]
@@ -227,17 +227,17 @@ class CameraClocks:
             self.corrected.add(camera)
 
     def _measured_ahead_ns(self, camera: str) -> int:
-        """Return by how much a clock is ahead of the reference's, as measured."""
+        """Return the measured offset of a clock against the reference [ns]."""
         reference = self._clocks.get(self.reference)
         return reference.delay.ns - self._clocks[camera].delay.ns if reference else 0
 
     def _ahead_ns(self, camera: str) -> int:
-        """Return by how much more the stamps of a camera are corrected than the reference's."""
+        """Return the corrected offset of a clock against the reference [ns]."""
         clock, reference = self._clocks.get(camera), self._clocks.get(self.reference)
         return clock.offset_ns - reference.offset_ns if clock and reference else 0
 
 
 def _measured_ns(trace: Sequence[Span]) -> int:
-    """Return the time that a trace explains, without that on the camera's own clock."""
+    """Return the duration of all stages in a trace but the capture, on the camera's clock."""
     spans = (span for span in trace if not span.stage.endswith(".capture"))
     return min(max(sum(span.end_ns - span.start_ns for span in spans), 0), TRACE_MAX_NS)

@@ -1,8 +1,8 @@
-"""Watch of the poses of several cameras: one that was knocked has people elsewhere than the others.
+"""Watch of the poses of several cameras: a camera that was knocked shifts its positions of people.
 
-People who are alone before two cameras at once give differences of position. Of each camera a small
-rotation and shift is fitted that would explain them; a camera whose fit explains most of what is
-too large is reported. Tracks do not change by it. Section 28 of docs/method.md.
+Isolated people in view of two cameras give differences of position. A small rotation and shift of
+each camera is fitted to the differences; the camera whose fit explains most of them is reported.
+The watch changes no tracks. Source: docs/method.md, section 28.
 """
 
 import math
@@ -17,16 +17,16 @@ from services.tracker.cameras.stamp_errors import StampError, Walked, stamp_erro
 from services.tracker.interface import Observation
 
 CAMERAS_MAX = 16  # most cameras that are compared
-COMPARED_MAX = 3  # most cameras that a frame is compared with, the longest not compared first
+COMPARED_MAX = 3  # most cameras compared with a frame; the least recently compared come first
 SAMPLES_MAX = 300  # most samples of a pair of cameras
 SAMPLES_MIN = 60  # least samples of a camera for a fit
 TOGETHER_NS = 150_000_000  # longest time between two frames that are compared [ns]
 WINDOW_NS = 20_000_000_000  # window of the samples [ns]
 SAMPLE_NS = 200_000_000  # interval of the samples of a pair [ns]
-FRAMES_MAX = 16  # stored frames of each camera: others may be late
+FRAMES_MAX = 16  # stored frames of each camera, for late frames of others
 STAMPS_NS = 2_000_000_000  # interval of the fits of errors of stamps [ns]
 FIT_NS = 5_000_000_000  # interval of the fits of movements [ns]
-SAME_M, ALONE_M = 1.0, 1.5  # largest distance of one person's positions, least one to others [m]
+SAME_M, ALONE_M = 1.0, 1.5  # largest distance of one person, least distance of two people [m]
 MOVED_M = 0.12  # least RMS displacement of people that is reported [m]
 EXPLAINED = 0.3  # share of the cost of all differences that the fit of one camera explains
 SCALE_M = 0.2  # scale of differences in the robust cost [m]
@@ -36,61 +36,61 @@ PRIOR_RAD, PRIOR_M = 0.2, 0.5  # prior standard deviations of rotation [rad] and
 
 @dataclass(frozen=True, slots=True)
 class CameraMovement:
-    """Movement of a camera since its pose was found, as others see it."""
+    """Movement of a camera since its calibration, by the positions of other cameras."""
 
     camera: str
-    angle_rad: float  # of the rotation
-    shift_m: float
-    moved_m: float  # RMS displacement of people before it
-    is_decided: bool  # False: with two cameras it may be either
+    angle_rad: float  # rotation
+    shift_m: float  # shift
+    moved_m: float  # RMS displacement of people in its view
+    is_decided: bool  # False: either of two cameras may have moved
 
 
 @dataclass(slots=True)
 class _Frame:
-    """People of the last frame of a camera."""
+    """People in one frame of a camera."""
 
     stamp_ns: int
     positions_m: F64  # Nx3
-    velocities_mps: F64  # Nx3, of their tracks; NaN where there is none
-    origin_m: F64  # 3, of the camera
+    velocities_mps: F64  # Nx3, velocities of their tracks; NaN if unmatched
+    origin_m: F64  # 3, position of the camera
 
 
 @dataclass(frozen=True, slots=True)
 class _Sample:
-    """One person before two cameras."""
+    """One person in view of two cameras."""
 
     stamp_ns: int
-    apart_m: F64  # 3, position by the first minus that by the second
+    apart_m: F64  # 3, position by the first camera minus position by the second
     from_first_m: F64  # 3, from the first camera to the person
-    from_second_m: F64
+    from_second_m: F64  # 3, from the second camera to the person
     velocity_mps: F64  # 3, NaN if unknown
     between_s: float  # [s] stamp of the first frame minus the second stamp
 
 
 class CameraDrift:
-    """Compares the people of all cameras, and finds the camera that has moved."""
+    """Compares positions of people by all cameras, and finds the camera that has moved."""
 
     def __init__(self) -> None:
         self._frames: dict[str, deque[_Frame]] = {}
         self._samples: dict[tuple[str, str], deque[_Sample]] = {}
         self._compared_ns: dict[tuple[str, str], int] = {}
         self._fit_ns = self._stamps_ns = 0
-        self.movement: CameraMovement | None = None  # the one that explains most; None: none
+        self.movement: CameraMovement | None = None  # None: no camera has moved
 
     def clear(self) -> None:
-        """Forget all, after transforms or clocks changed."""
+        """Delete all frames and samples, after transforms changed."""
         self._frames.clear()
         self._samples.clear()
         self._compared_ns.clear()
         self._fit_ns, self.movement = 0, None
 
     def forget(self, camera: str) -> None:
-        """Forget the frames of a camera, after its stamps were corrected."""
+        """Delete the frames and samples of a camera, after its offset changed."""
         self._frames.pop(camera, None)
         self._samples = {pair: s for pair, s in self._samples.items() if camera not in pair}
 
     def restamp(self, camera: str, ahead_ns: int) -> None:
-        """Correct the stamps of the frames of a camera, which were ahead by so much."""
+        """Correct the stamps of the stored frames of a camera, which were ahead."""
         if frames := self._frames.get(camera):
             for k, frame in enumerate(frames):
                 frames[k] = replace(frame, stamp_ns=frame.stamp_ns - ahead_ns)
@@ -102,11 +102,11 @@ class CameraDrift:
                 samples[k] = replace(sample, between_s=sample.between_s + later_s)
 
     def add_frame(self, observation: Observation, tracks: Sequence[Track] = ()) -> None:
-        """Compare the people of a frame with the people of other cameras at the time.
+        """Compare the people of a frame with people of other cameras at the same time.
 
         Args:
             observation: The frame.
-            tracks: Tracks after it.
+            tracks: Tracks after the frame.
         """
         camera, stamp_ns = observation.camera, observation.stamp_ns
         pose = observation.map_from_camera
@@ -133,9 +133,9 @@ class CameraDrift:
             self.movement = self._find()
 
     def stamp_errors(self, reference: str, stamp_ns: int) -> dict[str, StampError]:
-        """Return errors of stamps against a camera's, by camera; empty until they are due.
+        """Return errors of stamps against a reference camera, by camera; empty until due.
 
-        Empty, too, while a camera has moved: what is apart is so by its pose.
+        Also empty while a camera has moved, since its pose then explains the differences.
         """
         if self.movement or 0 <= stamp_ns - self._stamps_ns < STAMPS_NS:
             return {}
@@ -177,7 +177,7 @@ class CameraDrift:
                 continue
             rays = frame.positions_m[i] - frame.origin_m, last.positions_m[j] - last.origin_m
             own, its = rays if sign > 0 else rays[::-1]
-            # Updates by one camera alone would make it too slow or too fast where stamps are wrong.
+            # With wrong stamps the velocity after one camera is too low, after the other too high.
             velocity = (frame.velocities_mps[i] + last.velocities_mps[j]) / 2
             samples.append(
                 _Sample(frame.stamp_ns, sign * apart[i, j], own, its, velocity, between_s)
@@ -207,7 +207,7 @@ class CameraDrift:
     def _fit(
         self, camera: str, apart: dict[tuple[str, str], F64], total: float
     ) -> tuple[float, CameraMovement] | None:
-        """Return the share that a movement of one camera explains, and the movement."""
+        """Return the explained share of the cost, and the fitted movement of a camera."""
         rays, errors = list[F64](), list[F64]()
         for (a, b), samples in self._samples.items():
             if camera not in (a, b) or not samples:
@@ -249,7 +249,7 @@ class CameraDrift:
 
 
 def _at(frames: Sequence[_Frame], stamp_ns: int) -> _Frame | None:
-    """Return the frame nearest to a time; None if none is near enough."""
+    """Return the frame nearest to a time; None if it is too far."""
     nearest = min(reversed(frames), key=lambda frame: abs(frame.stamp_ns - stamp_ns))
     return nearest if abs(nearest.stamp_ns - stamp_ns) <= TOGETHER_NS else None
 
@@ -259,6 +259,6 @@ def _pair(camera: str, other: str) -> tuple[str, str]:
 
 
 def _cost(differences_m: F64) -> float:
-    """Return the cost of differences (Nx3) after Geman and McClure, at most 1 each."""
+    """Return the Geman-McClure cost of differences (Nx3), at most 1 each."""
     squares_m2 = (differences_m**2).sum(axis=1)
     return float((squares_m2 / (squares_m2 + SCALE_M**2)).sum())

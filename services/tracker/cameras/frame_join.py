@@ -1,4 +1,4 @@
-"""Join detections with the embeddings of their frame, in the order of their stamps."""
+"""Join of detections and embeddings by frame, released in the order of stamps."""
 
 from collections import Counter, deque
 from dataclasses import dataclass
@@ -12,13 +12,13 @@ from services.tracker.config import TrackerConfig
 
 ACTIVE_NS = 1_000_000_000  # longest silence of an active camera [ns]
 TIMEOUTS_MAX = 3  # consecutive timeouts after which embeddings are not waited for
-EARLY_MAX = 64  # most embeddings that came before their detections
-EARLY_MAX_BYTES = 16 * 2**20  # size of all these
+EARLY_MAX = 64  # most stored embeddings without detections
+EARLY_MAX_BYTES = 16 * 2**20  # their largest total size [bytes]
 FIRST_PERIOD_NS = 50_000_000  # assumed period before the second frame [ns]
 PERIOD_MIN_NS, PERIOD_MAX_NS = 10_000_000, 500_000_000  # limits of the period [ns]
-PERIODS = 15  # periods in the median
+PERIODS = 15  # periods in the running median
 RELEASED_MAX = 64  # stored stamps of released frames, to detect duplicates
-DETECTORS_MAX = 256  # most names of detectors, against invented ones
+DETECTORS_MAX = 256  # most stored names of detectors
 FrameKey: TypeAlias = tuple[str, int, int]  # camera, stamp and sequence
 COUNTERS = (
     *("embedding_timeouts", "without_embeddings", "late_embeddings"),
@@ -29,15 +29,15 @@ COUNTERS = (
 class DetectionStream:
     """Sequence numbers and stamps of one camera's detections.
 
-    Detectors share the frames, and each sends its results in order. So a missing frame will not
-    come any more once every one of them has sent a later one.
+    Detectors share the frames, and each sends its results in order. A missing frame is lost once
+    every detector has sent a later one.
     """
 
     def __init__(self) -> None:
         self._newest: dict[str, int] = {}  # sequence by detector
-        self._last: tuple[int, int] | None = None  # sequence and stamp of the last added
+        self._last: tuple[int, int] | None = None  # sequence and stamp of the last frame added
         self._periods_ns: deque[int] = deque(maxlen=PERIODS)
-        # Sequence and stamp of released frames, the last one last
+        # Sequence and stamp of released frames, newest last
         self._released: deque[tuple[int, int]] = deque(maxlen=RELEASED_MAX)
 
     def add_detections(self, detections: Detections) -> None:
@@ -52,19 +52,19 @@ class DetectionStream:
         self._last = sequence, stamp_ns
 
     def release(self, detections: Detections) -> int:
-        """Record that a frame goes to the tracker; return how many before it never came."""
+        """Record the release of a frame; return the number of missing frames before it."""
         before, _ = self._released[-1] if self._released else (detections.sequence, 0)
         self._released.append((detections.sequence, detections.stamp_ns))
         return max(detections.sequence - before - 1, 0)
 
     def was_released(self, detections: Detections) -> bool:
-        """Check that this frame went to the tracker already."""
+        """Check that this frame was released before."""
         return (detections.sequence, detections.stamp_ns) in self._released
 
     def is_late(self, message: Detections | Embeddings) -> bool:
-        """Check that a later frame went to the tracker already.
+        """Check that a later frame was released before.
 
-        Of a camera with equal or jittering stamps, a frame of a higher sequence number is later.
+        Stamps may be equal or jitter: a frame of a higher sequence number is never late.
         """
         if not self._released:
             return False
@@ -72,12 +72,12 @@ class DetectionStream:
         return message.sequence <= sequence and message.stamp_ns <= stamp_ns
 
     def behind_ns(self, message: Embeddings) -> int:
-        """Return how far a message is behind the last frame that went to the tracker."""
+        """Return the age of a message relative to the last released frame [ns]."""
         return self._released[-1][1] - message.stamp_ns if self._released else 0
 
     @property
     def period_ns(self) -> int:
-        """Time between two frames: the median of the last ones."""
+        """Median time between two frames [ns]."""
         period_ns = int(median(self._periods_ns)) if self._periods_ns else FIRST_PERIOD_NS
         return min(max(period_ns, PERIOD_MIN_NS), PERIOD_MAX_NS)
 
@@ -92,7 +92,7 @@ class DetectionStream:
 
 @dataclass(slots=True)
 class PendingFrame:
-    """Detections of one frame, and their embeddings once they are there."""
+    """Detections of one frame, with their embeddings once these arrive."""
 
     detections: Detections
     time_ns: int  # [ns] its stamp in the common time of all cameras
@@ -101,9 +101,9 @@ class PendingFrame:
 
 
 class FrameJoin:
-    """Release frames by stamp, with their embeddings where these came in time.
+    """Releases frames by stamp, with the embeddings that arrived in time.
 
-    After some timeouts in a row embeddings are not waited for until they come again: a dead
+    After TIMEOUTS_MAX consecutive timeouts frames do not wait until embeddings arrive again: a dead
     re-identification must not delay every frame.
     """
 
@@ -114,7 +114,7 @@ class FrameJoin:
         self._reorder_ns = None if reorder_s is None else int(reorder_s * 1e9)
         self._frames: list[PendingFrame] = []
         self._early: dict[FrameKey, Embeddings] = {}
-        self._newest: dict[str, tuple[int, int]] = {}  # camera: newest time, monotonic arrival
+        self._newest: dict[str, tuple[int, int]] = {}  # newest time and its arrival, by camera
         self._streams: dict[str, DetectionStream] = {}
         self._timeouts_in_row = 0
 
@@ -131,13 +131,13 @@ class FrameJoin:
     def add_detections(
         self, detections: Detections, time_ns: int, now_ns: int, late: bool = False
     ) -> None:
-        """Add a frame; a duplicate or one that is too late is counted and dropped.
+        """Add a frame; count and drop a duplicate or late one.
 
         Args:
             detections: The frame.
             time_ns: Its stamp in the common time of all cameras.
             now_ns: Monotonic time.
-            late: A frame that is later by far was tracked already.
+            late: The tracker cannot go back to its time.
         """
         camera, key = detections.camera, _key(detections)
         stream = self._stream(camera)
@@ -156,7 +156,7 @@ class FrameJoin:
         self._frames.sort(key=lambda f: (f.time_ns, f.detections.camera, f.detections.sequence))
 
     def add_embeddings(self, embeddings: Embeddings) -> None:
-        """Add embeddings to their frame, or store them until it comes, unless they are late."""
+        """Add embeddings to their frame, or store them until it arrives, unless late."""
         self._timeouts_in_row = 0
         key = _key(embeddings)
         for frame in self._frames:
@@ -217,7 +217,7 @@ class FrameJoin:
         stream, reorder_ns = self._stream(frame.detections.camera), self._reorder_ns
         if stream.may_lack(frame.detections):
             wait_ns = max(wait_ns, stream.period_ns if reorder_ns is None else reorder_ns)
-        # By default other cameras are not waited for: late frames are tracked at their own time.
+        # By default frames do not wait for other cameras: late frames are tracked at their time.
         if reorder_ns and self._is_ahead(frame):
             wait_ns = max(wait_ns, reorder_ns)
         return frame.arrived_ns + wait_ns
@@ -232,7 +232,7 @@ class FrameJoin:
 
     def _stream(self, camera: str) -> DetectionStream:
         stream = self._streams.pop(camera, None) or DetectionStream()
-        self._streams[camera] = stream  # the last used one is evicted last
+        self._streams[camera] = stream  # most recently used last
         if len(self._streams) > MAX_CAMERAS:
             del self._streams[next(iter(self._streams))]
         return stream

@@ -1,8 +1,8 @@
 """Poses of cameras at the time of each frame, in the frame of the tracks.
 
-If tracks are wanted in a frame that moves, of a robot's base, people are tracked in the fixed frame
-that it moves in and transformed on output: that is to move all states by the base's full motion
-from frame to frame (docs/method.md, section 7), without a rounding at each step.
+Tracks in a moving frame, for example the base of a robot, are filtered in the fixed frame below it
+and transformed on output. This equals a correction of all states by the motion of the base (section
+7 of docs/method.md), without its rounding errors.
 """
 
 from collections.abc import Sequence
@@ -21,14 +21,14 @@ from people4d.messages.base import MAX_CAMERAS
 class CameraPoseLookup:
     """Poses of fixed cameras, and of cameras on a base that moves.
 
-    Unless a transform is `required`, a camera without one stands at the origin and looks along +x.
+    A camera without a transform is at the origin and looks along +x, unless one is `required`.
     """
 
     def __init__(self, frame_id: str, required: bool) -> None:
         self._frame_id, self._required = frame_id, required
         self._tracking_frame = frame_id
         self._buffer = TransformBuffer()
-        self._fixed: dict[str, F64] = {}  # fixed cameras, as used last
+        self._fixed: dict[str, F64] = {}  # last used poses of fixed cameras
         self._parents: dict[str, str] = {}  # of frames, by fixed transforms
         self.loop: Sequence[str] = ()  # frames, see find_loop
         self.without_transform: set[str] = set()  # cameras
@@ -44,18 +44,18 @@ class CameraPoseLookup:
         return dict(self._fixed)
 
     def restore(self, fixed: dict[str, F64]) -> None:
-        """Use the poses of a checkpoint until transforms come."""
+        """Use the poses of a checkpoint until transforms arrive."""
         self._fixed |= fixed
 
     def add_transform(self, message: StaticTransform | MovingTransform | Odometry) -> bool:
-        """Add a transform; return True if a pose that was used already has changed, or moves."""
+        """Add a transform; return True if it changes a pose in use."""
         changes = self._buffer.changes
         self._buffer.add_transform(message)
         if self._buffer.changes == changes:
             return False
         if isinstance(message, StaticTransform):
             self._parents[message.child] = message.parent
-            # Without a loop so far there is one through this frame, or none.
+            # A first loop can only be through this frame.
             self.loop = find_loop(self._parents, () if self.loop else (message.child,))
         changed = self._update_tracking_frame()
         if not isinstance(message, StaticTransform):
@@ -88,18 +88,18 @@ class CameraPoseLookup:
         return pose
 
     def to_output_frame(self, tracks: Sequence[Track], stamp_ns: int) -> Sequence[Track]:
-        """Return tracks in the frame of the output; none if its pose is unknown."""
+        """Return tracks in the output frame; empty if its pose is unknown."""
         if self._tracking_frame == self._frame_id:
             return tracks
         transform = self._buffer.lookup(self._frame_id, self._tracking_frame, stamp_ns)
         return [] if transform is None else [transform_track(t, transform) for t in tracks]
 
     def awaits_sample(self, camera: str, stamp_ns: int) -> bool:
-        """Check that the pose of a camera at a time may yet become better known."""
+        """Check that a later sample may improve the pose of a camera at a time."""
         return self._buffer.awaits_sample(self._tracking_frame, camera, stamp_ns)
 
     def _update_tracking_frame(self) -> bool:
-        """Track in the fixed frame below the output's; return True if known cameras lose poses."""
+        """Choose the fixed frame below the output frame; return True if poses in use are lost."""
         frame = self._buffer.fixed_frame(self._frame_id)
         if frame == self._tracking_frame:
             return False
@@ -109,7 +109,7 @@ class CameraPoseLookup:
 
 
 def transform_track(track: Track, transform: TransformEstimate) -> Track:
-    """Return a track in another frame, both with z up; its velocity stays that over the ground.
+    """Return a track in another frame, both with z up; its velocity stays relative to the ground.
 
     The uncertainty of the transform (target_from_source) adds to the covariance.
     """

@@ -1,9 +1,9 @@
-"""Errors of the stamps of cameras, by people who walk before two of them at once.
+"""Errors of the stamps of cameras, by people who walk in view of two cameras.
 
-A message may come late because its camera's clock is behind or because it was long on its path.
-Where stamps are wrong, two cameras have a person apart along the direction of walking, and the
-other way round when the person returns; where messages are late alone they agree. Section 24 of
-docs/method.md.
+A message may arrive late because the clock of its camera is behind, or because its path is long.
+With wrong stamps the positions of a person by two cameras differ along the direction of walking,
+and the difference changes sign when the person returns. With late messages alone they agree.
+Source: docs/method.md, section 24.
 """
 
 from collections.abc import Mapping
@@ -13,22 +13,22 @@ import numpy as np
 
 from people4d.messages import F64
 
-SAMPLES_MIN = 20  # of a pair of cameras
-SPEED_MIN_MPS = 0.3  # slower people say nothing
-ROBUST_M = 0.2  # of differences in the cost, which has a limit for two people taken for one
-ITERATIONS = 4  # of the reweighted fit
-POSE_SIGMA_M = 0.1  # standard deviation of a constant difference of two cameras' positions before
-TURN_SIGMA_RAD = 0.1  # and of a rotation about the vertical
-STAMP_SIGMA_S = 10.0  # and of errors of stamps
-ALIKE = 3.0  # samples in a row with one error
+SAMPLES_MIN = 20  # least samples of a pair of cameras
+SPEED_MIN_MPS = 0.3  # least speed of a person in a sample [m/s]
+ROBUST_M = 0.2  # scale of differences in the robust cost [m]
+ITERATIONS = 4  # iterations of the reweighted fit
+POSE_SIGMA_M = 0.1  # prior standard deviation of a shift between two cameras [m]
+TURN_SIGMA_RAD = 0.1  # prior standard deviation of a rotation about the vertical [rad]
+STAMP_SIGMA_S = 10.0  # prior standard deviation of an error of stamps [s]
+ALIKE = 3.0  # number of consecutive samples with the same error
 Pair: TypeAlias = tuple[str, str]
 
 
 class Walked(NamedTuple):
-    """People before two cameras at once, N samples."""
+    """N samples of people in view of two cameras."""
 
-    apart_m: F64  # Nx3, position by the first camera minus that by the second
-    ray_m: F64  # Nx3, from the first camera
+    apart_m: F64  # Nx3, position by the first camera minus position by the second
+    ray_m: F64  # Nx3, from the first camera to the person
     velocity_mps: F64  # Nx3, NaN where unknown
     between_s: F64  # [s] N, stamp of the first frame minus the second stamp
 
@@ -41,11 +41,11 @@ class StampError(NamedTuple):
 
 
 def stamp_errors(walked: Mapping[Pair, Walked], reference: str) -> dict[str, StampError]:
-    """Return the errors of cameras against the reference; without those that nothing is known of.
+    """Return the errors of all cameras with enough samples.
 
     Args:
-        walked: People before pairs of cameras.
-        reference: Camera whose stamps are right.
+        walked: Samples by pair of cameras.
+        reference: Camera whose stamps are correct.
     """
     pairs = {pair: found for pair, w in walked.items() if (found := _of_pair(w)) is not None}
     others = sorted({camera for pair in pairs for camera in pair} - {reference})
@@ -69,10 +69,10 @@ def stamp_errors(walked: Mapping[Pair, Walked], reference: str) -> dict[str, Sta
 
 
 def _of_pair(walked: Walked) -> tuple[float, float] | None:
-    """Return by how much the first camera's stamps are ahead of the second's, and the variance.
+    """Return how far the stamps of the first camera are ahead of the second, and the variance.
 
-    With stamps ahead by e, a person at velocity v and ray r is apart by b + w x r + v (dt - e), b
-    and w of the poses.
+    With stamps ahead by e, the positions of a person at velocity v and ray r differ by
+    b + w x r + v (dt - e), where shift b and rotation w are errors of the poses.
     """
     speed = np.linalg.norm(walked.velocity_mps[:, :2], axis=1)
     moves = speed > SPEED_MIN_MPS  # not NaN

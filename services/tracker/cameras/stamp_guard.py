@@ -1,8 +1,8 @@
-"""Frames whose stamps are far from the clock of their camera, until those of its own time cease.
+"""Guard against frames whose stamps are far from the clock of their camera.
 
-Without keys any client can publish in the name of a camera: messages with another time must not end
-the tracks, however many come, for the camera goes on in its own. One whose clock was set, or a
-recording that begins again, sends no frame of the time before.
+Without keys any client can publish in the name of a camera. Messages with a distant stamp must not
+end tracks while the camera continues with its own stamps. After a clock was set, or a recording
+restarts, no frame with the previous clock arrives.
 """
 
 from collections import Counter
@@ -12,29 +12,29 @@ from dataclasses import dataclass, field
 from people4d.messages import Detections
 from services.tracker.cameras.clocks import CameraClocks
 
-JUMP_NS = 1_000_000_000  # least jump of a clock: such stamps wait until more confirm them [ns]
-SILENT_NS = 1_000_000_000  # least silence of the old time after which a clock was set [ns]
-SILENT_INTERVALS = 3  # the same in longest intervals of a camera whose frames are rare
+JUMP_NS = 1_000_000_000  # least jump of a clock: frames with such stamps are held [ns]
+SILENT_NS = 1_000_000_000  # least silence of the previous clock after which a jump is accepted [ns]
+SILENT_INTERVALS = 3  # the same for slow cameras, in longest intervals between frames
 SILENT_MAX_NS = 4_000_000_000  # largest such silence [ns]
-CAMERAS_MAX = 8  # most cameras with waiting frames
-HELD_MAX = 64  # most waiting frames of a camera; the second oldest ones are left out
-HELD_MAX_BYTES = 16 * 2**20  # size of all waiting frames
-PERSON_BYTES = 2000  # size of a detection without its mask
-REPORTED_NS = 10_000_000_000  # time for which left out frames degrade the status [ns]
+CAMERAS_MAX = 8  # most cameras with held frames
+HELD_MAX = 64  # most held frames of a camera; the second oldest is dropped
+HELD_MAX_BYTES = 16 * 2**20  # largest total size of held frames [bytes]
+PERSON_BYTES = 2000  # size of a detection without its mask [bytes]
+REPORTED_NS = 10_000_000_000  # time for which dropped frames degrade the status [ns]
 
 
 @dataclass(slots=True)
 class ArrivedFrame:
-    """Detections, and when they came."""
+    """Detections with their time of arrival."""
 
     detections: Detections
     arrived_ns: int  # [ns] monotonic
-    size_bytes: int = 0  # about, of one that is held
+    size_bytes: int = 0  # approximate size of a held frame
 
 
 @dataclass(slots=True)
 class StampGuard:
-    """Lets frames pass in the time of their camera, and holds others until it is given up.
+    """Admits frames near the clock of their camera; holds others until that clock is silent.
 
     Args:
         clocks: Clocks of all cameras.
@@ -43,10 +43,10 @@ class StampGuard:
     clocks: CameraClocks
     counters: Counter[str] = field(default_factory=lambda: Counter(stray_frames=0))
     _held: dict[str, list[ArrivedFrame]] = field(default_factory=dict)  # by camera
-    _strays: dict[str, tuple[int, float]] = field(default_factory=dict)  # when, and how far [s]
+    _strays: dict[str, tuple[int, float]] = field(default_factory=dict)  # time of drop, offset [s]
 
     def admit(self, detections: Detections, now_ns: int) -> list[ArrivedFrame]:
-        """Take a frame; return it if it is to be tracked now, see `due` for those that are held."""
+        """Return a frame that is to be tracked now; `due` returns held frames."""
         camera, frame = detections.camera, ArrivedFrame(detections, now_ns)
         held, ahead_ns = self._held.get(camera, []), self._ahead_ns(detections, now_ns)
         if ahead_ns is None or abs(ahead_ns) <= JUMP_NS:
@@ -55,7 +55,7 @@ class StampGuard:
         if held and abs(_between_ns(held[-1], frame)) > JUMP_NS:
             self._drop(camera, now_ns)
         held = self._held.get(camera, [])
-        # An old message that is sent again and again is no camera that goes on.
+        # A repeated old message does not show a clock that continues.
         repeated = bool(held) and not _follows(held[-1].detections, detections)
         frame.size_bytes = _bytes(detections)
         full = self._held_bytes() + frame.size_bytes > HELD_MAX_BYTES
@@ -64,7 +64,7 @@ class StampGuard:
             return []
         held = self._held.setdefault(camera, held)
         held.append(frame)
-        if len(held) > HELD_MAX:  # the first one marks the beginning of the silence
+        if len(held) > HELD_MAX:  # the first frame marks the beginning of the silence
             self.counters["stray_frames"] += 1
             del held[1]
         return []
@@ -75,7 +75,7 @@ class StampGuard:
         return newest_ns is not None and newest_ns - detections.stamp_ns > JUMP_NS
 
     def due(self, now_ns: int, flush: bool = False) -> list[ArrivedFrame]:
-        """Return the frames that nothing contradicted for a while; all, if no more frames come."""
+        """Return held frames of cameras whose previous clock is silent; with `flush` all."""
         due = [
             camera
             for camera, held in self._held.items()
@@ -84,11 +84,11 @@ class StampGuard:
         return [frame for camera in due for frame in self._held.pop(camera)]
 
     def wake_ns(self) -> int | None:
-        """Return the monotonic time at which frames are due; None if none wait."""
+        """Return the monotonic time at which held frames are due; None without any."""
         return min((self._due_ns(*waiting) for waiting in self._held.items()), default=None)
 
     def reasons(self, now_ns: int) -> list[str]:
-        """Return a sentence on each camera with frames left out in the last seconds."""
+        """Return a sentence on each camera with recently dropped frames."""
         self._strays = {c: s for c, s in self._strays.items() if now_ns - s[0] < REPORTED_NS}
         return [
             f"frames in the name of camera {camera} with stamps {abs(ahead_s):.1f} s "
@@ -98,12 +98,12 @@ class StampGuard:
         ]
 
     def _due_ns(self, camera: str, held: Sequence[ArrivedFrame]) -> int:
-        """Return the monotonic time at which a camera has been silent for so long."""
+        """Return the monotonic time at which the previous clock of a camera counts as silent."""
         rare_ns = min(SILENT_INTERVALS * self.clocks.interval_ns(camera), SILENT_MAX_NS)
         return held[0].arrived_ns + max(SILENT_NS, rare_ns)
 
     def _drop(self, camera: str, now_ns: int) -> None:
-        """Leave out the frames of a camera that wait: a frame of its own time came."""
+        """Drop the held frames of a camera, since a frame with its own clock arrived."""
         for frame in self._held.pop(camera, ()):
             self.counters["stray_frames"] += 1
             ahead_ns = self._ahead_ns(frame.detections, frame.arrived_ns) or 0
@@ -113,16 +113,16 @@ class StampGuard:
         return sum(frame.size_bytes for held in self._held.values() for frame in held)
 
     def _ahead_ns(self, detections: Detections, now_ns: int) -> int | None:
-        """Return how far a stamp is ahead of its camera's time; None before the first frame.
+        """Return how far a stamp is ahead of its camera's clock; None before the first frame.
 
-        Of a camera that was silent, the time went on, or not, if it is a recording.
+        During silence the clock of a live camera continues, and the clock of a recording rests.
         """
         newest_ns = self.clocks.newest_ns(detections.camera)
         if newest_ns is None:
             return None
         ahead_ns = detections.stamp_ns - newest_ns
         elapsed_ns = self.clocks.elapsed_ns(detections.camera, now_ns)
-        if elapsed_ns is None:  # it may be ahead by as long as this process did not run
+        if elapsed_ns is None:  # ahead by the unknown time without this process
             return min(ahead_ns, 0)
         return min(ahead_ns, 0) + max(ahead_ns - elapsed_ns, 0)
 

@@ -1,9 +1,9 @@
 """The Kalman filter of boxes in the image: state u, v, s, r, du, dv, ds.
 
 u, v is the centre of the box, s its area and r its width over its height, which has no velocity.
-In SORT all covariances are diagonal at the start, and neither motion nor measurement mix u, v, s
-and r. So the filter of seven states is exactly three filters of [position, velocity] and one of
-[position], computed for all tracks at once.
+In SORT all initial covariances are diagonal, and neither motion nor measurement mix u, v, s and r.
+So the filter of seven states equals three filters of [position, velocity] and one of [position],
+computed for all tracks at once.
 
 Source: docs/method.md, section 7; the constants are those of [Bewley 2016].
 """
@@ -19,12 +19,12 @@ TRACK = np.dtype(
     [
         ("id", np.int64),
         ("x", np.float64, 4),  # u, v, s, r
-        ("v", np.float64, 3),  # du, dv, ds, for each frame
+        ("v", np.float64, 3),  # du, dv, ds per frame
         ("pp", np.float64, 4),  # variances of u, v, s, r
         ("pv", np.float64, 3),  # covariances of u, v, s with their velocities
         ("vv", np.float64, 3),  # variances of the velocities
-        ("box", np.float64, 4),  # [px] xyxy of the state
-        ("score", np.float64),  # of the last matched detection
+        ("box", np.float64, 4),  # [px] xyxy
+        ("score", np.float64),  # score of the last matched detection
         ("detection", np.int64),  # index of the detection matched in this frame, -1 if none
         ("hits", np.int64),  # frames matched, the first included
         ("streak", np.int64),  # frames matched since the last miss, the first match excluded
@@ -36,14 +36,14 @@ TRACK = np.dtype(
 Records: TypeAlias = npt.NDArray[Any]  # N tracks of TRACK
 States: TypeAlias = Records | np.void  # N tracks, or one
 
-# Variances of u, v, s, r and of the velocities of u, v, s; for each frame in pixels and pixels^2.
+# Variances of u, v, s, r and of the velocities of u, v, s per frame, in px and px^2
 START, START_VELOCITY = np.array([10.0, 10.0, 10.0, 10.0]), np.array([1e4, 1e4, 1e4])
 PROCESS, PROCESS_VELOCITY = np.array([1.0, 1.0, 1.0, 1.0]), np.array([0.01, 0.01, 0.0001])
 MEASURED = np.array([1.0, 1.0, 10.0, 10.0])
 
 
 def begin(tracks: States, boxes: F64) -> None:
-    """Start with measured boxes (Nx4, xyxy, pixels), velocities of 0 and their variances."""
+    """Begin tracks with measured boxes (Nx4, xyxy, pixels) and velocities of 0."""
     tracks["x"][...] = measure(boxes)
     tracks["pp"][...], tracks["vv"][...] = START, START_VELOCITY
     tracks["v"][...] = tracks["pv"][...] = 0.0

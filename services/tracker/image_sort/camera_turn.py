@@ -9,7 +9,7 @@ from common.geometry.transforms import wrap
 from people4d.messages import F64
 from services.tracker.image_sort.box_kalman import States
 
-LEVEL_MIN = 0.2  # a camera steeper than this (78 deg) up or down turns nothing sideways
+LEVEL_MIN = 0.2  # least level part of an optical axis that has a yaw (78 deg steep)
 ANGLE_MAX_RAD = 1.5  # [rad] largest angle to the optical axis of a point in a plane image
 
 
@@ -25,7 +25,7 @@ class Lens(NamedTuple):
     """Effect of rotations in the image."""
 
     px_per_rad: float  # [px/rad] width of the image over its field of view
-    focal_px: float  # [px] of a pinhole camera; 0: all columns move alike, section 7
+    focal_px: float  # [px] focal length of a pinhole camera; 0: all columns move equally, section 7
     u_px: float  # [px] principal point
     v_px: float  # [px] principal point
 
@@ -35,14 +35,14 @@ class CameraDirection(NamedTuple):
 
     yaw_rad: float  # [rad] to the left
     pitch_rad: float  # [rad] upwards
-    variance_rad2: float  # [rad^2] of the yaw
+    variance_rad2: float  # [rad^2] variance of the yaw
 
 
 STILL = Turn(0.0)
 
 
 def camera_direction(map_from_camera: F64 | None, sigma_rad: float = 0.0) -> CameraDirection | None:
-    """Return the direction of a camera (pose 4x4 in a frame whose z is up); None if too steep."""
+    """Return the direction of a camera (pose 4x4 in a frame with z up); None if too steep."""
     if map_from_camera is None:
         return None
     x, y, z = map_from_camera[:3, 2].tolist()
@@ -53,9 +53,9 @@ def camera_direction(map_from_camera: F64 | None, sigma_rad: float = 0.0) -> Cam
 
 
 def turn_between(before: CameraDirection | None, now: CameraDirection | None) -> Turn:
-    """Return the turn from one direction to another, none where one is unknown.
+    """Return the turn from one direction to another; no turn if one is unknown.
 
-    An error of an extrapolated direction is corrected by the next turn.
+    The next turn corrects the error of an extrapolated direction.
     """
     if before is None or now is None:
         return STILL
@@ -65,11 +65,11 @@ def turn_between(before: CameraDirection | None, now: CameraDirection | None) ->
 
 
 def turn_tracks(tracks: States, turn: Turn, lens: Lens) -> None:
-    """Move tracks (N), before their prediction, so that velocities are the persons' own motion.
+    """Correct N tracks by a turn of the camera, before their prediction.
 
-    Turning left moves the image right: u <- u + turn * width / fov, turning up moves it down. In a
-    pinhole camera, a point at angle a to the right of the axis moves to a + turn; near the rim it
-    moves faster and grows.
+    Velocities then hold only the motion of the people. Turning left moves the image right:
+    u <- u + turn * width / fov; turning up moves it down. In a pinhole camera a point at angle a to
+    the right of the axis moves to a + turn; near the border it moves faster and grows.
     """
     x, v = tracks["x"], tracks["v"]
     tracks["pp"][..., 0] += (turn.sigma_rad * lens.px_per_rad) ** 2
@@ -80,7 +80,7 @@ def turn_tracks(tracks: States, turn: Turn, lens: Lens) -> None:
     if turn.rad != 0:
         x[..., 0], grown = turned_points(x[..., 0], turn.rad, lens.u_px, lens.focal_px)
         x[..., 1] = lens.v_px + (x[..., 1] - lens.v_px) * grown
-        x[..., 2] *= grown**3  # the height grows by that, the width by its square
+        x[..., 2] *= grown**3  # the height grows by g, the width by g^2
         x[..., 3] *= grown
         v[..., 0] *= grown**2
     if turn.up_rad != 0:

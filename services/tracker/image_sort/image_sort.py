@@ -1,7 +1,6 @@
 """SORT in the image: box Kalman filter, intersection over union, Hungarian method.
 
-Odometry correction and dynamic survival are settings of it (docs/method.md, section 7 [Park 2021]).
-`ImageSort.update` reads as the published method.
+Settings add odometry correction and dynamic survival (docs/method.md, section 7 [Park 2021]).
 """
 
 import math
@@ -21,7 +20,7 @@ from services.tracker.image_sort.camera_turn import STILL, Lens, Turn, turn_trac
 I64 = npt.NDArray[np.int64]
 BOOL = npt.NDArray[np.bool_]
 NONE = -1  # detection of an unmatched track
-ENDED = 2**62  # missed frames of a track that ends without another association
+ENDED = 2**62  # number of missed frames of an expired track
 FOV_DEG = 69.0  # field of view without a calibration: colour of a RealSense D435i [deg]
 IOU_MIN = 0.3  # least intersection over union of a pair [Bewley 2016]
 LOST_MAX_S = 5.0  # longest time without a match of any track [s]
@@ -35,7 +34,7 @@ class BoxFrame:
     boxes_xyxy_px: F64  # [px] Nx4; boxes that are not finite or have no area are ignored
     scores: F64  # N, 0 to 1; scores that are not finite are ignored
     size_px: tuple[int, int] = (640, 480)  # [px] width and height of the image
-    turn: Turn = STILL  # of the camera since the last frame
+    turn: Turn = STILL  # turn of the camera since the last frame
     fov_deg: float = FOV_DEG  # [deg] horizontal field of view
 
 
@@ -43,17 +42,17 @@ class BoxFrame:
 class BoxTracks:
     """Confirmed tracks matched in one frame, N rows each, ordered by id."""
 
-    ids: I64  # N, from 1, never used again
+    ids: I64  # N, from 1, never reused
     boxes_xyxy_px: F64  # [px] Nx4, filtered
-    scores: F64  # N, of the detections
+    scores: F64  # N, scores of the detections
     detections: I64  # N, rows of the detections matched in this frame
 
 
 class ImageSortCheckpoint(NamedTuple):
     """The state of `ImageSort`."""
 
-    frames: int  # since the beginning
-    tracks: bytes  # of `box_kalman.TRACK`
+    frames: int  # number of frames
+    tracks: bytes  # records of `box_kalman.TRACK`
 
 
 class ImageSort:
@@ -71,7 +70,7 @@ class ImageSort:
         scores = np.asarray(frame.scores, np.float64)
         self._stamp_ns = frame.stamp_ns
         self._frames += 1
-        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite ends below
+        with np.errstate(over="ignore", invalid="ignore"):  # tracks that are not finite end below
             self._predict(frame)
             free = self._associate(boxes, scores)
             self._update(boxes, scores)
@@ -89,7 +88,7 @@ class ImageSort:
         tracks["missed"] = np.where(lost, ENDED, tracks["missed"] + 1)
 
     def _associate(self, boxes: F64, scores: F64) -> BOOL:
-        """Match in one round, or two by score; return the usable detections that are left."""
+        """Match in one round, or two by score; return the unmatched usable detections."""
         size = boxes[:, 2:] - boxes[:, :2]
         free: BOOL = (size > 0).all(axis=1) & (size.prod(axis=1) < np.inf) & (scores >= 0)
         self._tracks["detection"] = NONE
@@ -102,8 +101,8 @@ class ImageSort:
     def _match(self, boxes: F64, free: BOOL, missed_max: int) -> None:
         """Assign free detections (M) to unmatched tracks at the largest sum of overlaps.
 
-        Pairs that overlap less than IOU_MIN are refused; tracks unmatched for more than
-        `missed_max` frames, this one included, take no part.
+        Pairs that overlap less than IOU_MIN, and tracks unmatched for more than `missed_max` frames
+        including this one, are left out.
         """
         open_tracks = (self._tracks["detection"] == NONE) & (self._tracks["missed"] <= missed_max)
         rows, columns = np.flatnonzero(open_tracks), np.flatnonzero(free)
@@ -116,9 +115,9 @@ class ImageSort:
         self._tracks["detection"][rows[i[admissible]]] = columns[j[admissible]]
 
     def _update(self, boxes: F64, scores: F64) -> None:
-        """Update matched tracks, and end those whose time is over.
+        """Update matched tracks, and delete expired ones.
 
-        T_age = min(T_lost + T_hits / R, max_age), where R and max_age apply if it is dynamic.
+        T_age = min(T_lost + T_hits / R, max_age); R and max_age apply to a dynamic lifetime.
         """
         config, tracks = self._config, self._tracks
         matched = tracks["detection"] != NONE
@@ -138,7 +137,7 @@ class ImageSort:
         self._tracks = tracks[(tracks["missed"] <= t_age) & finite]
 
     def _begin(self, boxes: F64, scores: F64, free: BOOL) -> None:
-        """Begin a track with each detection that is left and has a sufficient score."""
+        """Begin a track with each unmatched detection of a sufficient score."""
         columns = np.flatnonzero(free & (scores >= self._config.score_new))
         new = np.zeros(len(columns), TRACK)
         begin(new, boxes[columns])

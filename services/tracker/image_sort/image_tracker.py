@@ -36,7 +36,7 @@ from services.tracker.motion.track_set import TrackSet
 from services.tracker.motion.yaw_sources import make_yaw
 from services.tracker.stateful import TrackerCheckpoint, TrackSetTracker, pack, unpack
 
-NEVER = 2**62  # frames: tracks end in the image
+NEVER = 2**62  # [frames] tracks end in the image only
 
 
 class ImageTrackerCheckpoint(msgspec.Struct, frozen=True, kw_only=True):
@@ -58,8 +58,8 @@ class CameraTracks:
 class ImageTracker(TrackSetTracker):
     """SORT in the image of each camera.
 
-    Tracks are associated and ended by their boxes alone. Where depth gives their position, it is
-    filtered as in StrongSORT-3D; the others are published in the image only.
+    Boxes alone associate and end tracks. Positions known from depth are filtered as in
+    StrongSORT-3D; tracks without depth are published in the image only.
     """
 
     def __init__(self, config: TrackerConfig) -> None:
@@ -124,7 +124,7 @@ class ImageTracker(TrackSetTracker):
         self.ids.raise_to(state.next_id)
 
     def _update_positions(self, observation: Observation, matched: BoxTracks) -> list[Track]:
-        """Update the positions of tracks that exist in any image."""
+        """Update the positions of tracks that any image has."""
         tracks = self.tracks
         tracks.predict(observation)
         by_index = {m.index: m for m in observation.measurements}
@@ -146,7 +146,7 @@ class ImageTracker(TrackSetTracker):
 
 
 def _frame(observation: Observation, image: CameraTracks) -> BoxFrame:
-    """Return a frame whose rows are the detections of the message, unusable ones as no box."""
+    """Return a frame with one row for each detection of the message, NaN for unusable ones."""
     found: list[Measurement | UnlocatedDetection] = [
         *observation.measurements,
         *observation.unlocated,
@@ -173,7 +173,7 @@ def _frame(observation: Observation, image: CameraTracks) -> BoxFrame:
 
 def _image_tracks(tracks: Records, confirmed: set[int], stamp_ns: int) -> tuple[ImageTrack, ...]:
     result = []
-    # Boxes that move fast while lost may leave the range of messages.
+    # Boxes of fast lost tracks may leave the range of messages.
     for track in tracks[(np.abs(tracks["box"]) <= MAX_PX).all(axis=1)]:
         state: Literal["tentative", "confirmed", "lost"] = "tentative"
         if track["id"] in confirmed:

@@ -4,27 +4,27 @@ from dataclasses import dataclass
 
 from services.tracker.motion.track_record import TrackRecord
 
-MISSES_MIN = 2  # least number of hidden frames that a track survives
-SEVERAL_HITS = 1  # additional matches that confirm a track while several cameras send
+MISSES_MIN = 2  # least number of missed frames, hidden ones included, that end a track
+SEVERAL_HITS = 1  # additional matches for confirmation while several cameras send
 ABSENCE_MAX_S = 30.0  # longest time without frames after which tracks continue [s]
-TENTATIVE_S = 1.0  # time without a match after which a tentative track ends then [s]
+TENTATIVE_S = 1.0  # maximum age of an unmatched tentative track while several cameras send [s]
 
 
 @dataclass(frozen=True, slots=True)
 class Lifecycle:
     """Confirmation by consecutive matches, deletion by unmatched frames [Wojke 2017]."""
 
-    confirm_hits: int  # matches, the first included, that confirm a track
-    tentative_frames: int  # unmatched frames after which a tentative track is deleted
-    lost_frames: int  # unmatched frames after which a confirmed track is deleted
-    lost_s: float  # seconds without a match after which any track is deleted
+    confirm_hits: int  # number of matches, including the first, for confirmation
+    tentative_frames: int  # number of unmatched frames that end a tentative track
+    lost_frames: int  # number of unmatched frames that end a confirmed track
+    lost_s: float  # [s] longest time without a match of any track
 
     def bridges(self, absent_s: float) -> bool:
-        """Check for a time without frames that would end all tracks, and that they survive."""
+        """Check for an absence of frames that tracks survive although it exceeds `lost_s`."""
         return self.lost_s < absent_s <= ABSENCE_MAX_S
 
     def confirms(self, record: TrackRecord, several_cameras: bool) -> bool:  # noqa: ARG002
-        """Check for enough matches; `several_cameras` send."""
+        """Check for enough matches."""
         return record.streak >= self.confirm_hits
 
     def ended(self, record: TrackRecord) -> bool:
@@ -48,9 +48,9 @@ class HitsLifecycle(Lifecycle):
         return record.hits >= self.confirm_hits + SEVERAL_HITS * several_cameras
 
     def ended(self, record: TrackRecord) -> bool:
-        """Check for as many misses as matches, or for the square of that with hidden frames.
+        """Check for as many misses as matches, or for their square including hidden frames.
 
-        A track that was found once or twice is often a false alarm.
+        A track of one or two matches is often a false alarm.
         """
         if record.missed >= max(record.hits**2, MISSES_MIN):
             return True
@@ -59,7 +59,7 @@ class HitsLifecycle(Lifecycle):
     def expired(self, record: TrackRecord, stamp_ns: int, several_cameras: bool) -> bool:
         """Check for too long a time without a match.
 
-        A false alarm behind a person is not missed by its camera, since the person hides it.
+        A false alarm behind a person counts as hidden, so that misses do not end it.
         """
         limit_s = TENTATIVE_S if several_cameras and not record.confirmed else self.lost_s
         return stamp_ns - record.matched_ns > limit_s * 1e9

@@ -16,7 +16,7 @@ MAX_DEPTH_M = 5.0  # depth at which the noise doubles: R <- (1 + x / max_depth) 
 SCORE_FLOOR = 0.05  # least factor of the noise in R <- (1 - score) R (3.4)
 GATE_SIGMA_M = 0.15  # standard deviation of positions on top of a measured R in gates [m]
 
-# Parts of matrices of position and velocity (6x6), by block.
+# Blocks of matrices of position and velocity (6x6)
 OF_POSITION = np.diag([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
 OF_VELOCITY = np.eye(6) - OF_POSITION
 VELOCITY_TO_POSITION = np.eye(6, k=3)
@@ -37,7 +37,7 @@ def measured_noise(
     constant: Callable[[Sequence[Measurement]], F64],
     measurements: Sequence[Measurement],
 ) -> F64:
-    """Return the noise of positions (Nx3x3): the detector's, else the constant."""
+    """Return the noise of positions (Nx3x3): measured, else constant."""
     measured = [m.covariance_m2 for m in measurements if m.covariance_m2 is not None]
     R: F64 = np.array(measured).reshape(-1, 3, 3)
     if len(measured) == len(measurements):
@@ -50,9 +50,8 @@ def measured_noise(
 class Motion(Protocol):
     """A model of the motion of a track."""
 
-    size: int  # numbers of a state
     position: slice  # part of a state
-    velocity: slice
+    velocity: slice  # part of a state
 
     def predict(self, x: F64, P: F64, dt_s: float, noise_factor: float = 1.0) -> tuple[F64, F64]:
         """Move states ahead; the covariance of the process noise is multiplied by a factor."""
@@ -71,15 +70,15 @@ class Motion(Protocol):
 
 
 class PositionNoise(Protocol):
-    """Noise of the motion and of the measurements of a person."""
+    """Parameters of process and measurement noise."""
 
     @property
     def sigma_acceleration_mps2(self) -> float:
-        """Acceleration."""
+        """Standard deviation of the acceleration."""
 
     @property
     def sigma_measurement_m(self) -> float:
-        """Measured position where the detection has no covariance."""
+        """Standard deviation of a position without a measured covariance."""
 
     @property
     def noise(self) -> Literal["constant", "measured"]:
@@ -89,7 +88,6 @@ class PositionNoise(Protocol):
 class PositionMotion:
     """State x, y, z and their velocities; measured x, y, z (docs/method.md, section 5)."""
 
-    size = 6
     position = slice(0, 3)
     velocity = slice(3, 6)
 
@@ -116,9 +114,9 @@ class PositionMotion:
         return self._noise(measurements, self._score_noise)
 
     def gate_noise(self, measurements: Sequence[Measurement]) -> F64:
-        """Return R of gates: StrongSORT leaves the score out, and measured R grows by a constant.
+        """Return R of gates: without the score, as in StrongSORT; measured R grows by a constant.
 
-        Errors of consecutive frames are similar, so that a track is off by as much as they are.
+        Errors of consecutive frames are similar, so a track has the same error as its detections.
         """
         added_m2 = GATE_SIGMA_M**2 if self._config.noise == "measured" else 0.0
         return self._noise(measurements, self._depth_noise) + added_m2 * np.eye(3)

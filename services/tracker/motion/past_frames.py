@@ -1,7 +1,7 @@
-"""Frames of the last second, by which a late frame is tracked at its own time.
+"""Frames of the last second, for tracking a late frame at its own time.
 
-The tracks go back to the states that they had then, the frame is tracked, and the matches that were
-made since are filtered again, on top of it. Section 3 of docs/method.md.
+Tracks return to their states before the late frame, the frame is tracked, and all later matches are
+filtered once more. Source: docs/method.md, section 3.
 """
 
 from bisect import insort
@@ -21,7 +21,7 @@ LASTS_MAX_S = 0.2  # longest acceleration between frames of several cameras [s]
 
 
 class PastMatch(NamedTuple):
-    """A measurement that a track was updated with."""
+    """Measurement of an update of a track."""
 
     measurement: Measurement
     z: F64
@@ -29,9 +29,9 @@ class PastMatch(NamedTuple):
 
 
 class PastState(NamedTuple):
-    """A track after a frame."""
+    """State of a track after a frame."""
 
-    record: TrackRecord  # as it is now
+    record: TrackRecord  # the present record
     state: FilterState
     yaw: F64 | None
     matched_ns: int
@@ -39,7 +39,7 @@ class PastState(NamedTuple):
 
 @dataclass(slots=True)
 class PastFrame:
-    """All tracks after a frame, by the addresses of their records."""
+    """All tracks after a frame, by address of their records."""
 
     stamp_ns: int
     camera: str
@@ -57,8 +57,8 @@ class PastFrames:
     def __init__(self, track_filter: TrackFilter) -> None:
         self._filter = track_filter
         self._frames: list[PastFrame] = []  # by time
-        self._matches: dict[int, PastMatch] = {}  # of the frame that is tracked
-        self._present: dict[int, TrackRecord] = {}  # copies of the records, while they are back
+        self._matches: dict[int, PastMatch] = {}  # matches of the current frame
+        self._present: dict[int, TrackRecord] = {}  # present records during a late frame
 
     def clear(self) -> None:
         """Delete all frames."""
@@ -67,11 +67,11 @@ class PastFrames:
         self._present.clear()
 
     def add_match(self, record: TrackRecord, match: PastMatch) -> None:
-        """Store a match of the frame that is tracked."""
+        """Store a match of the current frame."""
         self._matches[id(record)] = match
 
     def add_frame(self, records: Sequence[TrackRecord], observation: Observation) -> None:
-        """Store the tracks after the frame that is tracked."""
+        """Store the tracks after the current frame."""
         states = {  # their arrays are replaced, never changed
             id(t): PastState(t, FilterState(t.x, t.P, t.imm), t.yaw, t.matched_ns) for t in records
         }
@@ -83,11 +83,10 @@ class PastFrames:
             del self._frames[0]
 
     def noise_factor(self, observation: Observation, dt_s: float) -> float:
-        """Return the factor of the noise of the motion, dt_s seconds after the frame before.
+        """Return the factor of the process noise, dt_s seconds after the previous frame.
 
-        An acceleration lasts from one frame of a camera to its next, as with one camera alone. If
-        it lasted for the shorter time between frames of several, tracks would follow people the
-        less the more cameras there are.
+        An acceleration lasts for the frame interval of one camera. With the shorter interval
+        between frames of several cameras, tracks would become stiffer with each camera.
         """
         before_ns = self._stamps_before(observation.stamp_ns).get(observation.camera)
         return _noise_factor(observation.stamp_ns, before_ns, dt_s)
@@ -95,7 +94,7 @@ class PastFrames:
     def go_back(self, records: Sequence[TrackRecord], stamp_ns: int) -> int:
         """Set tracks to their states after the last frame before a time; return its stamp [ns].
 
-        A track that began later is where it began.
+        A track that began later gets its initial state.
         """
         self._present = {id(t): replace(t) for t in records}
         before = [frame for frame in self._frames if frame.stamp_ns <= stamp_ns]
@@ -109,7 +108,7 @@ class PastFrames:
         return before[-1].stamp_ns if before else stamp_ns
 
     def go_forward(self, records: Sequence[TrackRecord], stamp_ns: int) -> None:
-        """Bring tracks to the present, with all that was measured since a time."""
+        """Return tracks to the present, with all measurements since a time."""
         present, self._present = self._present, {}
         later = [frame for frame in self._frames if frame.stamp_ns > stamp_ns]
         changed = [t for t in records if _is_changed(t, present, later)]
@@ -123,11 +122,11 @@ class PastFrames:
             if before and before.matched_ns > record.matched_ns:
                 record.matched_ns, record.camera = before.matched_ns, before.camera
                 record.missed, record.score = before.missed, before.score
-            # The next frame is that after the last one, not after the late one.
+            # Missed time counts from the newest match, not from the late one.
             record.missed_since_ns = max(record.missed_since_ns, record.matched_ns)
 
     def _stamps_before(self, stamp_ns: int) -> dict[str, int]:
-        """Return the stamp of the last frame of each camera before a time."""
+        """Return the stamps of the last frames before a time, by camera."""
         return {f.camera: f.stamp_ns for f in self._frames if f.stamp_ns < stamp_ns}
 
     def _filter_again(
@@ -157,7 +156,7 @@ class PastFrames:
 
 
 def _noise_factor(stamp_ns: int, before_ns: int | None, dt_s: float) -> float:
-    """Return the factor of the noise in a frame whose camera's frame before had a stamp."""
+    """Return the factor of the process noise, given the previous frame of the same camera."""
     if before_ns is None or dt_s <= 0:
         return 1.0
     return max(min((stamp_ns - before_ns) / 1e9, LASTS_MAX_S) / dt_s, 1.0)
@@ -166,7 +165,7 @@ def _noise_factor(stamp_ns: int, before_ns: int | None, dt_s: float) -> float:
 def _is_changed(
     record: TrackRecord, present: dict[int, TrackRecord], later: Sequence[PastFrame]
 ) -> bool:
-    """Check for a track that a late frame began, or that it updated and that was there before."""
+    """Check for a track that the late frame began, or updated after its beginning."""
     if id(record) not in present:
         return True
     began_later = bool(later) and id(record) not in later[0].states

@@ -20,11 +20,11 @@ WALKING_SIGMA_MPS = 0.6  # standard deviation of a walking person's velocity, pe
 STANDING, WALKING = 0, 1  # modes
 STANDING_SIGMA_MPS = 0.03  # standard deviation of a standing person's velocity [m/s]
 DRIFT_M2PS = 0.0005  # growth of the variance of a standing person's position [m^2/s]
-STANDING_S, WALKING_S = 0.5, 10.0  # mean times until people begin to walk, and until they stop [s]
-CHI2_3DOF_999 = 16.27  # largest squared distance of a velocity that a mode explains: 99.9 %
+STANDING_S, WALKING_S = 0.5, 10.0  # mean durations of standing and of walking [s]
+CHI2_3DOF_999 = 16.27  # largest squared distance of an accepted velocity: chi^2, 99.9 %
 IS_POSITION = np.pad(np.ones((3, 3)), (0, 3))  # elements of a covariance
 ON_POSITION = IS_POSITION * np.eye(6)
-OWN = np.array([IS_POSITION, np.ones((6, 6))])  # covariances that each mode estimates
+OWN = np.array([IS_POSITION, np.ones((6, 6))])  # estimated elements of the covariance, by mode
 UNKNOWN_M2PS2 = 1e6  # variance of an unknown velocity [m^2/s^2]
 
 Velocities: TypeAlias = Sequence[VelocityMeasurement | None]
@@ -101,24 +101,23 @@ class KalmanFilter:
 class Imm:
     """Interacting multiple models: one for standing people and one for walking people.
 
-    A standing person has no velocity, but a single model turns every error of the measured
-    position into one. So two filters run in parallel, each as probable as it predicts the
-    measurements, with transitions between them at a rate; the estimate is their mean. `decay`
+    A single model turns errors of position into velocities of standing people. So two filters run
+    in parallel, weighted by the likelihood of the measurements; the estimate is their mean. `decay`
     applies to the walking mode. Source: docs/method.md, section 16 [Blom 1988].
     """
 
     def __init__(self, motion: PositionMotion, decay: Decay = no_decay) -> None:
         self._motion, self._decay = motion, decay
         velocity = STANDING_SIGMA_MPS**2 * (np.eye(6) - IS_POSITION) * np.eye(6)
-        self._still = np.array([velocity, np.zeros((6, 6))])  # of a standing person
+        self._still = np.array([velocity, np.zeros((6, 6))])  # added covariance, by mode
         level, up = WALKING_SIGMA_MPS**2, STANDING_SIGMA_MPS**2
         self._begins_to_walk = np.diag([0.0, 0.0, 0.0, level, level, up])
 
     def start(self, x: F64, P: F64) -> ImmState:
-        """Begin with one state (6) and covariance (6x6); modes are as probable as in the long run.
+        """Begin both modes with one state (6) and covariance (6x6), and stationary probabilities.
 
-        New tracks are usually walking. With equal modes their velocities would stay near 0 for half
-        a second.
+        New tracks are usually walking. With equal probabilities their velocities would stay near 0
+        for half a second.
         """
         mean_times_s = np.array([STANDING_S, WALKING_S])
         return ImmState(np.array([x, x]), np.array([P, P]), mean_times_s / mean_times_s.sum())
@@ -149,7 +148,7 @@ class Imm:
         dt_s: float,
         noise_factor: float = 1.0,
     ) -> tuple[F64, F64, F64]:
-        """Mix the modes of N tracks by their transitions and move each on for dt_s seconds.
+        """Mix the modes of N tracks by their transitions, and predict dt_s seconds ahead.
 
         States are Nx2x6, covariances Nx2x6x6 and probabilities Nx2.
         """
@@ -177,7 +176,7 @@ class Imm:
     ) -> tuple[F64, F64, F64]:
         """Update with one velocity (3) each, and weigh the modes by its likelihood.
 
-        The velocity of a standing person is 0. One that no mode explains does not count.
+        The velocity of a standing person is 0. A velocity that no mode explains is ignored.
         """
         still = STANDING_SIGMA_MPS**2 * np.eye(3)
         y = np.stack([v, v - x[:, WALKING, 3:]], axis=1)
@@ -191,7 +190,7 @@ class Imm:
         return x, P, np.where(used[:, None], after, probability)
 
     def means(self, x: F64, P: F64, probability: F64) -> list[FilterState]:
-        """Return mean state and covariance of both modes, for N tracks, with these modes."""
+        """Return the mean states and covariances of N tracks, with their modes."""
         mean, covariance = imm.moments(probability[:, None], x, P * OWN + self._still)
         modes = map(ImmState, x, P, probability)
         return list(map(FilterState, mean[:, 0], covariance[:, 0], modes))
@@ -205,7 +204,7 @@ class Imm:
         )
 
     def _stand(self, x: F64, P: F64, dt_s: float, noise_factor: float) -> None:
-        """Stay, with a velocity of 0 and the variance of a person that begins to walk."""
+        """Predict the standing mode: velocity 0, variance of a person who starts to walk."""
         drift_m2 = noise_factor * STANDING_SIGMA_MPS**2 * dt_s**2 + DRIFT_M2PS * dt_s
         x[:, 3:] = 0.0
         P *= IS_POSITION

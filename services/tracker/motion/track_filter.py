@@ -12,7 +12,7 @@ Filtered = list[tuple[FilterState, F64 | None]]
 
 
 class TrackFilter:
-    """Predicts and updates tracks.
+    """Predicts and updates states and yaws of tracks.
 
     Args:
         state: Filter of the states.

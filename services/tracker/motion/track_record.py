@@ -14,12 +14,12 @@ BOOL = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class IdentityDecision:
-    """Origin of the identity of a track, see `Track`; None where re-identification is off."""
+    """Origin of the identity of a track, see `Track`; None without re-identification."""
 
     identity: Literal["new", "continued", "reidentified"] | None = None
     confidence: float | None = None  # 0 to 1
     reason: str = ""
-    id: int | None = None  # of the person re-identified; None: the track keeps its own
+    id: int | None = None  # identity of the re-identified person; None: no change
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +38,8 @@ class TrackRecord:
     id: int
     x: F64  # state, see the motion model
     P: F64  # its covariance
-    score: float  # of the last matched detection
-    camera: str  # of the last match
+    score: float  # score of the last matched detection
+    camera: str  # camera of the last match
     matched_ns: int  # [ns] stamp of the last match
     detection: int | None  # index of the detection matched in this frame
     confirmed: bool
@@ -47,13 +47,13 @@ class TrackRecord:
     identity: IdentityDecision = IdentityDecision()
     yaw: F64 | None = None  # state of its filter
     imm: ImmState | None = None  # states of both modes; x and P are their mean
-    hits: int = 1  # frames matched, the first included
-    streak: int = 1  # frames matched since the last miss
-    age: int = 1  # frames since the first one, itself included
+    hits: int = 1  # number of matched frames
+    streak: int = 1  # number of matched frames since the last miss
+    age: int = 1  # number of frames since the beginning, including the first
     begun_ns: int = 0  # [ns] stamp of the first match; 0: unknown
-    missed_since_ns: int = 0  # [ns] stamp of the last match; of the frame after it, if much later
-    missed: int = 0  # frames since the last match, this one included until it is matched
-    hidden: int = 0  # of these, frames that could not show the person
+    missed_since_ns: int = 0  # [ns] stamp of the last match, or shortly before the next frame
+    missed: int = 0  # number of frames since the last match
+    hidden: int = 0  # number of missed frames that could not show the person
 
     @property
     def frames_missed(self) -> int:

@@ -17,15 +17,15 @@ from services.tracker.motion.track_record import TrackRecord
 from services.tracker.motion.yaw import VelocityYaw
 
 SENDS_NS = 1_000_000_000  # time since the last frame of a camera that sends [ns]
-INTERVAL_MAX_NS = 200_000_000  # longest part of a time without frames that counts as missed [ns]
-MOVED_S = 1.0  # longest time for which people move during an absence of frames [s]
+INTERVAL_MAX_NS = 200_000_000  # longest counted interval between two frames [ns]
+MOVED_S = 1.0  # duration of the prediction over a long absence of frames [s]
 
 
 class TrackSet:
     """All tracks of one tracker.
 
-    A frame counts as missed only for tracks last matched by its own camera: another camera may
-    cover another area. Tracks of a camera that stopped sending end by time.
+    A frame counts as missed only for tracks last matched by its camera, since another camera may
+    have another view. Tracks of a silent camera end by time.
     """
 
     def __init__(
@@ -38,8 +38,8 @@ class TrackSet:
         self.records: list[TrackRecord] = []
         self.ids = IdCounter()
         self.stamp_ns: int | None = None
-        self._frame_ns: dict[str, int] = {}  # stamp of the last frame of each camera that sends
-        self.elapsed_ns = 0  # from the frame before to this one
+        self._frame_ns: dict[str, int] = {}  # stamp of the last frame, by active camera
+        self.elapsed_ns = 0  # time between the last two frames
         self._motion = motion
         self._state_filter = state_filter or KalmanFilter(motion)
         self._lifecycle = lifecycle
@@ -47,7 +47,7 @@ class TrackSet:
         self._position, self._velocity = motion.position, motion.velocity
         self._filter = TrackFilter(self._state_filter, yaw)
         self._past = PastFrames(self._filter)
-        self._now_ns: int | None = None  # time of the last frame, while the tracks are back
+        self._now_ns: int | None = None  # time of the newest frame, during a late one
 
     @property
     def confirmed(self) -> list[TrackRecord]:
@@ -76,7 +76,7 @@ class TrackSet:
     def bridge_absence(self, stamp_ns: int) -> int:
         """Skip most of a long time without frames before a frame; return the time skipped [ns].
 
-        After a short one people are found where they were going, after a long one where they were.
+        After a long absence people are expected near their last positions, not on their last paths.
         """
         absent_s = self._seconds_to(stamp_ns)
         if self.stamp_ns is None or not self._lifecycle.bridges(absent_s):

@@ -13,8 +13,8 @@ States = Sequence[F64 | None]  # one for each track, None: unknown
 class VelocityYaw:
     """Yaw of tracks without a state: atan2(v_y, v_x), the direction of the velocity [PIC4SeR].
 
-    A person slower than `speed_min_mps` has no yaw. Filters of measured yaws derive from it; their
-    states are arrays, which are replaced, never changed.
+    A person slower than `speed_min_mps` has no yaw. Filters of measured yaws derive from this
+    class; their states are arrays, which are replaced, never changed.
     """
 
     def __init__(self, speed_min_mps: float = math.inf) -> None:
@@ -29,7 +29,7 @@ class VelocityYaw:
         states: States,
         measurements: Sequence[Measurement],  # noqa: ARG002
     ) -> list[F64 | None]:
-        """Update N states, with one measurement each, which may have no yaw."""
+        """Update N states with one measurement each, with or without a yaw."""
         return list(states)
 
     def read(self, state: F64 | None, velocity_mps: F64) -> float | None:  # noqa: ARG002

@@ -11,34 +11,34 @@ from people4d.messages import F64
 from services.tracker.interface import Measurement
 from services.tracker.motion.yaw import States, VelocityYaw, measured_rad
 
-# Rate of turns: in dt a turn has a wrapped Cauchy density of scale TURN_RADPS dt. Headings persist,
-# with occasional abrupt reversals [rad/s]
+# Scale of turns: a turn in dt has a wrapped Cauchy density of scale TURN_RADPS dt. Headings
+# persist, with occasional abrupt reversals [rad/s]
 TURN_RADPS = 2.0
 RATE_GAIN = 0.8  # gain of a change of the yaw on the rate of turning
 RATE_DECAY_S = 0.3  # time constant of the decay of that rate [s]
 SIGMA_RAD = 0.35  # standard deviation of a measurement without its own [rad]
-SIGMA_MAX_RAD = 0.5  # largest one of angles nearby: the rest is a chance of any other angle [rad]
+SIGMA_MAX_RAD = 0.5  # largest standard deviation; a larger one raises the outlier probability [rad]
 REVERSED, OUTLIERS = 0.005, 0.003  # probabilities of the opposite angle, and of any other angle
-CORRELATION_S = 0.2  # time for which errors last: frames nearer to each other count less [s]
+CORRELATION_S = 0.2  # correlation time of errors: frames at shorter intervals count less [s]
 SHARE_MIN = 0.5  # probability within 60 deg below which a yaw is unknown
-BINS = 48
+BINS = 48  # number of angles
 STEP_RAD = 2 * math.pi / BINS
 ANGLES = STEP_RAD * np.arange(BINS, dtype=np.float64)
 # Bins of the angles before, after and opposite; indices take a third of the time of np.roll
 PREVIOUS, NEXT = np.roll(np.arange(BINS), 1), np.roll(np.arange(BINS), -1)
 OPPOSITE = np.roll(np.arange(BINS), BINS // 2)
 NEAR = np.arange(-BINS // 6, BINS // 6 + 1)  # bins within 60 deg of the mode
-DENSITY_MIN = 1e-9  # least density of a bin: nothing is impossible
-TURN_MAX_RAD = math.radians(60)  # largest step of a turn in one frame
-OUTLIERS_MAX = 0.9
-SINCE_MIN_S = 0.05  # least time over which a step gives a rate [s]
+DENSITY_MIN = 1e-9  # least density of a bin
+TURN_MAX_RAD = math.radians(60)  # largest turn between two frames [rad]
+OUTLIERS_MAX = 0.9  # largest outlier probability
+SINCE_MIN_S = 0.05  # least interval for a rate [s]
 OTHER_VIEW_RAD = math.radians(20)  # least angle between the lines of sight of two cameras
 
 # Elements of a state: the most likely angle, the probability within 60 degrees of it, the rate of
 # turning, the time since the last update, the line of sight of that one, and the density
 YAW, SHARE, RATE, SINCE, BEARING = range(5)
 DENSITY = slice(5, 5 + BINS)
-# Of a track whose yaw was never measured
+# State of a track whose yaw was never measured
 UNKNOWN: F64 = np.concatenate([[0.0, 0.0, 0.0, 1.0, 0.0], np.full(BINS, 1 / BINS)])
 
 
@@ -58,9 +58,9 @@ class DensityYaw(VelocityYaw):
     """
 
     def predict(self, states: States, dt_s: float) -> list[F64 | None]:
-        """Turn each track on at its own rate, which decays, and widen its density.
+        """Turn each density by its decaying rate, and widen it.
 
-        In the frequency domain, where both are products.
+        Both are products in the frequency domain.
         """
         after = _stacked(states)
         turn_s = -RATE_DECAY_S * math.expm1(-dt_s / RATE_DECAY_S)
@@ -90,7 +90,7 @@ class DensityYaw(VelocityYaw):
         return list(after)
 
     def _rates(self, predicted: F64, after: F64) -> F64:
-        """Return the rates of turning that the steps of yaws show; 0 where a step is no turn."""
+        """Return the rates of turning by the steps of yaws; 0 for a step that is no turn."""
         step_rad = wrap_each(after[:, YAW] - predicted[:, YAW])
         is_turn = np.abs(step_rad) < TURN_MAX_RAD
         is_turn &= predicted[:, SHARE] >= SHARE_MIN
@@ -100,7 +100,7 @@ class DensityYaw(VelocityYaw):
         return result
 
     def read(self, state: F64 | None, velocity_mps: F64) -> float | None:  # noqa: ARG002
-        """Return the most likely angle, unless there is too little around it."""
+        """Return the most likely angle, unless its probability is too low."""
         if state is None or state[SHARE] < SHARE_MIN:
             return None
         return wrap(float(state[YAW]))
@@ -111,7 +111,7 @@ def likelihood_measured(yaws: YawMeasurements, factor: F64) -> F64:
 
     The measured angle is the true one, the opposite one, or any.
     """
-    # A larger sigma is one of angles nearby, and a chance of any other.
+    # A larger sigma becomes the largest one and a higher outlier probability.
     limited_rad = np.minimum(yaws.sigma_rad, SIGMA_MAX_RAD)
     other = (np.square(yaws.sigma_rad) - np.square(limited_rad)) / math.pi**2
     outliers = np.minimum(OUTLIERS + other, OUTLIERS_MAX)[:, None]
@@ -123,7 +123,7 @@ def likelihood_measured(yaws: YawMeasurements, factor: F64) -> F64:
 
 
 def _or(values: F64, other: float) -> F64:
-    """Return values, another one where they are NaN."""
+    """Return values, with NaN replaced."""
     return np.where(np.isnan(values), other, values)
 
 

@@ -12,8 +12,8 @@ from services.tracker.interface import Measurement
 from services.tracker.motion.yaw import States, VelocityYaw, measured_rad
 
 SIGMA_ACCELERATION_RADPS2 = 6.0  # acceleration of the yaw [rad/s^2]
-SIGMA_RAD = 0.35  # measured yaw [rad]
-SIGMA_START_RATE_RADPS = 1.0  # rate of a new track [rad/s]
+SIGMA_RAD = 0.35  # standard deviation of a measured yaw [rad]
+SIGMA_START_RATE_RADPS = 1.0  # initial standard deviation of the rate [rad/s]
 
 
 class KalmanYaw(VelocityYaw):
@@ -24,12 +24,12 @@ class KalmanYaw(VelocityYaw):
     """
 
     def predict(self, states: States, dt_s: float) -> list[F64 | None]:
-        """Turn each track on at its own rate; the uncertainty grows."""
+        """Predict each yaw at its rate; the uncertainty grows."""
         noise = kalman.acceleration_noise(dt_s, SIGMA_ACCELERATION_RADPS2)
         return [None if s is None else predicted(s, dt_s, noise) for s in states]
 
     def update(self, states: States, measurements: Sequence[Measurement]) -> list[F64 | None]:
-        """Update known states, begin those measured for the first time."""
+        """Update known states, and begin states with their first measurement."""
         return [
             self._updated(s, measured_rad(m)) for s, m in zip(states, measurements, strict=True)
         ]

@@ -17,7 +17,7 @@ from services.tracker.motion.track_record import TrackRecord
 
 T = TypeVar("T")
 D = TypeVar("D")
-ROUNDING = 1e-6  # of costs: a pair as dear as none is matched
+ROUNDING = 1e-6  # tolerance of costs: a pair at the cost of no match is matched
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,8 +37,8 @@ def assign(cost: F64, unmatched: float = math.inf) -> list[tuple[int, int]]:
 
     Args:
         cost: NxM, +inf for inadmissible pairs.
-        unmatched: Cost of a row or column that stays without a partner, the most that a pair
-            counts; infinity: as many pairs as possible are matched.
+        unmatched: Cost of an unmatched row or column, and upper limit of the cost of a pair;
+            infinity: as many pairs as possible are matched.
 
     Returns:
         Matched pairs (row, column), ordered by row.
@@ -50,7 +50,7 @@ def assign(cost: F64, unmatched: float = math.inf) -> list[tuple[int, int]]:
     if not costs.size:
         return []
     least = costs.min()
-    # Above the sum of all pairs, so that giving up an admissible pair never pays.
+    # More than the sum of all pairs, so that giving up an admissible pair never pays.
     forbidden = (costs.max() - least + 1.0) * (min(cost.shape) + 1)
     if unmatched < math.inf:
         cost, forbidden = np.minimum(cost, unmatched), unmatched - least + ROUNDING
@@ -78,12 +78,12 @@ def associate(
 def match_probabilities(cost: F64, temperature: float) -> F64:
     """Return the probability (NxM) of each pair among all that use its track or its detection.
 
-    A pair of cost c has the weight exp(-c / temperature), an inadmissible one none.
+    A pair of cost c has the weight exp(-c / temperature), an inadmissible pair 0.
     """
     logs = -cost / temperature
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         row, column = _log_of_sum(logs, axis=1), _log_of_sum(logs, axis=0)
-        # The weights of the row and of the column over the pair's own, itself counted in both.
+        # Weights of the row and of the column over the weight of the pair, which is in both.
         odds = np.exp(row - logs) + np.exp(column - logs) - 1.0
     probabilities: F64 = np.where(np.isfinite(cost), 1.0 / odds, 0.0)
     return probabilities
@@ -104,7 +104,7 @@ def distances(a_m: F64, b_m: F64) -> F64:
 
 
 def min_max(values: F64) -> F64:
-    """Scale values to 0 to 1; all 0 if they are equal or none (section 4)."""
+    """Scale values to 0 to 1; all 0 if they are equal (section 4)."""
     if not values.size:
         return values
     least = values.min()

@@ -14,9 +14,9 @@ SIGMA_POSITION_M = 0.15  # standard deviation of the measured position [m]
 SIGMA_CENTRE_PX = 5.0  # standard deviation of the measured centre [px]
 SIGMA_ACCELERATION_PXPS2 = 500.0  # acceleration of the centre [px/s^2]
 SIGMA_START_CENTRE_PXPS = 300.0  # velocity of the centre of a new track [px/s]
-SIGMA_AREA_RATIO = 0.1  # measured area, as a part of the area
-SIGMA_ACCELERATION_AREA_RATIO = 2.0  # acceleration of the area, as a part of the area [1/s^2]
-SIGMA_START_AREA_RATIO_HZ = 1.0  # rate of the area of a new track, as a part of the area [1/s]
+SIGMA_AREA_RATIO = 0.1  # relative standard deviation of the measured area
+SIGMA_ACCELERATION_AREA_RATIO = 2.0  # relative acceleration of the area [1/s^2]
+SIGMA_START_AREA_RATIO_HZ = 1.0  # relative rate of the area of a new track [1/s]
 SIGMA_ASPECT = 0.1  # measured width over height
 SIGMA_ASPECT_DRIFT = 0.2  # drift of width over height [1/sqrt(s)]
 
@@ -25,10 +25,9 @@ class BoxMotion:
     """State u, v, s, r, x, y, z, du, dv, ds, dx, dy, dz (docs/method.md, section 4).
 
     u, v is the centre of the box, s its area and r its width over its height. Noise of the area is
-    relative to the area, since a near person's box changes by more pixels than a far one's.
+    relative, since the box of a near person changes by more pixels than the box of a far one.
     """
 
-    size = 13
     position = slice(4, 7)
     velocity = slice(10, 13)
     _moving = [0, 1, 2, 4, 5, 6]  # noqa: RUF012
@@ -51,7 +50,7 @@ class BoxMotion:
         return np.column_stack([centre, w * h, w / h, points])
 
     def noise(self, measurements: Sequence[Measurement]) -> F64:
-        """Return R, constant but for the area."""
+        """Return R; only the noise of the area varies."""
         z = self.measure(measurements)
         sigmas = np.empty_like(z)
         sigmas[:, :2] = SIGMA_CENTRE_PX

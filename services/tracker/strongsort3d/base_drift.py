@@ -17,9 +17,9 @@ DRIFT_ROTATION_RAD = 0.05  # standard deviation of drift after a rotation of 1 r
 class BaseDrift(TrackPolicy):
     """Covariance of tracked positions due to errors of the motion of the base.
 
-    The covariance of the odometry is used if it grows. Otherwise the errors of distance and angle
-    are random walks in distance and angle; a rotation by an angle e about the vertical moves a
-    person at a distance r by e r, at right angles to the ray.
+    The covariance of the odometry is used if it grows. Otherwise errors of distance and angle are
+    random walks in distance and angle. A rotation by an angle e about the vertical moves a person
+    at distance r by e r, at right angles to the ray.
     """
 
     def __init__(self) -> None:
@@ -62,9 +62,9 @@ class BaseDrift(TrackPolicy):
 
 
 def carried(covariance: F64, rays_m: F64) -> F64:
-    """Return the covariances (Nx3x3) of positions at rays (Nx2) from a base with one of its pose.
+    """Return covariances (Nx3x3) of positions by the covariance of the pose of the base.
 
-    A turn by angle e moves them by e at right angles to the ray: G = [1 0 -y; 0 1 x].
+    Positions are at rays (Nx2) from the base: G = [1 0 -y; 0 1 x].
     """
     G = np.zeros((len(rays_m), 3, 3))
     G[:, 0, 0] = G[:, 1, 1] = 1.0

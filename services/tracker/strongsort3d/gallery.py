@@ -1,4 +1,4 @@
-"""Gallery of people: embeddings of those who left, to re-identify them when they return."""
+"""Gallery of people: their embeddings, for re-identification when they return."""
 
 from collections.abc import Container, Mapping, Sequence
 
@@ -14,11 +14,11 @@ VIEW_GAP = 0.03  # least cosine distance of two views
 # Cosine distance that makes a match e times less probable: of real people 0.08 to 0.11 with the
 # histogram and 0.05 to 0.07 with OSNet
 TEMPERATURE = 0.07
-NEAREST_VIEWS = 2  # of a person: one may be a bad crop
+NEAREST_VIEWS = 2  # number of nearest views in a distance: one may be a bad crop
 
 
 class Gallery:
-    """The people of one tracker and one embedder; the numbers of people and views are bounded."""
+    """People of one tracker and one embedder, with bounded numbers of people and views."""
 
     def __init__(self, retention_s: float) -> None:
         self._retention_s = retention_s  # time in the gallery since the last match
@@ -33,16 +33,16 @@ class Gallery:
         embedding: F64 | None,
         occluded: bool = False,
     ) -> None:
-        """Record a match of a person, and its embedding unless it is similar to one of theirs.
+        """Record a match of a person, and its embedding unless it is similar to a stored view.
 
-        An occluded crop shows a part only: it counts until there is a better one.
+        The view of an occluded crop is stored until a complete one replaces it.
         """
         entry = self.entries.pop(identity, None) or GalleryEntry(position_m, stamp_ns)
         entry.position_m, entry.matched_ns = position_m.copy(), stamp_ns
         entry.matches += 1
         if entry.matches == 1 and identity in self.neighbours:
             entry.views = list(self.neighbours[identity].views)
-        self.entries[identity] = entry  # at the end: the first one is the longest unseen
+        self.entries[identity] = entry  # the longest unseen is first
         if len(self.entries) > PEOPLE_MAX:
             del self.entries[next(iter(self.entries))]
         if embedding is None or (occluded and entry.views and not entry.occluded):
@@ -53,7 +53,7 @@ class Gallery:
         add_view(entry.views, embedding)
 
     def drop_old(self, stamp_ns: int) -> None:
-        """Delete people who were not seen for too long."""
+        """Delete people whose last match is too old."""
         oldest_ns = stamp_ns - self._retention_s * 1e9
         while self.entries:
             identity = next(iter(self.entries))
@@ -62,17 +62,17 @@ class Gallery:
             del self.entries[identity]
 
     def absent(self, present: Container[int]) -> list[int]:
-        """Return the people with views who are not present."""
+        """Return the absent people with views."""
         return [i for i, entry in self._known().items() if i not in present and entry.views]
 
     def decide(
         self, embedding: F64 | None, candidates: Sequence[int], limit: float
     ) -> IdentityDecision:
-        """Return the candidate that a new track with this embedding is, or why it is none.
+        """Decide which candidate a new track with this embedding is, or that it is a new person.
 
         The distance of a candidate is the mean to its two nearest views; an unknown person is at
         `limit`, the largest distance of the same person. A possibility at distance d has the weight
-        exp(-d / temperature), and its part of the sum is the confidence.
+        exp(-d / TEMPERATURE), and its share of the sum is the confidence.
         """
         if not candidates:
             return IdentityDecision("new", 1.0, "no known person is absent")
@@ -92,7 +92,7 @@ class Gallery:
         return IdentityDecision("reidentified", confidence, reason, candidates[best])
 
     def _known(self) -> dict[int, GalleryEntry]:
-        """Return all people by identity, each where they were seen last, with all their views."""
+        """Return all people by identity, at their last positions, with all their views."""
         known = dict(self.entries)
         for identity, entry in self.neighbours.items():
             own = known.get(identity)
@@ -105,7 +105,7 @@ class Gallery:
 
 
 def view_distance(embedding: F64, views: Sequence[F64], count: int = 1) -> float:
-    """Return the mean cosine distance to so many nearest views, or to all if there are fewer."""
+    """Return the mean cosine distance to a number of nearest views."""
     nearest = np.sort(1.0 - np.array(views) @ embedding)[:count]
     return min(max(float(nearest.mean()), 0.0), 2.0)
 

@@ -1,4 +1,4 @@
-"""Identity policy: re-identification of people who return."""
+"""Identity policy: re-identification of returning people (docs/method.md, section 15)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,9 +19,9 @@ from services.tracker.strongsort3d.policies import (
     Match,
 )
 
-ABSENT_NS = 1_000_000_000  # time without frames after which people may have changed places [ns]
-AMBIGUITY_RATIO = 0.5  # of the distances to the nearest detection and to the nearest rival
-DISTANCE_PROBABILITY = 0.5  # of a match of round 2, which goes by the distance alone
+ABSENT_NS = 1_000_000_000  # least time without frames after which positions are ambiguous [ns]
+AMBIGUITY_RATIO = 0.5  # largest ratio of the distances to the detection and to its rivals
+DISTANCE_PROBABILITY = 0.5  # probability of a match in round 2, by distance alone
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,11 +29,11 @@ class _MatchQuality:
     """Quality of one match for re-identification."""
 
     uncut: bool  # the box is not cut off at the left or right
-    probability: float  # of the match
+    probability: float  # probability of the match
 
 
 class Reidentification(IdentityPolicy):
-    """Decide the identity of each new track by the crop that confirms it."""
+    """Decides the identity of each new track by the crop of its confirming match."""
 
     recognises = True
 
@@ -54,20 +54,20 @@ class Reidentification(IdentityPolicy):
         self._gallery.entries = dict(entries)
 
     def learn_neighbours(self, people: Mapping[int, GalleryEntry]) -> None:
-        """Take the people of neighbouring areas by identity, in place of those before."""
+        """Replace the people of neighbouring areas, by identity."""
         self._gallery.neighbours = people
 
     def rename(self, identity: int, to: int | None) -> None:
-        """Change the identity of a person of the gallery; None: delete it there."""
+        """Change the identity of a person in the gallery; None: delete the person."""
         entry = self._gallery.entries.pop(identity, None)
         if entry and to is not None:
             self._gallery.entries.pop(to, None)
             self._gallery.entries[to] = entry
 
     def after_prediction(self, tracks: TrackSet, observation: Observation) -> None:
-        """After a time without frames, end tracks that could be of others, as absent ones.
+        """End ambiguous tracks after a time without frames.
 
-        Such a time counts as one more missed frame: the distance alone says little then.
+        It counts as one missed frame more, so that round 2 cannot match by distance alone.
         """
         if tracks.elapsed_ns < ABSENT_NS:
             return
@@ -86,7 +86,7 @@ class Reidentification(IdentityPolicy):
         tracks.end(ended)
 
     def after_update(self, tracks: TrackSet, result: AssociationResult) -> None:
-        """Decide identities of new tracks, and add matched ones to the gallery."""
+        """Decide identities of new tracks, and add all matches to the gallery."""
         stamp_ns = result.frame.observation.stamp_ns
         qualities = self._qualities(result)
         self._gallery.drop_old(stamp_ns)
@@ -133,7 +133,7 @@ class Reidentification(IdentityPolicy):
         decision = self._gallery.decide(measurement.embedding, candidates, limit)
         record.identity = decision
         if decision.id is not None:
-            # The lost track of the same person ends here.
+            # The lost track of the same person ends.
             tracks.end({decision.id})
             record.id = decision.id
         self._add(match, quality, record.matched_ns)
@@ -146,14 +146,14 @@ class Reidentification(IdentityPolicy):
 
 
 def _beside(record: TrackRecord, new: TrackRecord) -> bool:
-    """Check that a camera found a person beside a new track: they are two people."""
+    """Check that one camera saw a track and a new track together: they are two people."""
     return record.camera == new.camera and record.matched_ns >= new.begun_ns > 0
 
 
 def _ambiguous(tracks_m: F64, found_m: F64) -> BOOL:
-    """Return the tracks (N of Nx3) without a detection (Mx3) that is much nearer than any rival.
+    """Return the tracks (N of Nx3) whose nearest detection (Mx3) has a similarly near rival.
 
-    Rivals are the other detections, and the other tracks that the detection could be of.
+    Rivals are other detections, and other tracks near the same detection.
     """
     distances_m = distances(tracks_m, found_m)
     rows, nearest = np.arange(len(tracks_m)), distances_m.argmin(axis=1)

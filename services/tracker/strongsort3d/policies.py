@@ -16,17 +16,17 @@ from services.tracker.motion.track_set import TrackSet
 from services.tracker.sort3d.association import RoundMatches
 from services.tracker.strongsort3d.config import StrongSort3dConfig
 
-EDGE_RATIO = 0.02  # distance from the image's edge at which a box may be cut off, over its width
+EDGE_RATIO = 0.02  # distance to the image border of a cut-off box, over the image width
 
 Match = tuple[TrackRecord, Measurement]
 
 
 @dataclass(frozen=True)
 class FrameContext:
-    """One frame with all that association uses beside the states of the tracks."""
+    """Input of association other than the tracks."""
 
     observation: Observation
-    detections: Sequence[Measurement]  # in an order that does not depend on their arrival
+    detections: Sequence[Measurement]  # in a fixed order
     config: StrongSort3dConfig
 
     @cached_property
@@ -76,7 +76,7 @@ class TrackPolicy:
         """Change tracks after the update."""
 
     def clear(self) -> None:
-        """Drop the policy's own state."""
+        """Delete the state of the policy."""
 
 
 class CostPolicy:
@@ -87,12 +87,12 @@ class CostPolicy:
         return 0.0
 
     def unmatched_cost(self, c_cos: float) -> float:  # noqa: ARG002
-        """Return the cost of a track or detection without a partner; infinity: none is left so."""
+        """Return the cost of an unmatched track or detection; infinity: match all possible."""
         return math.inf
 
 
 class VisibilityPolicy(TrackPolicy):
-    """People hidden by others, or outside of the image; this base leaves the published method."""
+    """People occluded or outside the image; this base leaves the published method."""
 
     def gate(
         self,
@@ -115,9 +115,9 @@ class VisibilityPolicy(TrackPolicy):
 
 
 class IdentityPolicy(TrackPolicy):
-    """Re-identification of people who return; this base does none."""
+    """Re-identification of returning people; this base does none."""
 
-    recognises: ClassVar[bool] = False  # True: people who return are re-identified
+    recognises: ClassVar[bool] = False  # True: returning people are re-identified
 
     def entries(self) -> list[tuple[int, GalleryEntry]]:
         """Return the gallery for a checkpoint."""
@@ -127,10 +127,10 @@ class IdentityPolicy(TrackPolicy):
         """Continue with the gallery of a checkpoint."""
 
     def learn_neighbours(self, people: Mapping[int, GalleryEntry]) -> None:
-        """Take the people of neighbouring areas by identity, in place of those before."""
+        """Replace the people of neighbouring areas, by identity."""
 
     def rename(self, identity: int, to: int | None) -> None:
-        """Change the identity of a person of the gallery; None: delete it there."""
+        """Change the identity of a person in the gallery; None: delete the person."""
 
 
 @dataclass(frozen=True, slots=True)

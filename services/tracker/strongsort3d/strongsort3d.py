@@ -1,6 +1,6 @@
 """StrongSORT-3D: 3D positions and appearance, two assignments (docs/method.md, section 5).
 
-The algorithm is that of [PIC4SeR]; whatever goes beyond composes around it as `Policies`.
+The algorithm follows [PIC4SeR]; all extensions are `Policies` around it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,13 +28,13 @@ from services.tracker.strongsort3d.policies import (
 MOTION_WEIGHT = 0.02  # lambda in c = lambda d_M^2 + (1 - lambda) d_cos [Du 2023]
 CHI2_3DOF_95 = 7.8147  # largest d_M^2 of a pair: chi^2, 3 degrees of freedom, 95 % [PIC4SeR]
 EMA_ALPHA = 0.9  # alpha in e <- alpha e + (1 - alpha) f [Du 2023]
-LENGTH_MIN = 1e-6  # least length of a mean embedding that has a direction
+LENGTH_MIN = 1e-6  # least length of a usable mean embedding
 
 
 class StrongSort3d(TrackSetTracker, AreaTracker):
     """StrongSORT with the 3D position as its state.
 
-    Without embeddings round 1 goes by motion alone, see `combined_cost`.
+    Without embeddings round 1 matches by motion alone, see `combined_cost`.
     """
 
     uses_embeddings: ClassVar[bool] = True
@@ -71,7 +71,7 @@ class StrongSort3d(TrackSetTracker, AreaTracker):
             policy.clear()
 
     def known_people(self) -> KnownPeople | None:
-        """Return the gallery; None if people who return are not re-identified."""
+        """Return the gallery; None without re-identification."""
         identity = self._policies.identity
         return (
             KnownPeople(self._embedder[0], dict(identity.entries()))
@@ -80,13 +80,13 @@ class StrongSort3d(TrackSetTracker, AreaTracker):
         )
 
     def learn_neighbours(self, people: Mapping[int, GalleryEntry]) -> None:
-        """Take the people of neighbouring areas whose views are comparable."""
+        """Replace the people of neighbouring areas whose views are comparable."""
         length = self._embedder[1]
         known = {i: e for i, e in people.items() if all(len(v) == length for v in e.views)}
         self._policies.identity.learn_neighbours(known)
 
     def rename(self, identities: Mapping[int, int | None]) -> None:
-        """Give tracks the identities of neighbours; None: a new one."""
+        """Change the identities of tracks to those of neighbours; None: a new identity."""
         given = {to for to in identities.values() if to is not None}
         self.tracks.end(given)  # lost tracks of the same people
         for record in self.tracks.records:

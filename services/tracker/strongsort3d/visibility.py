@@ -1,7 +1,7 @@
-"""Visibility policy: people hidden by others, or outside of the image (docs/method.md, 13).
+"""Visibility policy: people occluded or outside the image (docs/method.md, section 13).
 
-A person takes an upright interval of the image at focal length 1, between left and right. An
-unmatched track whose place the camera cannot see is not missed; a place that is seen empty ends it.
+A person covers a horizontal interval of the image at focal length 1. An unmatched track is not
+missed while its position is out of view or occluded; a position in view without a person ends it.
 """
 
 from collections.abc import Sequence
@@ -22,16 +22,16 @@ from services.tracker.strongsort3d.policies import (
 
 HALF_WIDTH_M = 0.25  # half of a person's width [m]
 NEAR_M = 0.3  # least distance of a person in view from the plane of the camera [m]
-COVERED_MIN = 0.4  # least share of a person's width that nearer people cover if it is occluded
-# Share of the width in the image below which a place is out of view, relative to the last match
+COVERED_MIN = 0.4  # least covered share of the width of an occluded person
+# Visible share of the width below which a position is out of view, relative to the last match
 IN_VIEW_MIN = 0.5
-TURNED_MIN = 0.01  # change of that share by which a camera has turned
-EMPTY_S = 1.0  # time for which a place is seen empty until its track ends [s]
-EMPTY_AT_EDGE_S = 0.2  # the same at the edge of the image of a camera that rests [s]
+TURNED_MIN = 0.01  # least change of that share by a turn of the camera
+EMPTY_S = 1.0  # time in view without a match after which a track ends [s]
+EMPTY_AT_EDGE_S = 0.2  # the same at the image border of a fixed camera [s]
 HIDDEN_SIGMA_MAX_M = 1.0  # largest standard deviation of the position of an unmatched track [m]
-INTERVAL_MAX_NS = 200_000_000  # longest part of the time between two frames that counts [ns]
-DEPTH_COVERED_MAX = 0.35  # share of a box above which its depth may be the covering person's
-DEPTH_SIGMA_M = 1.0  # standard deviation of such a depth, along the ray [m]
+INTERVAL_MAX_NS = 200_000_000  # longest counted interval between two frames [ns]
+DEPTH_COVERED_MAX = 0.35  # largest covered share of a box with a reliable depth
+DEPTH_SIGMA_M = 1.0  # standard deviation of an unreliable depth, along the ray [m]
 SIDES = np.array([-1.0, 1.0])
 
 
@@ -40,28 +40,28 @@ class TrackView:
     """View of a track since its last match."""
 
     position_m: F64  # [m] 3, at the last match
-    ratio: float  # part of the person's width in the image then
-    at_edge: bool  # the image's left or right edge cut the person off then
+    ratio: float  # visible share of the person's width, at the last match
+    at_edge: bool  # the left or right image border cut the person off, at the last match
     frame_ns: int  # [ns] stamp of the last frame of the camera
     turned: bool = False  # the camera has turned since
-    empty_ns: int = 0  # [ns] time for which the place was seen empty
+    empty_ns: int = 0  # [ns] time in view without a match
 
 
 class TrackVisibility(VisibilityPolicy):
-    """Keep hidden people, end tracks of empty places, and widen gates of covered detections."""
+    """Keeps hidden tracks, ends tracks of empty positions, widens gates of covered detections."""
 
     def __init__(self) -> None:
         self._views: dict[int, TrackView] = {}  # by track
 
     def clear(self) -> None:
-        """Drop all views."""
+        """Delete all views."""
         self._views.clear()
 
     def gate(self, x: F64, P: F64, R: F64, d_cos: F64, frame: FrameContext) -> tuple[F64, F64]:
-        """Return d_M^2 and ln |S| with a wide gate along the ray to detections that others cover.
+        """Return d_M^2 and ln |S| with a wide gate along the ray to covered detections.
 
-        A wide gate needs an appearance that speaks for the pair. A match counts in full
-        nevertheless: a track that is kept from its measurement ends beside its person.
+        A wide gate requires an embedding. The update uses the measurement with its own noise:
+        otherwise the track would stay beside its person.
         """
         gate, wider_m2 = super().gate(x, P, R, d_cos, frame), covered_m2(frame)
         if wider_m2 is None:
@@ -71,7 +71,7 @@ class TrackVisibility(VisibilityPolicy):
         return d_m2, log_det
 
     def after_update(self, tracks: TrackSet, result: AssociationResult) -> None:
-        """Store the views of matched tracks, judge unmatched ones, and end those seen empty."""
+        """Store the views of matched tracks, and end unmatched tracks of empty positions."""
         self._store(tracks, result)
         camera = result.frame.observation.camera
         missed = [t for t in tracks.records if t.missed and t.camera == camera]
@@ -91,7 +91,7 @@ class TrackVisibility(VisibilityPolicy):
     def _ended(
         self, tracks: TrackSet, missed: Sequence[TrackRecord], frame: FrameContext
     ) -> set[int]:
-        """Count hidden frames, and return the tracks of places seen empty, or of unknown place."""
+        """Count hidden frames; return the tracks of empty or too uncertain positions."""
         if not missed:
             return set()
         observation, ended = frame.observation, set[int]()
@@ -122,9 +122,9 @@ class TrackVisibility(VisibilityPolicy):
 
 
 def covered_m2(frame: FrameContext) -> F64 | None:
-    """Return covariances (Mx3x3) along the rays to detections that others cover, if any.
+    """Return added covariances (Mx3x3) along the rays to covered detections; None without any.
 
-    The depth of a half hidden person is often the depth of the person in front.
+    The depth of a half occluded person is often the depth of the person in front.
     """
     pose = frame.observation.map_from_camera
     covered = common_ratios(frame.boxes).max(axis=1, initial=0.0) > DEPTH_COVERED_MAX
@@ -137,16 +137,15 @@ def covered_m2(frame: FrameContext) -> F64 | None:
 
 
 def visible_ratios(positions_m: F64, observation: Observation) -> list[float]:
-    """Return the part (N, 0 to 1) of a person's width that is in the image at each position (Nx3).
+    """Return the visible share (N, 0 to 1) of a person's width at each position (Nx3).
 
-    It is 0 above and below the image, and 1 where the camera's pose or the edges of its image are
-    unknown.
+    It is 0 above and below the image, and 1 if pose or image border of the camera are unknown.
     """
     camera_from_map, edges = observation.camera_from_map, observation.edges
     if camera_from_map is None or edges is None:
         return [1.0] * len(positions_m)
     ratios = []
-    # For the few people of a frame numbers take a third of the time of arrays.
+    # For few people numbers take a third of the time of arrays.
     for right_m, down_m, depth_m in apply(camera_from_map, positions_m).tolist():
         shown = depth_m > NEAR_M and edges.top * depth_m <= down_m <= edges.bottom * depth_m
         low, high = right_m - HALF_WIDTH_M, right_m + HALF_WIDTH_M
@@ -156,7 +155,7 @@ def visible_ratios(positions_m: F64, observation: Observation) -> list[float]:
 
 
 def occluded(positions_m: F64, detected_m: F64, camera_from_map: F64 | None) -> BOOL:
-    """Return the people (N) whose interval is covered by the interval of a nearer detection.
+    """Return the people (N) whose interval a nearer detection covers.
 
     Positions (Nx3 and Mx3) are in the map, `camera_from_map` is to the optical frame.
     """
@@ -180,7 +179,7 @@ def intervals(positions_m: F64, camera_from_map: F64) -> tuple[F64, F64]:
 
 
 def overlap_ratios(intervals: F64, others: F64) -> F64:
-    """Return the part (NxM, below 0 if apart) of each interval (Nx2) that each other one covers."""
+    """Return the share (NxM) of each interval (Nx2) that each other one covers; < 0 if apart."""
     high = np.minimum(intervals[:, None, 1], others[:, 1])
     common = high - np.maximum(intervals[:, None, 0], others[:, 0])
     ratio: F64 = common / (intervals[:, 1] - intervals[:, 0])[:, None]
@@ -188,7 +187,7 @@ def overlap_ratios(intervals: F64, others: F64) -> F64:
 
 
 def common_ratios(boxes: F64) -> F64:
-    """Return the part (NxN) of each box (Nx4, xyxy, pixels) that each other one covers."""
+    """Return the share (NxN) of each box (Nx4, xyxy, pixels) that each other one covers."""
     left, top, right, bottom = np.ascontiguousarray(boxes.T)
     width = np.minimum(right[:, None], right) - np.maximum(left[:, None], left)
     height = np.minimum(bottom[:, None], bottom) - np.maximum(top[:, None], top)
