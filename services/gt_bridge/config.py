@@ -12,15 +12,16 @@ from people4d.messages.base import Name, NonNegative, Positive
 
 
 class FixedTransform(Config, frozen=True, kw_only=True):
-    """Pose of one frame in another, as calibrated."""
+    """Calibrated pose of a child frame in a parent frame."""
 
-    parent: Name  # frame that holds the other, for example "map"
-    child: Name  # the other frame, for example "mocap"
-    xyz_m: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m] origin of child in parent
-    rpy_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [rad] about parent's fixed x, y, z
+    parent: Name  # for example "map"
+    child: Name  # for example "mocap"
+    xyz_m: tuple[float, float, float] = (0.0, 0.0, 0.0)  # origin of child in parent [m]
+    # rotations about the fixed axes x, y and z of parent [rad]
+    rpy_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def message(self) -> StaticTransform:
-        """Return it as the camera would publish it."""
+        """Return the transform as a message."""
         matrix = transform_from(self.xyz_m, rotation_from_rpy(*self.rpy_rad))
         return StaticTransform(
             stamp_ns=0, sequence=0, parent=self.parent, child=self.child, matrix=matrix
@@ -28,28 +29,27 @@ class FixedTransform(Config, frozen=True, kw_only=True):
 
 
 class GtBridgeConfig(Config, frozen=True, kw_only=True):
-    """Source and playback of the truth, and how tracks are scored against it."""
+    """Source and playback of the truth, and its comparison with tracks."""
 
     # recording, ROS bag, CSV, MOT text, gt.npz or its folder; live: ros2:/TOPIC or ros2+dds:/TOPIC
-    # of people_msgs/People or PoseStamped, zenoh:KEY of people_msgs/People; empty: none
+    # of people_msgs/People or PoseStamped; empty: no truth
     truth: str = ""
-    # kind of truth: auto, recording, rosbag, npz, csv, mot, live, ros2, or module:Class of your own
+    # kind of truth: auto, recording, rosbag, npz, csv, mot, ros2, or module:Class of your own
     source: str = "auto"
     topic: str = ""  # ROS topic of people_msgs/People; empty: the only one in the bag
-    ros2: Ros2Config = Ros2Config(node="people4d_truth")  # of ros2:, its transport: as named there
-    rate_hz: NonNegative = 0.0  # [Hz] of the frames of MOT text; 0: as seqinfo.ini beside it says
+    ros2: Ros2Config = Ros2Config(node="people4d_truth")  # connection of ros2:, except transport
+    rate_hz: NonNegative = 0.0  # frame rate of MOT text; 0: from seqinfo.ini beside it [Hz]
     # time
-    playback: Literal["frames", "recorded"] = "frames"  # with the pipeline, or by its own clock
-    offset_s: float = 0.0  # [s] added to stamps of the truth: from its clock to the camera's
-    loop_s: NonNegative = 0.0  # [s] what a looping camera adds to its stamps each round; 0: no loop
+    offset_s: float = 0.0  # clock of the camera less clock of the truth, added to stamps [s]
+    loop_s: NonNegative = 0.0  # length of a round of a looping camera; 0: no loop [s]
     # frames
-    truth_frame: str = ""  # frame that the truth is in; empty: as its source says, else map
-    frame_id: str = "map"  # frame that it is published in
-    transforms: tuple[FixedTransform, ...] = ()  # beside those that the camera publishes
+    truth_frame: str = ""  # frame of the truth; empty: from its source, else map
+    frame_id: str = "map"  # frame of the published truth
+    transforms: tuple[FixedTransform, ...] = ()  # calibrated transforms, added to the camera's
     # score
-    gate_m: Positive = 1.0  # [m] a track farther from the truth is not that person
-    # [s] widest clock offset that is estimated from the tracks; 0: none
+    gate_m: Positive = 1.0  # maximum distance of a match between track and truth [m]
+    # maximum clock offset of the estimated alignment; 0: not estimated [s]
     align_clock_s: Annotated[float, Meta(ge=0, le=5)] = 0.0
-    # rigid motion of the truth that is estimated: turn about z and shift, or any
+    # estimated rigid motion of the truth: 2d (rotation about z and shift), or 3d (any)
     align_space: Literal["off", "2d", "3d"] = "off"
-    apply_alignment: bool = False  # True: errors are those after the alignment that was estimated
+    apply_alignment: bool = False  # apply the estimated alignment before scoring

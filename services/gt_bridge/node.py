@@ -23,17 +23,16 @@ from people4d.messages import (
 from services.gt_bridge.alignment import EstimatedAlignment
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.playback import LEAD_NS, TruthPlayback
-from services.gt_bridge.sources.registry import LiveTruthSource, ReceivedTruthSource
+from services.gt_bridge.sources.registry import LiveTruthSource
 
 DEFAULT = GtBridgeConfig()
-HISTORY_S = 30.0  # length of the history: ground truth may be late, and alignment looks back [s]
+HISTORY_S = 30.0  # length of the history of transforms, for late truth and alignment [s]
 
 
 class GtBridgeNode(Node):
     """Publishes the truth in the configured frame, and a score for each Tracks message.
 
-    Truth is by rising stamp, iterated anew when playback begins again; live truth has topics to be
-    read instead, or is received by its source.
+    Stored truth has rising stamps, and is iterated again when playback restarts.
     """
 
     inputs: tuple[type[Message], ...] = (
@@ -43,9 +42,8 @@ class GtBridgeNode(Node):
 
     def __init__(self, truth: Iterable[Truth], config: GtBridgeConfig = DEFAULT) -> None:
         self._config = config
-        self.foreign_inputs = truth.topics if isinstance(truth, LiveTruthSource) else ()
-        self._received = truth if isinstance(truth, ReceivedTruthSource) else None
-        self._starts = True
+        self._live = truth if isinstance(truth, LiveTruthSource) else None
+        self._started = False
         self._wake: Callable[[], None] = lambda: None
         self._counters: Counter[str] = Counter()
         self._transforms = TransformBuffer(HISTORY_S)
@@ -55,16 +53,16 @@ class GtBridgeNode(Node):
         self._playback = TruthPlayback(config, truth, self._counters, self._score_against)
         self._sequence = 0
         self._live_ns: int | None = None
-        self._unlinked = ""  # frame of the last truth without a transform to the configured frame
+        self._unlinked = ""  # frame of the last truth without a transform to the configured one
         for transform in config.transforms:
             self._transforms.add_transform(transform.message())
 
     def attach(self, loop: LoopCallbacks) -> None:
-        """Take the callbacks of the loop."""
+        """Use the callbacks of the loop."""
         self._wake = loop.wake
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
-        """Take a message; frames pull stored truth, and tracks are scored."""
+        """Add a message: detections release stored truth up to their stamp, tracks are scored."""
         outputs: list[Message] = []
         if isinstance(message, Detections):
             if self._playback.restarts(message.stamp_ns):
@@ -72,71 +70,57 @@ class GtBridgeNode(Node):
             outputs += self._publish(self._playback.up_to(message.stamp_ns))
         elif isinstance(message, Tracks):
             self._scorer.add_tracks(message)
-        elif isinstance(message, Truth):
-            outputs += self._publish(self._captured(message))
         elif isinstance(message, CameraInfo):
             self._scorer.views.add(message)
         elif isinstance(message, StaticTransform | MovingTransform | Odometry):
             self._transforms.add_transform(message)
         return outputs + self._scorer.due()
 
-    def tick(self, now_ns: int) -> Sequence[Message]:
-        """Return the truth that is due by the recording's own clock, or was received."""
-        outputs = self._publish(self._playback.due(now_ns))
-        if self._received is None:
-            return outputs
-        if self._starts:
-            self._starts = False
-            self._received.start(self._wake)
-        for truth in self._received.take():
+    def tick(self, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
+        """Return the live truth that was received."""
+        if self._live is None:
+            return ()
+        if not self._started:
+            self._started = True
+            self._live.start(self._wake)
+        outputs: list[Message] = []
+        for truth in self._live.take_truth():
             outputs += self._publish(self._captured(truth))
         return outputs + self._scorer.due()
 
     def wake_ns(self) -> int | None:
-        """Return the time at which the next truth is due by the recording's own clock."""
-        if self._received:
-            wake_s = 0.0 if self._starts else self._received.wake_s()
-            return None if wake_s is None else int(wake_s * 1e9)
-        return self._playback.wake_ns()
+        """Return the time at which live truth is due."""
+        if self._live is None:
+            return None
+        wake_s = self._live.wake_s() if self._started else 0.0
+        return None if wake_s is None else int(wake_s * 1e9)
 
     def close(self) -> None:
-        """End receiving."""
-        if self._received:
-            self._received.close()
-
-    def is_finished(self) -> bool:
-        """Check that all truth of a file is published, and none comes from elsewhere."""
-        is_file = not self.foreign_inputs and not self._received
-        return is_file and self._playback.finished and not self._playback.problem
+        """Stop receiving."""
+        if self._live:
+            self._live.close()
 
     def status(self) -> Status:
         """Return state, reason and counters for the heartbeat."""
         counters = dict(self._counters)
-        if self._received:
-            counters |= self._received.counters
-        if self._playback.problem:
-            return Status(state="degraded", reason=self._playback.problem, counters=counters)
-        if self._received and self._received.problem:
-            return Status(state="degraded", reason=self._received.problem, counters=counters)
-        if self.is_finished():
-            return Status(state="finished", reason="all truth is published", counters=counters)
-        if self._unlinked:
-            reason = (
-                f"no transform {self._config.frame_id} <- {self._unlinked}: "
-                "the truth stays in its own frame; set transforms"
-            )
-            return Status(state="degraded", reason=reason, counters=counters)
-        return Status(reason=self._idle_reason(), counters=counters)
-
-    def _idle_reason(self) -> str:
-        """Return the reason for which there is no truth, empty if there is some."""
-        if self.foreign_inputs:
-            return "" if self._live_ns is not None else f"waits for {self.foreign_inputs[0].key}"
-        empty = self._playback.empty and not self._received
-        return "there is no truth" if empty else ""
+        if self._live:
+            counters |= self._live.counters
+        unlinked = (
+            f"no transform {self._config.frame_id} <- {self._unlinked}: "
+            "the truth stays in its own frame; set transforms"
+        )
+        problem = (
+            self._playback.problem
+            or (self._live.problem if self._live else "")
+            or (unlinked if self._unlinked else "")
+        )
+        if problem:
+            return Status(state="degraded", reason=problem, counters=counters)
+        empty = self._playback.empty and not self._live
+        return Status(reason="there is no truth" if empty else "", counters=counters)
 
     def _score_against(self, truth: Truth) -> Truth:
-        """Pass truth to the scorer, and return it as it is to be published, in its own frame."""
+        """Add truth to the scorer, and return its published form in its own frame."""
         people = plausible(truth.people)
         if len(people) < len(truth.people):
             self._counters["too_far"] += len(truth.people) - len(people)
@@ -146,7 +130,7 @@ class GtBridgeNode(Node):
         return truth
 
     def _captured(self, truth: Truth) -> list[Truth]:
-        """Return live truth, unless a newer message came before it."""
+        """Return live truth, unless a newer message arrived earlier."""
         stamp_ns = truth.stamp_ns + round(self._config.offset_s * 1e9)
         before_ns, truth = self._live_ns, msgspec.structs.replace(truth, stamp_ns=stamp_ns)
         if before_ns is not None and before_ns - LEAD_NS < stamp_ns <= before_ns:
@@ -159,7 +143,7 @@ class GtBridgeNode(Node):
         return [self._output(truth) for truth in messages]
 
     def _output(self, truth: Truth) -> Truth:
-        """Bring truth to the configured frame if it is linked, and number it."""
+        """Transform truth to the configured frame if a transform leads there, and number it."""
         target = self._config.frame_id
         pose = self._transforms.lookup(target, truth.frame_id, truth.stamp_ns)
         self._unlinked = "" if pose is not None else truth.frame_id

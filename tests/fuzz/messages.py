@@ -11,6 +11,7 @@ import numpy as np
 from common.geometry.wheel_odometry import WheelConfig
 from common.io.images import decode_jpeg, decode_png16, decompress, encode_jpeg, encode_png16
 from common.io.ros_bag import PEOPLE, make_typestore
+from common.ros2 import types as ros2_types
 from common.ros2.transforms import edges_of
 from people4d.codec import MESSAGES, decode, encode
 from people4d.errors import DecodeError
@@ -21,8 +22,7 @@ from services.camera.ros.images import colour_image, depth_image
 from services.camera.ros.live_motion import LiveMotion
 from services.camera.ros.motion import FrameTree, odometry_of
 from services.camera.ros.topics import RGBD
-from services.gt_bridge.config import GtBridgeConfig
-from services.gt_bridge.sources.ros import LiveTruth, people_typestore, truth_of
+from services.gt_bridge.sources.ros import people_typestore, stamped_truth, truth_of
 from tests.camera.ros.bags import Ros, compressed_depth, depth_mm, rgb
 from tests.contract.examples import FULL, SPARSE
 from tests.fuzz.target import Target
@@ -173,7 +173,7 @@ def _png(data: bytes, _: Path) -> None:
 
 
 def _people(data: bytes, _: Path) -> None:
-    LIVE.decode(data)
+    stamped_truth(ros2_types.decode(PEOPLE, data))
 
 
 def _people_seeds(_: Path) -> Sequence[bytes]:
@@ -202,7 +202,6 @@ MOTIONS = tuple(
         MotionConfig(joints="zenoh:joints", wheels=WheelConfig(joints=("left", "right"))),
     )
 )
-LIVE = LiveTruth(GtBridgeConfig(truth="zenoh:people"))
 
 TARGETS = (
     *(message_target(name) for name in MESSAGES),

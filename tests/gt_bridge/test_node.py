@@ -99,19 +99,6 @@ def test_offset_moves_the_stamps() -> None:
     assert stamps_s(node.handle(frame(1700.0), 0)) == [1700.0]
 
 
-def test_recorded_playback_follows_its_clock_and_finishes() -> None:
-    node = GtBridgeNode(truth(100.0, 100.5, 101.0), GtBridgeConfig(playback="recorded"))
-    now = 5 * S
-    assert stamps_s(node.tick(now)) == [100.0]
-    assert node.wake_ns() == now + S // 2
-    assert stamps_s(node.tick(now + S // 2 - 1)) == []
-    assert node.handle(frame(200.0), now) == []  # frames do not pull
-    assert node.status().state == "ready"
-    assert stamps_s(node.tick(now + S)) == [100.5, 101.0]
-    assert node.wake_ns() is None
-    assert node.status().state == "finished"
-
-
 def test_no_truth_is_a_calm_state() -> None:
     node = GtBridgeNode(())
     assert node.handle(frame(1.0), 0) == []

@@ -1,7 +1,7 @@
 """Readers of ground truth by name, and the one that suits a file."""
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
@@ -9,72 +9,57 @@ from common import registry
 from common.io.ros_bag_files import is_bag
 from people4d.errors import SourceError
 from people4d.messages import Truth
-from people4d.topics import ForeignTopic
 from services.gt_bridge.config import GtBridgeConfig
 
-# Imported on use. Each class takes the configuration and is iterated, each time from the start. One
-# for live truth is a LiveTruthSource, too.
+# Classes, imported on use: each takes the configuration, and can be iterated several times.
 TRUTH_SOURCES: dict[str, str] = {
     "recording": "services.gt_bridge.sources.files:RecordingTruth",
     "rosbag": "services.gt_bridge.sources.ros:RosbagTruth",
     "npz": "services.gt_bridge.sources.files:NpzTruth",
     "csv": "services.gt_bridge.sources.csv_file:CsvTruth",
     "mot": "services.gt_bridge.sources.files:MotTruth",
-    "live": "services.gt_bridge.sources.ros:LiveTruth",
     "ros2": "services.gt_bridge.sources.ros2:Ros2Truth",
 }
-SCHEME = "zenoh:"  # before the key of live truth
 ROS2 = re.compile(r"ros2(\+\w*)?:.*")
 KINDS = {".csv": "csv", ".txt": "mot"}
 
 
-@runtime_checkable
-class LiveTruthSource(Protocol):
-    """Truth that is captured now.
-
-    Attributes:
-        topics: Topics of other programs that bring it.
-    """
-
-    topics: Sequence[ForeignTopic]
-
-
 def is_live(truth: str) -> bool:
     """Return whether truth comes from topics, not from a file."""
-    return truth.startswith(SCHEME) or bool(ROS2.fullmatch(truth))
+    return bool(ROS2.fullmatch(truth))
 
 
 @runtime_checkable
-class ReceivedTruthSource(Protocol):
-    """Truth that the source receives itself, in threads of its own."""
+class LiveTruthSource(Protocol):
+    """Truth that is captured now, and received in threads of the source."""
 
     @property
     def counters(self) -> Mapping[str, int]:
-        """Messages dropped, by cause."""
+        """Dropped messages by cause."""
 
     @property
     def problem(self) -> str:
-        """Reason for which there is no truth, empty if there is."""
+        """Reason why truth is missing, empty otherwise."""
 
     def start(self, wake: Callable[[], None]) -> None:
-        """Begin to receive; `wake` is called from other threads after each message."""
+        """Start receiving; `wake` is called from other threads after each message."""
 
-    def take(self) -> list[Truth]:
-        """Return what came since the last call."""
+    def take_truth(self) -> list[Truth]:
+        """Return the truth received since the last call."""
 
     def wake_s(self) -> float | None:
-        """Return the monotonic time at which `take` is due by itself [s], None if at none."""
+        """Return the monotonic time at which `take_truth` is due [s]; None: wait for `wake`."""
 
     def close(self) -> None:
-        """End receiving."""
+        """Stop receiving."""
 
 
 def open_truth(config: GtBridgeConfig) -> Iterable[Truth]:
-    """Open the configured truth; an empty path gives none.
+    """Open the configured truth, empty for an empty path.
 
     Raises:
         ConfigError: The source is unknown, or its class cannot be found.
-        SourceError: The file is absent or not what it should be.
+        SourceError: The file does not exist, or is invalid.
     """
     if not config.truth:
         return ()
@@ -85,9 +70,7 @@ def open_truth(config: GtBridgeConfig) -> Iterable[Truth]:
 
 
 def _kind_of(truth: str) -> str:
-    if truth.startswith(SCHEME):
-        return "live"
-    if ROS2.fullmatch(truth):
+    if is_live(truth):
         return "ros2"
     path = Path(truth)
     if not path.exists():

@@ -1,7 +1,7 @@
-"""Truth from people_msgs/People: in ROS 1 and ROS 2 bags, and live."""
+"""Truth from people_msgs/People, in ROS 1 and ROS 2 bags."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -9,20 +9,18 @@ import numpy as np
 from rosbags.typesys.store import Typestore
 
 from common.io.ros_bag import PEOPLE, make_typestore, open_bag
-from common.io.ros_cdr import cdr_decoder, parse_key
 from people4d.errors import DecodeError, SourceError
 from people4d.messages import F64, Truth, TruthPerson
-from people4d.topics import ForeignTopic
 from services.gt_bridge.config import GtBridgeConfig
 
-SHOWN = 8  # topics that an error names
+SHOWN = 8  # maximum number of topics in an error
 
 
 class RosbagTruth:
     """The People messages of one topic of a bag.
 
     Raises:
-        SourceError: The bag cannot be read, has no such topic, or has several and none is named.
+        SourceError: The bag cannot be read, has no such topic, or several without a choice.
     """
 
     def __init__(self, config: GtBridgeConfig) -> None:
@@ -34,7 +32,7 @@ class RosbagTruth:
         """Yield the messages in the order in which they were recorded.
 
         Raises:
-            SourceError: The bag is damaged, or its frame has a name that cannot be used.
+            SourceError: The bag is damaged, or the name of a frame is invalid.
         """
         with open_bag(self._path, {}) as bag:
             for sequence, (_, _, message) in enumerate(bag.messages([self._topic])):
@@ -67,29 +65,8 @@ class RosbagTruth:
         return wanted or topics[0]
 
 
-class LiveTruth:
-    """Live truth: the messages on a key, in CDR, as zenoh-bridge-ros2dds passes them on.
-
-    The key of the ROS topic /vicon/people is "vicon/people".
-
-    Raises:
-        ConfigError: The key is not one.
-    """
-
-    def __init__(self, config: GtBridgeConfig) -> None:
-        key = parse_key("truth", config.truth, "vicon/people")
-        self.decode = cdr_decoder(people_typestore(), PEOPLE, stamped_truth)
-        self.topics: Sequence[ForeignTopic] = (
-            ForeignTopic("captured", key, Truth, 100, "queue", 256, "motion capture", self.decode),
-        )
-
-    def __iter__(self) -> Iterator[Truth]:
-        """Yield nothing: live truth comes as messages."""
-        return iter(())
-
-
 def stamped_truth(message: Any) -> Truth:
-    """Turn a live People message to Truth; DecodeError if it has no stamp or is unusable."""
+    """Return live People as Truth; DecodeError without a stamp, or with an invalid value."""
     try:
         truth = truth_of(message, 0)
     except ValueError as error:
@@ -108,12 +85,10 @@ def people_typestore(version: int = 2) -> Typestore:
 
 
 def truth_of(message: Any, sequence: int) -> Truth:
-    """Turn a People message, as rosbags deserialises it, to Truth.
-
-    People without a position are left out.
+    """Return a deserialised People message as Truth, without people whose position is unknown.
 
     Raises:
-        ValueError: The frame has a name that cannot be used.
+        ValueError: The name of the frame is invalid.
     """
     stamp = message.header.stamp
     return Truth(
@@ -135,7 +110,7 @@ def truth_of(message: Any, sequence: int) -> Truth:
 
 
 def _angle(person: Any, tag: str) -> float | None:
-    """Return an angle from a tag that exported recordings have, None if there is none."""
+    """Return an angle from a tag of exported recordings, None without the tag."""
     tags = dict(zip(person.tagnames, person.tags, strict=False))
     try:
         angle_rad = float(tags.get(tag, "nan"))

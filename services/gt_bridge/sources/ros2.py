@@ -25,18 +25,18 @@ SOURCE = re.compile(r"ros2(\+(?P<transport>\w+))?:(?P<topics>/[^,]+(,/[^,]+)*)")
 POSE = "geometry_msgs/msg/PoseStamped"
 PEOPLE = "people_msgs/msg/People"
 QUEUE = Qos(SENSOR_DATA.reliability, SENSOR_DATA.durability, 100)
-WAITING_MAX = 256  # messages that were not taken
-SHOWN = 4  # topics that a reason names
-TOGETHER_S = 0.05  # [s] poses of one capture come within this time
+WAITING_MAX = 256  # maximum number of waiting messages
+SHOWN = 4  # maximum number of topics in a reason
+TOGETHER_S = 0.05  # maximum time between the arrivals of the poses of one capture [s]
 
 
 class Ros2Truth:
-    """Receives truth; poses of one stamp become one message.
+    """Receives truth, and joins poses of one stamp to one message.
 
-    A topic whose name ends in "pose" has the poses of the person in the part before.
+    A topic named .../PERSON/pose has poses of PERSON, other topics have People.
 
     Raises:
-        ConfigError: The source is none.
+        ConfigError: The source does not name topics of ROS 2.
     """
 
     def __init__(self, config: GtBridgeConfig) -> None:
@@ -55,7 +55,7 @@ class Ros2Truth:
         self._poses: dict[str, tuple[int, str, TruthPerson]] = {}  # by topic, of one stamp
         self._since_s = 0.0
         self._late = Counter[str](late_poses=0, skipped_truth=0)
-        self._silent = dict.fromkeys(self._topics)  # topics of which no message came yet
+        self._silent = dict.fromkeys(self._topics)  # topics without a message so far
         self._wake: Callable[[], None] = lambda: None
 
     def __iter__(self) -> Iterator[Truth]:
@@ -64,28 +64,27 @@ class Ros2Truth:
 
     @property
     def counters(self) -> Counter[str]:
-        """Messages dropped, by cause, and the number of topics without any."""
+        """Dropped messages by cause, and the number of topics without a message."""
         transport = self._transport.counters if self._transport else Counter[str]()
         return Counter(**self._late, **transport, absent_topics=len(self._silent))
 
     @property
     def problem(self) -> str:
-        """Topics of which nothing came yet, empty if there are none."""
+        """Topics without a message so far, empty if there are none."""
         silent = list(self._silent)
         return f"no messages on {listed(silent, SHOWN)}" if silent else ""
 
     def start(self, wake: Callable[[], None]) -> None:
-        """Begin to receive; `wake` is called from other threads after each message."""
+        """Start receiving; `wake` is called from other threads after each message."""
         self._wake = wake
         self._transport = open_transport(self._config)
         for topic in self._topics:
-            if topic.endswith("pose"):
-                self._transport.subscribe(topic, POSE, partial(self._pose, topic), QUEUE)
-            else:
-                self._transport.subscribe(topic, PEOPLE, partial(self._people, topic), QUEUE)
+            is_pose = topic.endswith("pose")
+            kind, receive = (POSE, self._pose) if is_pose else (PEOPLE, self._people)
+            self._transport.subscribe(topic, kind, partial(receive, topic), QUEUE)
 
-    def take(self) -> list[Truth]:
-        """Return what came since the last call."""
+    def take_truth(self) -> list[Truth]:
+        """Return the truth received since the last call."""
         with self._lock:
             if self._poses and time.monotonic() > self._since_s + TOGETHER_S:
                 self._gather()
@@ -94,11 +93,11 @@ class Ros2Truth:
         return ready
 
     def wake_s(self) -> float | None:
-        """Return the monotonic time at which poses that wait for others are due [s]."""
+        """Return the monotonic time at which waiting poses are due [s]."""
         return self._since_s + TOGETHER_S if self._poses else None
 
     def close(self) -> None:
-        """End the subscriptions."""
+        """Stop receiving."""
         if self._transport:
             self._transport.close()
 
@@ -116,7 +115,7 @@ class Ros2Truth:
             raise DecodeError("pose: expected the time of capture in header.stamp, got 0")
         frame_id = message.header.frame_id.strip("/").replace("/", "_") or "map"
         person = _person(topic, message.pose)
-        _truth(stamp_ns, frame_id, (person,))  # refused here, not once others wait with it
+        _truth(stamp_ns, frame_id, (person,))  # rejects an invalid frame before poses are joined
         with self._lock:
             self._silent.pop(topic, None)
             waiting_ns = max((ns for ns, *_ in self._poses.values()), default=stamp_ns)
@@ -133,7 +132,7 @@ class Ros2Truth:
         self._wake()
 
     def _gather(self) -> None:
-        """Make one message of the poses of each frame, people in the order of the topics."""
+        """Join the poses of each frame to one message, in the order of the topics."""
         poses = [self._poses[topic] for topic in self._topics if topic in self._poses]
         for frame_id in dict.fromkeys(frame for _, frame, _ in poses):
             of_frame = [one for one in poses if one[1] == frame_id]
@@ -149,7 +148,7 @@ class Ros2Truth:
 
 
 def _truth(stamp_ns: int, frame_id: str, people: tuple[TruthPerson, ...]) -> Truth:
-    """Return the truth of a frame; DecodeError if its name cannot be used."""
+    """Return the truth of a frame; DecodeError if its name is invalid."""
     try:
         return Truth(stamp_ns=stamp_ns, sequence=0, frame_id=frame_id, people=people)
     except ValueError as error:
@@ -157,7 +156,7 @@ def _truth(stamp_ns: int, frame_id: str, people: tuple[TruthPerson, ...]) -> Tru
 
 
 def _person(topic: str, pose: Any) -> TruthPerson:
-    """Return a person from a pose; DecodeError if its numbers cannot be used."""
+    """Return a person from a pose; DecodeError if a number is invalid."""
     parts = [part for part in topic.split("/") if part]
     name = parts[-2] if len(parts) > 1 else parts[-1]
     p, q = pose.position, pose.orientation

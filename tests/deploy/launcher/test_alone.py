@@ -146,13 +146,15 @@ def test_each_stage_runs_alone(demo: Path, tmp_path: Path, environment: Mapping[
     assert count(known, Embeddings) == len(detections)
 
     with ExitStack() as stack:
-        stack.enter_context(recording(tracked, "people", environment))
+        stack.enter_context(recording(tracked, "people,truth", environment))
         stack.enter_context(service("tracker", environment))
+        stack.enter_context(service("gt_bridge", environment, "--set", f'truth="{demo}"'))
         topics = "detections,static_transforms"
         people4d(environment, "replay", str(detected), "--topics", topics, "--hold", "0")
     tracks = [m for m in people(tracked, Tracks) if isinstance(m, Tracks)]
     assert len({m.stamp_ns for m in tracks} & {m.stamp_ns for m in detections}) == len(detections)
     assert max(len(m.tracks) for m in tracks) == 3
+    assert count(tracked, Truth) > 0
 
     warm_up(GaitConfig())  # what is compiled is kept, so that the process need not
     merged, walked = tmp_path / "all.mcap", tmp_path / "walked.mcap"
@@ -180,18 +182,13 @@ def merge(merged: Path, demo: Path, *made: Path) -> None:
             writer.write(message, message.stamp_ns)
 
 
-def test_camera_and_bridge_run_alone(
-    demo: Path, tmp_path: Path, environment: Mapping[str, str]
-) -> None:
+def test_camera_runs_alone(demo: Path, tmp_path: Path, environment: Mapping[str, str]) -> None:
     played = tmp_path / "played.mcap"
     with ExitStack() as stack:
-        bridge = ["--set", f'truth="{demo}"', "--set", "playback=recorded"]
-        stack.enter_context(recording(played, "frames,truth", environment))
-        stack.enter_context(service("gt_bridge", environment, *bridge))
+        stack.enter_context(recording(played, "frames", environment))
         # Slowly: on a busy machine the recorder, like any reader, misses frames.
         people4d(environment, "run", "camera", "--set", f'source="{demo}"', "--set", "speed=0.3")
     assert count(played, CompressedRgbdFrame) == FRAMES  # compressed by the recorder
-    assert count(played, Truth) > 0
 
 
 def test_report_runs_alone(demo: Path, tmp_path: Path, environment: Mapping[str, str]) -> None:
