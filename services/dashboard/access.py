@@ -1,13 +1,12 @@
-"""Access to the page: roles by token, checks of Host and Origin, headers of every answer."""
+"""Access to the page: roles by token, checks of Host and Origin, security headers."""
 
 import re
 import socket
 from dataclasses import dataclass
-from http.cookies import CookieError, SimpleCookie
-from urllib.parse import parse_qs
 
 import psutil
-from starlette.datastructures import Headers, MutableHeaders
+from starlette.datastructures import MutableHeaders
+from starlette.requests import HTTPConnection
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -44,15 +43,15 @@ HEADERS = {
 
 @dataclass(frozen=True)
 class Guard:
-    """Checks of every request before the application, as ASGI middleware.
+    """Checks every request before the application, as ASGI middleware.
 
-    A browser sends the name that it was given as Host, so that another site's name for this
-    machine's address (DNS rebinding) is refused; and the site that a request comes from as Origin.
+    The check of Host rejects names of other sites for this machine's address (DNS rebinding). The
+    check of Origin rejects requests from pages of other sites.
 
     Attributes:
-        app: The application; finds the role in scope["role"].
-        tokens: Tokens of the roles; without that of the operator everyone is operator.
-        hosts: Names that Host may have, without port.
+        app: The application; the role is in scope["role"].
+        tokens: Tokens of the roles; without an operator's token every viewer is operator.
+        hosts: Valid names in Host, without port.
         secure: The page is served by https.
     """
 
@@ -84,24 +83,24 @@ class Guard:
             await answer(scope, receive, send_with_headers)
 
     def _refusal(self, scope: Scope) -> Response | None:
-        """Return the answer to a request that is not passed on; else set its role."""
-        headers = Headers(scope=scope)
-        host = headers.get("host", "")
+        """Return the refusal of a request, or None and set its role."""
+        request = HTTPConnection(scope)
+        host = request.headers.get("host", "")
         if _name(host) not in self.hosts:
             return PlainTextResponse("Host is not one of dashboard.allowed_hosts.\n", 421)
         changes = scope["type"] == "websocket" or scope["method"] not in ("GET", "HEAD")
-        if changes and not self._same_origin(headers.get("origin"), host):
+        if changes and not self._same_origin(request.headers.get("origin"), host):
             return PlainTextResponse("Origin is another site.\n", 403)
         if not self.tokens.operator:
             scope["role"] = "operator"
             return None
-        given = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
+        given = request.query_params.get("token", "")
         role = self.tokens.role_of(given)
         if role and scope["type"] == "http" and scope["path"] == "/":
             answer = RedirectResponse("/", 303)
             self.set_cookie(answer, given)
             return answer
-        scope["role"] = self.tokens.role_of(_cookie(headers.get("cookie", "")))
+        scope["role"] = self.tokens.role_of(request.cookies.get(COOKIE, ""))
         if scope["role"] or (scope["type"] == "http" and scope["path"] in OPEN_PATHS):
             return None
         if scope["type"] == "http" and scope["path"] == "/":
@@ -109,20 +108,20 @@ class Guard:
         return PlainTextResponse("A token is required.\n", 401)
 
     def set_cookie(self, answer: Response, token: str) -> None:
-        """Let a browser prove its role from now on."""
+        """Store a token in the browser."""
         answer.set_cookie(
             *(COOKIE, token), httponly=True, samesite="strict", secure=self.secure, path="/"
         )
 
     def _same_origin(self, origin: str | None, host: str) -> bool:
-        if not origin:  # browsers send it always; a program can send what it likes
+        if not origin:  # only programs omit it
             return bool(self.tokens.operator)
         scheme = "https" if self.secure else "http"
         return origin.lower() == f"{scheme}://{host.lower()}"
 
 
 def allowed_hosts(config: DashboardConfig) -> frozenset[str]:
-    """Return the names that browsers may give this machine."""
+    """Return the names of this machine that browsers may use."""
     own = {"localhost", "127.0.0.1", "[::1]", *config.allowed_hosts}
     if not is_local(config.host):
         own |= {socket.gethostname(), f"{socket.gethostname()}.local", *_addresses(config.host)}
@@ -130,7 +129,7 @@ def allowed_hosts(config: DashboardConfig) -> frozenset[str]:
 
 
 def _addresses(host: str) -> set[str]:
-    """Return the machine's addresses as they stand in Host, if it listens at all of them."""
+    """Return the listening addresses, as written in Host."""
     if host not in ("0.0.0.0", "::"):
         return {host}
     found = set()
@@ -144,14 +143,6 @@ def _addresses(host: str) -> set[str]:
 
 
 def _name(host: str) -> str:
-    """Return a Host without its port; empty if it is none."""
+    """Return a Host without its port; empty if it is invalid."""
     match = HOST.fullmatch(host.lower())
     return match[1] if match else ""
-
-
-def _cookie(text: str) -> str:
-    try:
-        morsel = SimpleCookie(text).get(COOKIE)
-    except CookieError:
-        return ""
-    return morsel.value if morsel else ""

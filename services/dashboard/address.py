@@ -15,13 +15,13 @@ TOKEN_BYTES = 24
 
 
 class Tokens(msgspec.Struct, frozen=True):
-    """Tokens of the roles; empty: that role needs none."""
+    """Tokens of the roles; a role with an empty token needs none."""
 
     operator: str = ""
     planner: str = ""
 
     def role_of(self, token: str) -> str:
-        """Return the role that a token proves, empty for none; takes the same time for all."""
+        """Return the role of a token, empty without a role, in constant time."""
         given = token.encode()
         operator = hmac.compare_digest(given, self.operator.encode())
         planner = hmac.compare_digest(given, self.planner.encode())
@@ -31,19 +31,19 @@ class Tokens(msgspec.Struct, frozen=True):
 
 
 class PageAddress(msgspec.Struct, frozen=True):
-    """Address of the page, for people4d up and people4d open."""
+    """Address of the page, read by people4d up and people4d open."""
 
     url: str  # without a token
     tokens: Tokens = Tokens()
 
     @property
     def login(self) -> str:
-        """Address that opens the page as the operator."""
+        """Address with the operator's token."""
         return f"{self.url}?token={self.tokens.operator}" if self.tokens.operator else self.url
 
 
 def is_local(host: str) -> bool:
-    """Check that an address is reached from this machine only."""
+    """Check that an address can only be reached from this machine."""
     if host == "localhost":
         return True
     try:
@@ -53,12 +53,14 @@ def is_local(host: str) -> bool:
 
 
 def read_tokens(host: str, given: Tokens, folder: Path | None) -> Tokens:
-    """Return the tokens, made and stored at first; none if only this machine reaches the page.
+    """Return the configured, stored or generated tokens.
+
+    On this machine's own addresses only configured tokens are used.
 
     Args:
-        host: Address that the page listens on.
+        host: Address of the page.
         given: Tokens of the configuration.
-        folder: Where made tokens are stored; None: nowhere.
+        folder: Folder of stored tokens, or None.
     """
     if is_local(host):
         return given if given.operator else Tokens()

@@ -1,15 +1,15 @@
-"""Connections of the web server: a request's headers have to come in time, idle ones make room."""
+"""Connections of the web server, with a time limit for headers and a limit of idle ones."""
 
 import asyncio
 from typing import Any
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-HEADERS_S = 5.0  # in which the headers of a request have to come
+HEADERS_S = 5.0  # maximum time for the headers of a request to arrive [s]
 
 
 class PageConnection(H11Protocol):
-    """A connection by HTTP; the oldest without a request is closed where there are too many."""
+    """HTTP connection; at the limit, a new one replaces the oldest without a request."""
 
     def __init__(self, *arguments: Any, **keywords: Any) -> None:
         super().__init__(*arguments, **keywords)
@@ -17,7 +17,7 @@ class PageConnection(H11Protocol):
         self._begin_s = self.loop.time()
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Take a new connection."""
+        """Handle a new connection."""
         idle = [one for one in self.connections if isinstance(one, PageConnection) and one.is_idle]
         if self.limit_concurrency and len(self.connections) >= self.limit_concurrency - 1 and idle:
             min(idle, key=lambda one: one._begin_s).abort()
@@ -25,7 +25,7 @@ class PageConnection(H11Protocol):
         self._expect_headers()
 
     def data_received(self, data: bytes) -> None:
-        """Take bytes."""
+        """Handle received bytes."""
         super().data_received(data)
         if self.is_idle:
             self._expect_headers()
@@ -33,13 +33,13 @@ class PageConnection(H11Protocol):
             self._stop_timer()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Take note of the end."""
+        """Handle the end of the connection."""
         self._stop_timer()
         super().connection_lost(exc)
 
     @property
     def is_idle(self) -> bool:
-        """True without a request that is worked on, until it becomes a WebSocket."""
+        """True without a request in progress, until it becomes a WebSocket."""
         worked_on = self.cycle is not None and not self.cycle.response_complete
         return self in self.connections and not worked_on
 

@@ -1,26 +1,25 @@
-"""The last seconds of what viewers were sent, in bounded memory."""
+"""History of the last seconds of packets, in bounded memory."""
 
 from bisect import bisect_left, bisect_right
 from collections import deque
 from collections.abc import Set
 from dataclasses import dataclass
 
-NEAR_MS = 2000.0  # of a time before which a packet no longer shows it
+NEAR_MS = 2000.0  # maximum age of a packet at the time that is shown [ms]
 
 
 @dataclass(frozen=True, slots=True)
 class Packet:
-    """Parts that are sent together, by kind, each encoded once for all viewers."""
+    """Encoded parts that are sent together to all viewers."""
 
-    at_ms: float  # [ms] wall clock when it was made
-    # a newer packet of the same key replaces one that still waits; empty: all are sent
-    key: str
+    at_ms: float  # wall clock of its creation [ms]
+    key: str  # a newer packet replaces a waiting one of the same key
     parts: tuple[tuple[str, bytes], ...]  # kind and bytes
-    stamp_ns: int = 0  # of the frame that it belongs to; 0: of none
+    stamp_ns: int = 0  # stamp of its frame; 0: without a frame
 
     @property
     def follows(self) -> bool:
-        """True for what comes after its frame, and is shown with that frame only."""
+        """True for a packet that arrives after its frame, and belongs to that frame only."""
         return self.parts[0][0] == "skeletons"
 
     @property
@@ -33,8 +32,8 @@ class History:
     """Packets of the last seconds.
 
     Args:
-        seconds: Age of the oldest.
-        max_bytes: Size of all.
+        seconds: Maximum age of a packet.
+        max_bytes: Maximum size of all packets.
     """
 
     def __init__(self, seconds: float, max_bytes: int) -> None:
@@ -52,8 +51,8 @@ class History:
         """Time of the oldest packet; None if there is none."""
         return self._packets[0].at_ms if self._packets else None
 
-    def add(self, packet: Packet) -> None:
-        """Add the newest packet; the oldest make room."""
+    def add_packet(self, packet: Packet) -> None:
+        """Add the newest packet; delete the oldest beyond the limits."""
         if self._packets and packet.at_ms < self._packets[-1].at_ms:  # the clock was set back
             self._packets.clear()
             self._size = 0
@@ -65,12 +64,12 @@ class History:
         ):
             self._size -= self._packets.popleft().size
 
-    def at(self, at_ms: float, kinds: Set[str] = frozenset()) -> list[Packet]:
-        """Return the newest packet of each key at a time, and what belongs to their frames.
+    def packets_at(self, at_ms: float, kinds: Set[str] = frozenset()) -> list[Packet]:
+        """Return the newest packet of each key at a time, and packets of their frames.
 
         Args:
-            at_ms: The time.
-            kinds: Parts of a frame; older frames that have all of them are preferred.
+            at_ms: The time [ms].
+            kinds: Parts of a frame; older frames with all of them are preferred.
         """
         times = [packet.at_ms for packet in self._packets]
         begin, end = bisect_left(times, at_ms - NEAR_MS), bisect_right(times, at_ms)

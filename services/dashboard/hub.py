@@ -1,6 +1,6 @@
-"""Viewers of the page, and what waits to be sent to each.
+"""Viewers of the page, and the packets that wait for each.
 
-All of it runs in the thread of the web server; only `publish` and `note` may be called from others.
+Only `Hub.publish` may be called from other threads than the web server's.
 """
 
 import asyncio
@@ -14,15 +14,10 @@ import msgspec
 
 from services.dashboard.history import History, Packet
 
-POSITIONS_MAX = 600
-QUEUE_MAX = 256  # packets of which none replaces another
+POSITIONS_MAX = 600  # maximum number of frames in trajectories
 FRAME = ("scene", "image", "cloud")  # parts of the packet of a frame
-IMAGES = ("image", "cloud")  # kinds of parts that hold pixels
-RECORDED = ("scene", "skeletons", "predictions")  # kinds that can be gone back to
-
-
-class TooSlowError(Exception):
-    """A viewer does not take what it is sent."""
+IMAGES = ("image", "cloud")  # parts with pixels
+RECORDED = ("scene", "skeletons", "predictions")  # parts in the history
 
 
 @dataclass(eq=False)
@@ -33,44 +28,31 @@ class Viewer:
     images: bool = True  # the page shows images
     cloud: bool = False  # the page shows the depth cloud
     paused: bool = False  # the page shows the past
-    _newest: dict[str, Packet] = field(default_factory=dict)
-    _queue: deque[Packet] = field(default_factory=deque)
+    _waiting: dict[str, Packet] = field(default_factory=dict)  # by key
     _ready: asyncio.Event = field(default_factory=asyncio.Event)
 
     def wants(self, kind: str) -> bool:
-        """Check that a kind of part is for this viewer."""
+        """Check that the viewer shows a kind of part."""
         if kind in IMAGES:
             return self.role == "operator" and (self.images if kind == "image" else self.cloud)
         return True
 
-    def put(self, packet: Packet) -> None:
-        """Add a packet; one of the same key that still waits is replaced."""
-        if packet.key:
-            self._newest[packet.key] = packet
-        else:
-            self._queue.append(packet)
+    def add_packet(self, packet: Packet) -> None:
+        """Add a packet, which replaces a waiting one of the same key."""
+        self._waiting[packet.key] = packet
         self._ready.set()
 
-    async def take(self) -> Packet:
-        """Wait for a packet.
-
-        Raises:
-            TooSlowError: More wait than a page that reads would leave.
-        """
+    async def next_packet(self) -> Packet:
+        """Wait for a packet."""
         await self._ready.wait()
-        if len(self._queue) > QUEUE_MAX:
-            raise TooSlowError
-        if self._queue:
-            packet = self._queue.popleft()
-        else:
-            packet = self._newest.pop(next(iter(self._newest)))
-        if not self._queue and not self._newest:
+        packet = self._waiting.pop(next(iter(self._waiting)))
+        if not self._waiting:
             self._ready.clear()
         return packet
 
 
 class Demand(msgspec.Struct, frozen=True):
-    """Data that the open pages show."""
+    """Number of open pages, and the data that they show."""
 
     viewers: int = 0
     images: bool = False
@@ -81,7 +63,7 @@ class Hub:
     """Distributes packets to viewers.
 
     Args:
-        history: Holds what can be gone back to.
+        history: Packets that viewers can go back to.
         on_demand: Called when the demand of the viewers changes.
     """
 
@@ -90,13 +72,13 @@ class Hub:
         self.counters: Counter[str] = Counter(
             dict.fromkeys(("viewers_served", "viewers_stuck", "viewers_refused", "bad_requests"), 0)
         )
-        self.about: dict[str, Any] = {"type": "about"}  # the system, for pages that open
-        # positions of people, for their trajectories on a map that opens later
+        self.about: dict[str, Any] = {"type": "about"}  # description of the system
+        # positions of people, for the trajectories of pages that open later
         self.positions: deque[dict[str, Any]] = deque(maxlen=POSITIONS_MAX)
         self._on_demand = on_demand
         self._demand = Demand()
         self._viewers: set[Viewer] = set()
-        self._latest: dict[str, Packet] = {}  # for pages that open later, by key
+        self._latest: dict[str, Packet] = {}  # kept for pages that open later, by key
         self._loop: asyncio.AbstractEventLoop | None = None
 
     @property
@@ -105,15 +87,15 @@ class Hub:
         return len(self._viewers)
 
     def attach(self, loop: asyncio.AbstractEventLoop | None) -> None:
-        """Take the event loop in which viewers are served; None when that ends."""
+        """Set the event loop of the web server; None when it ends."""
         self._loop = loop
 
     def publish(self, packet: Packet, stays: bool = False) -> None:
-        """Send a packet to all viewers; from any thread.
+        """Send a packet to all viewers, from any thread.
 
         Args:
             packet: The packet.
-            stays: Pages that open later get the last one of its key at once.
+            stays: Send the last packet of its key to pages that open later.
         """
         loop = self._loop
         if loop:
@@ -121,23 +103,23 @@ class Hub:
                 loop.call_soon_threadsafe(self._distribute, packet, stays)
 
     def join(self, viewer: Viewer) -> None:
-        """Add a viewer, which first gets what stays."""
+        """Add a viewer, and send it the kept packets."""
         self.counters["viewers_served"] += 1
-        viewer.put(_packet("about", self.about | {"role": viewer.role}))
+        viewer.add_packet(_packet("about", self.about | {"role": viewer.role}))
         trajectories = {"type": "trajectories", "positions": list(self.positions)}
-        viewer.put(_packet("trajectories", trajectories))
+        viewer.add_packet(_packet("trajectories", trajectories))
         for packet in self._latest.values():
-            viewer.put(packet)
+            viewer.add_packet(packet)
         self._viewers.add(viewer)
-        self.update()
+        self.update_demand()
 
     def leave(self, viewer: Viewer) -> None:
         """Remove a viewer."""
         self._viewers.discard(viewer)
-        self.update()
+        self.update_demand()
 
-    def update(self) -> None:
-        """Report the demand if it has changed."""
+    def update_demand(self) -> None:
+        """Report the demand of the viewers if it changed."""
         live = [viewer for viewer in self._viewers if not viewer.paused]
         demand = Demand(
             len(self._viewers),
@@ -149,19 +131,20 @@ class Hub:
             self._on_demand(demand)
 
     def seek(self, viewer: Viewer, at_ms: float) -> None:
-        """Send a paused viewer what was shown at a time."""
-        for packet in self.history.at(at_ms, {kind for kind in FRAME if viewer.wants(kind)}):
-            viewer.put(packet)
+        """Send a paused viewer the packets of a time."""
+        kinds = {kind for kind in FRAME if viewer.wants(kind)}
+        for packet in self.history.packets_at(at_ms, kinds):
+            viewer.add_packet(packet)
 
     def _distribute(self, packet: Packet, stays: bool) -> None:
         recorded = any(kind in RECORDED for kind, _ in packet.parts)
         if recorded:
-            self.history.add(packet)
+            self.history.add_packet(packet)
         if stays:
             self._latest[packet.key] = packet
         for viewer in self._viewers:
             if not viewer.paused or not recorded:
-                viewer.put(packet)
+                viewer.add_packet(packet)
 
 
 def _packet(key: str, content: dict[str, Any]) -> Packet:

@@ -1,4 +1,4 @@
-"""Node of the dashboard: messages in, packets for the pages out, edits of zones back."""
+"""Node of the dashboard: publishes packets to the pages, and their edits of zones."""
 
 import time
 from collections import deque
@@ -39,8 +39,11 @@ from services.dashboard.scene import SceneBuilder, event_of, predictions_of, ske
 from services.dashboard.selection import FrameSelection, Key
 from services.dashboard.server import WebServer
 
-PAIR_NS = 1_500_000_000  # longest wait of detections for their tracks
-EVENTS_MAX = 200  # that a page gets when it opens
+PAIR_NS = 1_500_000_000  # maximum wait of detections for their tracks [ns]
+EVENTS_MAX = 100  # number of events on a page that opens
+IDLE_HZ = 2.0  # rate of people while no page is open
+CLOUD_HZ = 4.0  # maximum rate of depth clouds
+HISTORY_BYTES = 64 * 2**20  # maximum size of the history
 _pack = msgspec.msgpack.encode
 
 
@@ -53,7 +56,7 @@ class _Detected:
 
 
 class DashboardNode(Node):
-    """Shows what the pipeline publishes; images are decoded while a page shows them only."""
+    """Shows the messages of the pipeline; images are decoded only while a page shows them."""
 
     inputs: tuple[type[Message], ...] = (*(Tracks, CameraInfo, StaticTransform, Event, Zones),)
     inputs_on_demand: ClassVar[tuple[type[Message], ...]] = (
@@ -63,10 +66,10 @@ class DashboardNode(Node):
 
     def __init__(self, config: DashboardConfig) -> None:
         self._config, self._loop = config, NO_LOOP
-        history = History(config.history_s, config.history_mb * 2**20)
+        history = History(config.history_s, HISTORY_BYTES)
         self._hub = Hub(history, self._take_demand)
-        self._selection = FrameSelection(config.idle_hz)
-        self._scenes = SceneBuilder(config)
+        self._selection = FrameSelection(IDLE_HZ)
+        self._scenes = SceneBuilder(config.base_frame)
         self._overview = Overview()
         self._server: WebServer | None = None
         self._demand, self._wanted = Demand(), Demand()
@@ -79,7 +82,7 @@ class DashboardNode(Node):
         self._images = self._images_failed = 0
 
     def attach(self, loop: LoopCallbacks) -> None:
-        """Take the callbacks of the loop, and open the page."""
+        """Use the callbacks of the loop, and open the page."""
         self._loop = loop
         self._server = WebServer(self._config, self._hub, self._take_edit, loop.state_folder)
         self._hub.about |= {
@@ -89,18 +92,18 @@ class DashboardNode(Node):
         }
 
     def admits(self, topic: Topic, payload: bytes) -> bool:
-        """Check that a message belongs to a frame that is shown."""
+        """Check that a message belongs to a shown frame."""
         return self._selection.admits(topic.name, payload)
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
-        """Take a message; pages are sent what follows."""
-        self._overview.add(message, self._selection)
+        """Send a message to the pages, as far as they show it."""
+        self._overview.add_message(message, self._selection)
         if isinstance(message, Detections):
             key = message.camera, message.stamp_ns
             payload = self._selection.take_tracks(key)
             tracks = _decoded(payload)
             if isinstance(tracks, Tracks):
-                self._overview.add(tracks, self._selection)
+                self._overview.add_message(tracks, self._selection)
                 self._show(key, message, tracks)
             else:
                 self._detected[key] = _Detected(message, now_ns + PAIR_NS)
@@ -119,18 +122,17 @@ class DashboardNode(Node):
             self._publish(f"skeletons {message.camera}", packet, stamp_ns=message.stamp_ns)
         elif isinstance(message, Event):
             self._events.append(event_of(message, time.time() * 1000))
-            self._publish("", self._events[-1])
             self._publish("events", {"type": "events", "events": list(self._events)}, stays=True)
         elif isinstance(message, Zones):
             zones = [PlainZone.of(zone) for zone in message.zones]
             about: dict[str, Any] = {"base": message.sequence, "problem": message.problem}
             self._publish("zones", {"type": "zones", "zones": zones, **about}, stays=True)
         else:
-            self._scenes.add(message)
+            self._scenes.add_message(message)
         return ()
 
     def tick(self, now_ns: int) -> Sequence[Message]:
-        """Follow the demand of the pages; show what waited in vain, and the state of the system."""
+        """Follow the demand of the pages; send detections without tracks, health and edits."""
         if self._wanted != self._demand:
             self._follow(self._wanted)
         for key, one in list(self._detected.items()):
@@ -148,7 +150,7 @@ class DashboardNode(Node):
         return edits
 
     def wake_ns(self) -> int | None:
-        """Return the time at which something is due."""
+        """Return the time of the next packet [ns]."""
         times = [one.until_ns for one in self._detected.values()]
         if self._demand.viewers:
             times.append(self._overview.due_ns)
@@ -180,7 +182,7 @@ class DashboardNode(Node):
         self._loop.wake()
 
     def _follow(self, demand: Demand) -> None:
-        """Subscribe to what the pages show."""
+        """Subscribe to the messages that the pages show."""
         images = demand.images and not self._config.privacy
         kinds: list[type[Message]] = []
         if demand.viewers:
@@ -189,9 +191,7 @@ class DashboardNode(Node):
             kinds += [RgbdFrame, CompressedRgbdFrame]
         if demand.viewers and not self._demand.viewers:
             self._overview.restart()
-        self._selection.rate_hz = (
-            self._config.rate_max_hz if demand.viewers else self._config.idle_hz
-        )
+        self._selection.rate_hz = self._config.rate_max_hz if demand.viewers else IDLE_HZ
         self._selection.holds_frames = images
         if not images:
             self._selection.clear_frames()
@@ -199,7 +199,7 @@ class DashboardNode(Node):
         self._loop.demand(kinds)
 
     def _show(self, key: Key, detections: Detections | None, tracks: Tracks | None) -> None:
-        """Send a frame to the pages: people, and image and cloud of the same stamp."""
+        """Send a frame to the pages: people, image and cloud of one stamp."""
         at_ms = time.time() * 1000
         frame = self._frame(key)
         scene = self._scenes.scene(key, detections, tracks)
@@ -210,7 +210,7 @@ class DashboardNode(Node):
         self._send(key, {**scene, "at_ms": at_ms}, frame)
 
     def _show_late(self, frame: RgbdFrame | CompressedRgbdFrame) -> None:
-        """Send the newest people of a camera again with their image, which came after them."""
+        """Send the newest people of a camera again with their image, which arrived later."""
         stamp_ns, scene = self._last.get(frame.camera, (None, {}))
         if stamp_ns == frame.stamp_ns and self._selection.holds_frames:
             at_ms = time.time() * 1000
@@ -234,14 +234,14 @@ class DashboardNode(Node):
     def _cloud(self, frame: RgbdFrame) -> dict[str, Any] | None:
         """Return the depth cloud of a frame if one is due."""
         now_ns = time.monotonic_ns()
-        due_ns = self._cloud_ns.get(frame.camera, 0) + 0.8e9 / self._config.cloud_hz
+        due_ns = self._cloud_ns.get(frame.camera, 0) + 0.8e9 / CLOUD_HZ
         if not self._demand.cloud or now_ns < due_ns:
             return None
         self._cloud_ns[frame.camera] = now_ns
         return self._scenes.cloud(frame)
 
     def _frame(self, key: Key) -> RgbdFrame | CompressedRgbdFrame | None:
-        """Decode the frame of a camera and stamp, if images are shown and it is there."""
+        """Decode the frame of a camera and stamp, if it is shown and available."""
         payload = self._selection.take_frame(key) if self._selection.holds_frames else None
         frame = _decoded(payload)
         try:

@@ -1,4 +1,4 @@
-"""Health of the processes, latency by stage and diagnostics, as the page gets them."""
+"""Packets of health, latency by stage and diagnostics for the page."""
 
 import time
 from collections.abc import Iterator
@@ -13,13 +13,13 @@ from people4d.queue import Arrival
 from services.dashboard.selection import FrameSelection
 
 PERIOD_NS = 1_000_000_000
-LISTEN_S = 4.0  # of one diagnosis
-WINDOW_S = 3.0  # of latencies
+LISTEN_S = 4.0  # duration of the evidence of a diagnosis [s]
+WINDOW_S = 3.0  # window of latencies [s]
 NAME = "dashboard"
 
 
 class Overview:
-    """Adds up messages while a page is open."""
+    """Collects health and evidence while a page is open."""
 
     def __init__(self) -> None:
         self._monitor = Monitor(ProcessId(NAME, NAME, ""), WINDOW_S)
@@ -28,13 +28,13 @@ class Overview:
         self.due_ns = 0
 
     def restart(self) -> None:
-        """Begin anew after a time without pages."""
+        """Restart the evidence."""
         transforms, infos = self._evidence.transforms, self._evidence.infos
         self._evidence = Evidence(robot="", transforms=transforms, infos=infos)
         self._since_s = time.monotonic()
 
-    def add(self, message: Message, selection: FrameSelection) -> None:
-        """Take a message; tracks count for those that were passed over, too."""
+    def add_message(self, message: Message, selection: FrameSelection) -> None:
+        """Add a message; tracks also count for the skipped ones before them."""
         now_ns = time.time_ns()
         if isinstance(message, HEARD):
             self._evidence.hear(message, now_ns)
@@ -43,7 +43,7 @@ class Overview:
             self._evidence.tracks += [message] * (selection.count_tracks() - 1)
 
     def due(self, now_ns: int) -> Iterator[tuple[str, dict[str, Any]]]:
-        """Yield what is due by a monotonic time: name and packet."""
+        """Yield the names and packets that are due at a monotonic time."""
         if now_ns < self.due_ns:
             return
         self.due_ns = now_ns + PERIOD_NS

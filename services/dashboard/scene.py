@@ -1,4 +1,4 @@
-"""A frame as the page gets it: people, boxes, cameras, the robot."""
+"""Packets of a frame for the page: people, boxes, cameras, robot."""
 
 import math
 from typing import Any
@@ -25,22 +25,12 @@ from people4d.messages import (
     Track,
     Tracks,
 )
-from services.dashboard.config import DashboardConfig
 from services.dashboard.images import depth_cloud, encode_image
 from services.dashboard.selection import CAMERAS_MAX, Key
 
 
-def people_of(tracks: Tracks, camera_m: F64 | None) -> list[dict[str, Any]]:
-    """Return the people of a message.
-
-    Args:
-        tracks: The message.
-        camera_m: Position of the camera in the frame of the tracks [m]; None if unknown.
-    """
-    return [_person(track, camera_m) for track in tracks.tracks]
-
-
-def _person(track: Track, camera_m: F64 | None) -> dict[str, Any]:
+def person_of(track: Track, camera_m: F64 | None) -> dict[str, Any]:
+    """Return a person; `camera_m` is the position of the camera [m], None if unknown."""
     c = track.covariance
     return {
         "id": track.id,
@@ -62,7 +52,7 @@ def _person(track: Track, camera_m: F64 | None) -> dict[str, Any]:
 
 
 def boxes_of(detections: Detections, tracks: Tracks | None) -> list[dict[str, Any]]:
-    """Return the boxes and keypoints of a frame, with the identities of their tracks."""
+    """Return boxes and keypoints of a frame, with the identities of their tracks."""
     owners = {t.detection: t.id for t in tracks.tracks} if tracks else {}
     return [
         {
@@ -78,7 +68,7 @@ def boxes_of(detections: Detections, tracks: Tracks | None) -> list[dict[str, An
 
 
 def arrows_of(tracks: Tracks, view: CameraView) -> dict[int, list[float]]:
-    """Return ends of the arrows of headings in the image [px]: u, v of start and tip, by id."""
+    """Return the arrows of headings in the image [px]: u, v of start and tip, by id."""
     arrows = {}
     for track in tracks.tracks:
         yaw = track.yaw_rad
@@ -122,7 +112,7 @@ def predictions_of(predictions: Predictions) -> list[dict[str, Any]]:
 
 
 def skeletons_of(skeletons: Skeletons) -> dict[str, Any]:
-    """Return the joints of each person, and which of them are predicted, by id."""
+    """Return the joints of each person and the predicted ones among them, by id."""
     people = skeletons.people
     return {
         "type": "skeletons",
@@ -135,7 +125,7 @@ def skeletons_of(skeletons: Skeletons) -> dict[str, Any]:
 
 
 def event_of(event: Event, at_ms: float) -> dict[str, Any]:
-    """Return an event; `at_ms` is the time of its arrival, for one of an unknown time."""
+    """Return an event; `at_ms` is its arrival, used if its time is unknown."""
     at_ms = at_ms if event.wall_ns is None else event.wall_ns / 1e6
     return {
         "type": "event",
@@ -153,7 +143,7 @@ def event_of(event: Event, at_ms: float) -> dict[str, Any]:
 
 
 def _joints(points_m: F64) -> list[list[float] | None]:
-    """Return joints x, y, z [m], None for those that are unknown."""
+    """Return joints x, y, z [m], None for unknown joints."""
     rows = np.round(points_m, 3).tolist()
     return [row if math.isfinite(row[0]) else None for row in rows]
 
@@ -163,16 +153,16 @@ def _rounded(vector: F64) -> list[float]:
 
 
 class SceneBuilder:
-    """Builds scenes from the messages of a frame and the poses known by then."""
+    """Builds scenes from the messages of a frame and the known poses."""
 
-    def __init__(self, config: DashboardConfig) -> None:
-        self._config = config
+    def __init__(self, base_frame: str) -> None:
+        self._base_frame = base_frame
         self._transforms = TransformBuffer()
         self._infos: dict[str, CameraInfo] = {}
         self._frame_id = "map"
 
-    def add(self, message: Message) -> None:
-        """Take a calibration or transform."""
+    def add_message(self, message: Message) -> None:
+        """Add a calibration or transform."""
         if isinstance(message, CameraInfo):
             if message.camera in self._infos or len(self._infos) < CAMERAS_MAX:
                 self._infos[message.camera] = message
@@ -182,20 +172,24 @@ class SceneBuilder:
     def scene(
         self, key: Key, detections: Detections | None, tracks: Tracks | None
     ) -> dict[str, Any]:
-        """Return a frame as the page gets it; what is None is unknown."""
+        """Return the scene of a frame, without detections or tracks if they are unknown."""
         camera, stamp_ns = key
         if tracks:
             self._frame_id = tracks.frame_id
         pose, info = self._pose(camera, stamp_ns), self._infos.get(camera)
+        camera_m = None if pose is None else pose[:3, 3]
         scene: dict[str, Any] = {
             "type": "scene",
             "camera": camera,
             "frame": str(stamp_ns),  # as text: JavaScript's numbers have 53 bits
             "frame_id": self._frame_id,
-            "people": people_of(tracks, None if pose is None else pose[:3, 3]) if tracks else None,
+            "people": [person_of(track, camera_m) for track in tracks.tracks] if tracks else None,
             "boxes": boxes_of(detections, tracks) if detections else [],
             "arrows": {},
-            "cameras": {name: self._camera(name, stamp_ns) for name in self._infos},
+            "cameras": {
+                name: camera_of(info, self._pose(name, stamp_ns))
+                for name, info in self._infos.items()
+            },
             "robot": self._robot(stamp_ns),
             "joints": {},
         }
@@ -207,11 +201,7 @@ class SceneBuilder:
 
     def image(self, frame: RgbdFrame | CompressedRgbdFrame) -> dict[str, Any]:
         """Return the image of a frame."""
-        config = self._config
-        if isinstance(frame, RgbdFrame):
-            jpeg = encode_image(frame.rgb, config.image_width_px, config.jpeg_quality)
-        else:
-            jpeg = frame.rgb_jpeg
+        jpeg = encode_image(frame.rgb) if isinstance(frame, RgbdFrame) else frame.rgb_jpeg
         return {"camera": frame.camera, "jpeg": jpeg}
 
     def cloud(self, frame: RgbdFrame) -> dict[str, Any] | None:
@@ -219,7 +209,7 @@ class SceneBuilder:
         info, pose = self._infos.get(frame.camera), self._pose(frame.camera, frame.stamp_ns)
         if info is None or pose is None:
             return None
-        return depth_cloud(frame.rgb, frame.depth_mm, info, pose, self._config.cloud_width_px)
+        return depth_cloud(frame.rgb, frame.depth_mm, info, pose)
 
     def _pose(self, camera: str, stamp_ns: int) -> F64 | None:
         info = self._infos.get(camera)
@@ -227,12 +217,9 @@ class SceneBuilder:
             return None
         return self._transforms.camera_pose(self._frame_id, info.frame_id, stamp_ns)
 
-    def _camera(self, name: str, stamp_ns: int) -> dict[str, Any]:
-        return camera_of(self._infos[name], self._pose(name, stamp_ns))
-
     def _robot(self, stamp_ns: int) -> list[float] | None:
         """Return x, y [m] and yaw [rad] of the robot's base, None if unknown."""
-        base = self._transforms.lookup(self._frame_id, self._config.base_frame, stamp_ns)
+        base = self._transforms.lookup(self._frame_id, self._base_frame, stamp_ns)
         if base is None:
             return None
         matrix = base.matrix

@@ -1,7 +1,7 @@
-"""Selection of the frames that are shown, before their messages are decoded.
+"""Selection of shown frames before their messages are decoded.
 
-Detections are selected at a rate; the frame and the tracks of the same camera and stamp belong to
-them. Frames come before their detections, so their bytes are held for a moment.
+Detections are selected at a rate, together with the frame and the tracks of the same camera and
+stamp. Frames arrive before their detections, so their bytes are buffered.
 """
 
 import threading
@@ -10,15 +10,15 @@ from collections import OrderedDict, deque
 
 import msgspec
 
-FRAMES_MAX = 24  # undecoded frames of a camera that are held
-CAMERAS_MAX = 32
-SELECTED_MAX = 256
-SILENT_S = 1.0  # without detections, after which tracks are selected by themselves
-SLACK = 0.8  # of the period: stamps are not quite regular
+FRAMES_MAX = 24  # maximum number of buffered frames of a camera
+CAMERAS_MAX = 32  # maximum number of cameras
+SELECTED_MAX = 256  # maximum number of remembered selections
+SILENT_S = 1.0  # time without detections after which tracks are selected alone [s]
+SLACK = 0.8  # minimum time between selections, in periods, since stamps jitter
 
 
 class FrameHeader(msgspec.Struct, frozen=True):
-    """Fields of a message by which it is selected."""
+    """Fields of a message that decide its selection."""
 
     camera: str
     stamp_ns: int
@@ -29,53 +29,53 @@ Key = tuple[str, int]
 
 
 class FrameSelection:
-    """Selects frames by the bytes of their messages; used by several threads.
+    """Selects frames by the bytes of their messages, from several threads.
 
     Args:
-        rate_hz: Frames selected a second, of each camera.
+        rate_hz: Rate of selected frames of each camera [Hz].
     """
 
     def __init__(self, rate_hz: float) -> None:
         self.rate_hz = rate_hz
-        self.holds_frames = False  # somebody wants to see images
+        self.holds_frames = False  # a page shows images
         self._lock = threading.Lock()
         self._selected_s: dict[str, float] = {}  # monotonic, by camera
         self._detected_s = -1e9
         self._selected: OrderedDict[Key, None] = OrderedDict()
         self._frames: dict[str, deque[tuple[int, bytes]]] = {}
         self._tracks: deque[tuple[Key, bytes]] = deque(maxlen=32)
-        self.tracks_passed = 0  # tracks that came since `count_tracks`
+        self.tracks_passed = 0  # number of tracks since `count_tracks`
 
     def admits(self, name: str, payload: bytes) -> bool:
-        """Check that a message of a topic is to be decoded."""
+        """Check that a message of a topic is selected."""
         if name not in ("frames", "compressed", "detections", "people", "skeletons"):
             return True
         try:
             header = _HEADER.decode(payload)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
-            return True  # it is counted as bad where it is decoded
+            return True  # counted as bad by the decoder
         with self._lock:
             return self._admits(name, (header.camera, header.stamp_ns), payload)
 
     def take_frame(self, key: Key) -> bytes | None:
-        """Return the bytes of the frame of a camera and stamp, None if it is not there."""
+        """Return the bytes of the frame of a camera and stamp, or None."""
         with self._lock:
             frames = self._frames.get(key[0], ())
             return next((payload for stamp_ns, payload in frames if stamp_ns == key[1]), None)
 
     def take_tracks(self, key: Key) -> bytes | None:
-        """Return the bytes of tracks that came before their detections, None if none did."""
+        """Return the bytes of tracks that arrived before their detections, or None."""
         with self._lock:
             return next((payload for one, payload in self._tracks if one == key), None)
 
     def count_tracks(self) -> int:
-        """Return how many messages of tracks came since the last call."""
+        """Return the number of messages of tracks since the last call."""
         with self._lock:
             count, self.tracks_passed = self.tracks_passed, 0
             return count
 
     def clear_frames(self) -> None:
-        """Forget frames that no page shows any more."""
+        """Delete the buffered frames."""
         with self._lock:
             self._frames.clear()
 
@@ -85,7 +85,7 @@ class FrameSelection:
             if self.holds_frames and (key[0] in self._frames or len(self._frames) < CAMERAS_MAX):
                 frames = self._frames.setdefault(key[0], deque(maxlen=FRAMES_MAX))
                 frames.append((key[1], payload))
-            return self.holds_frames and key in self._selected  # it comes late
+            return self.holds_frames and key in self._selected  # it arrives late
         if name == "skeletons":
             return key in self._selected
         if name == "people":

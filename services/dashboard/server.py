@@ -1,4 +1,4 @@
-"""The web server in a thread of its own."""
+"""Web server in a separate thread."""
 
 import asyncio
 import errno
@@ -20,13 +20,12 @@ from services.dashboard.address import ADDRESS_FILE, PageAddress, Tokens, read_t
 from services.dashboard.config import DashboardConfig
 from services.dashboard.connection import PageConnection
 from services.dashboard.hub import Hub
-from services.dashboard.web import REQUEST_MAX, WebApp
+from services.dashboard.web import REQUEST_MAX, VIEWERS_MAX, WebApp
 
-START_S = 10.0
-STOP_S = 3.0
+STOP_S = 3.0  # maximum wait for the end of the server [s]
 BACKLOG = 128
-PORTS = 10  # that are tried
-DEAD_MS = 20_000  # after which a connection is ended whose other end takes nothing
+PORTS = 10  # number of ports that are tried
+DEAD_MS = 20_000  # maximum time without acknowledgement of sent data [ms]
 
 log = logging.getLogger("people4d")
 
@@ -37,8 +36,8 @@ class WebServer:
     Args:
         config: Address and access.
         hub: Viewers.
-        on_edit: Takes edits of zones.
-        folder: Folder of the robot's state; None for none.
+        on_edit: Called with edits of zones.
+        folder: Folder of the robot's state, or None.
 
     Raises:
         ConfigError: The port is taken, or certificate or state folder cannot be used.
@@ -58,10 +57,7 @@ class WebServer:
         except OSError as error:
             raise ConfigError(f"tokens of the dashboard cannot be stored: {error}") from error
         secure = bool(config.certificate)
-        app = WebApp(
-            *(hub, tokens, allowed_hosts(config), config.viewers_max, config.stuck_s),
-            *(on_edit, secure),
-        )
+        app = WebApp(hub, tokens, allowed_hosts(config), on_edit, secure)
         self._socket = _listen(config.host, config.port)
         settings = uvicorn.Config(
             app.guard,
@@ -77,7 +73,7 @@ class WebServer:
             ws_ping_timeout=20.0,
             timeout_keep_alive=5,
             timeout_graceful_shutdown=1,
-            limit_concurrency=4 * config.viewers_max + 64,
+            limit_concurrency=4 * VIEWERS_MAX + 64,
             h11_max_incomplete_event_size=16384,
             ssl_certfile=config.certificate or None,
             ssl_keyfile=config.certificate_key or None,
@@ -113,7 +109,7 @@ class WebServer:
 
 
 def _listen(host: str, port: int) -> socket.socket:
-    """Listen at a port, or at the first free one of those after it."""
+    """Listen at a port, or at the first free port after it."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     last = min(port + PORTS - 1, 65535) if port else 0
     for one in range(port, last + 1):

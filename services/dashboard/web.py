@@ -1,4 +1,4 @@
-"""The web application: the page, its stream over a WebSocket, edits of zones."""
+"""Web application: the page, its stream over a WebSocket, edits of zones."""
 
 import asyncio
 import time
@@ -19,38 +19,40 @@ from people4d.errors import DecodeError
 from people4d.messages import ZoneEdit
 from services.dashboard.access import Guard
 from services.dashboard.address import Tokens
-from services.dashboard.hub import Hub, TooSlowError, Viewer
+from services.dashboard.hub import Hub, Viewer
 from services.dashboard.zones import ZonesRequest, zone_edit
 
 PAGE = Path(__file__).with_name("page")
-BODY_MAX = 256 * 1024  # [bytes] of a request
-REQUEST_MAX = 1024  # [bytes] of one frame of the WebSocket
-REQUESTS_MAX = 120  # a second, of one viewer
+BODY_MAX = 256 * 1024  # maximum size of the body of a request [bytes]
+REQUEST_MAX = 1024  # maximum size of a frame of the WebSocket [bytes]
+REQUESTS_MAX = 120  # maximum number of requests of a viewer in a second
 REFUSED, BUSY = 1008, 1013  # WebSocket close codes
-BODY_S = 5.0  # in which the body of a request has to come
-LOGINS_MAX = 16  # at once
-LOGIN_PAUSE_S = 0.5  # after a wrong token
+VIEWERS_MAX = 32  # maximum number of open pages
+STUCK_S = 5.0  # maximum time for a viewer to read a part [s]
+BODY_S = 5.0  # maximum time for the body of a request to arrive [s]
+LOGINS_MAX = 16  # maximum number of simultaneous logins
+LOGIN_PAUSE_S = 0.5  # pause after a wrong token [s]
 
 
 class Watch(msgspec.Struct, frozen=True, tag="watch", forbid_unknown_fields=True):
-    """Request: what the page shows."""
+    """Request to send images and depth clouds or not."""
 
     images: bool
     cloud: bool
 
 
 class Pause(msgspec.Struct, frozen=True, tag="pause", forbid_unknown_fields=True):
-    """Request: no more live people and images."""
+    """Request to stop live people and images."""
 
 
 class Live(msgspec.Struct, frozen=True, tag="live", forbid_unknown_fields=True):
-    """Request: live people and images again."""
+    """Request to continue with live people and images."""
 
 
 class Seek(msgspec.Struct, frozen=True, tag="seek", forbid_unknown_fields=True):
-    """Request of a paused page: what was shown at a time."""
+    """Request of a paused page for the packets of a time."""
 
-    at_ms: float  # [ms] wall clock
+    at_ms: float  # wall clock [ms]
 
 
 REQUESTS = msgspec.msgpack.Decoder(Watch | Pause | Live | Seek)
@@ -62,10 +64,8 @@ class WebApp:
     Args:
         hub: Viewers.
         tokens: Tokens of the roles.
-        hosts: Names that browsers may use.
-        viewers_max: Pages open at once.
-        stuck_s: Time after which a viewer that reads nothing is dropped [s].
-        on_edit: Takes edits of zones.
+        hosts: Names of this machine that browsers may use.
+        on_edit: Called with edits of zones.
         secure: The page is served by https.
     """
 
@@ -74,13 +74,10 @@ class WebApp:
         hub: Hub,
         tokens: Tokens,
         hosts: frozenset[str],
-        viewers_max: int,
-        stuck_s: float,
         on_edit: Callable[[ZoneEdit], None],
         secure: bool = False,
     ) -> None:
         self._hub, self._tokens, self._on_edit = hub, tokens, on_edit
-        self._viewers_max, self._stuck_s = viewers_max, stuck_s
         self._logins = 0
         routes: list[BaseRoute] = [
             WebSocketRoute("/stream", self._stream),
@@ -129,9 +126,9 @@ class WebApp:
         return PlainTextResponse(f"{error}\n", 400)
 
     async def _stream(self, socket: WebSocket) -> None:
-        """Serve one page until it leaves, is stuck or sends what is no request."""
+        """Serve a page until it leaves, stops reading or sends an invalid request."""
         await socket.accept()
-        if self._hub.viewers >= self._viewers_max:
+        if self._hub.viewers >= VIEWERS_MAX:
             self._hub.counters["viewers_refused"] += 1
             await socket.close(BUSY, "too many viewers")
             return
@@ -156,19 +153,19 @@ class WebApp:
     async def _send(self, socket: WebSocket, viewer: Viewer) -> str:
         try:
             while True:
-                packet = await viewer.take()
+                packet = await viewer.next_packet()
                 for kind, data in packet.parts:
                     if viewer.wants(kind):
-                        with anyio.fail_after(self._stuck_s):
+                        with anyio.fail_after(STUCK_S):
                             await socket.send_bytes(data)
-        except (TooSlowError, TimeoutError):
+        except TimeoutError:
             self._hub.counters["viewers_stuck"] += 1
             return ""
-        except (WebSocketDisconnect, RuntimeError):  # it left while it was sent something
+        except (WebSocketDisconnect, RuntimeError):  # it left meanwhile
             return ""
 
     async def _receive(self, socket: WebSocket, viewer: Viewer) -> str:
-        """Take requests; return why they end."""
+        """Follow the requests of a page; return why they end."""
         times: deque[float] = deque(maxlen=REQUESTS_MAX)
         while True:
             try:
@@ -196,14 +193,14 @@ class WebApp:
                 self._hub.seek(viewer, request.at_ms)
         else:
             viewer.paused = isinstance(request, Pause)
-        self._hub.update()
+        self._hub.update_demand()
 
 
 async def _body(request: Request, most: int) -> bytes:
     """Return the body of a request.
 
     Raises:
-        ValueError: It is larger than allowed, or does not come in time.
+        ValueError: It is too large, or does not arrive in time.
     """
     body = bytearray()
     try:

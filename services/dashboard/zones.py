@@ -1,4 +1,4 @@
-"""Edits of zones as the page sends them."""
+"""Edits of zones by the page."""
 
 import time
 from typing import Annotated
@@ -13,7 +13,7 @@ from people4d.messages import ZoneEdit
 class ZonesRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Request of a page to replace the zones."""
 
-    base: Annotated[int, msgspec.Meta(ge=0, le=2**53)]  # sequence of the Zones that were edited
+    base: Annotated[int, msgspec.Meta(ge=0, le=2**53)]  # sequence of the edited Zones
     zones: list[PlainZone]
 
 
@@ -21,8 +21,8 @@ def zone_edit(request: ZonesRequest) -> ZoneEdit:
     """Return the message of a request.
 
     Raises:
-        ValueError: A zone crosses itself, or the like.
-        DecodeError: Likewise, of what is only checked when it is decoded.
+        ValueError: A zone is invalid, for example crosses itself.
+        DecodeError: A zone is invalid by a check of the decoder.
     """
     zones = tuple(
         msgspec.structs.replace(zone, name=zone.name.strip()).zone() for zone in request.zones

@@ -1,6 +1,7 @@
 """Access to the page: Host, Origin, tokens, headers, paths, sizes."""
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from services.dashboard.check import check_page
 from services.dashboard.config import DashboardConfig
 from services.dashboard.history import History
 from services.dashboard.hub import Hub
-from services.dashboard.web import BODY_MAX, WebApp
+from services.dashboard.web import BODY_MAX, VIEWERS_MAX, WebApp
 
 OWN = "http://localhost:7480"
 OPEN = Tokens()
@@ -29,11 +30,11 @@ SQUARE = [[0, 0], [1, 0], [1, 1], [0, 1]]
 class Page:
     """The application, with clients of it."""
 
-    def __init__(self, tokens: Tokens = OPEN, **settings: Any) -> None:
+    def __init__(self, tokens: Tokens = OPEN) -> None:
         self.edits: list[ZoneEdit] = []
         self.hub = Hub(History(60, 2**20), lambda _: None)
         hosts = allowed_hosts(DashboardConfig(allowed_hosts=("robot.lan",)))
-        app = WebApp(self.hub, tokens, hosts, settings.get("most", 4), 5.0, self.edits.append)
+        app = WebApp(self.hub, tokens, hosts, self.edits.append)
         self.guard = app.guard
 
     def client(self, token: str = "", origin: str | None = OWN, base: str = OWN) -> TestClient:
@@ -240,10 +241,11 @@ def test_too_many_requests_end_the_stream(page: Page) -> None:
         assert closes_with(socket.receive) == 1008
 
 
-def test_more_viewers_than_allowed_are_refused() -> None:
-    page = Page(most=1)
-    with page.client().websocket_connect(STREAM) as socket:
-        socket.receive_bytes()
+def test_more_viewers_than_allowed_are_refused(page: Page) -> None:
+    with ExitStack() as stack:
+        for _ in range(VIEWERS_MAX):
+            socket = stack.enter_context(page.client().websocket_connect(STREAM))
+            socket.receive_bytes()
         assert refuses(page.client())
     assert page.hub.counters["viewers_refused"] == 1
     assert page.hub.viewers == 0

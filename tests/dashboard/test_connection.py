@@ -21,7 +21,7 @@ HALF = b"GET /login.html HTTP/1.1\r\nHost: 127."
 @pytest.fixture
 def server() -> Iterator[tuple[WebServer, Hub]]:
     hub = Hub(History(60, 2**20), lambda _: None)
-    config = DashboardConfig(port=0, operator_token="operator-token", viewers_max=1)
+    config = DashboardConfig(port=0, operator_token="operator-token")
     server = WebServer(config, hub, lambda _: None, None)
     yield server, hub
     server.close()

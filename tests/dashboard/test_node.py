@@ -13,7 +13,7 @@ from websockets.typing import Origin
 
 from common.runtime.node import LoopCallbacks
 from people4d.codec import decode, encode
-from people4d.messages import Message, PersonSkeleton, RgbdFrame, Skeletons, Tracks
+from people4d.messages import Event, Message, PersonSkeleton, RgbdFrame, Skeletons, Tracks
 from people4d.topics import BY_MESSAGE
 from scripts.dashboard_feed import Feed
 from services.dashboard.build import build
@@ -251,6 +251,15 @@ def test_paused_viewer_gets_image_and_cloud_of_the_frame_that_it_seeks(run: Runn
             if packet["type"] in ("scene", "image", "cloud"):
                 shown[packet["type"]] = packet["frame"]
     assert shown == dict.fromkeys(("scene", "image", "cloud"), str(10**9))
+
+
+def test_page_that_opens_later_gets_the_events(run: RunningNode) -> None:
+    run.feed(*(Event(stamp_ns=n, sequence=n, kind="appeared", id=n + 1) for n in range(3)))
+    with run.connect() as socket:
+        events = receive(socket, "events")["events"]
+    assert [(one["number"], one["kind"], one["id"]) for one in events] == [
+        *((0, "appeared", 1), (1, "appeared", 2), (2, "appeared", 3)),
+    ]
 
 
 def test_next_free_port_is_taken_if_the_port_is_not_free() -> None:

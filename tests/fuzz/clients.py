@@ -75,9 +75,9 @@ def _frames(data: bytes) -> list[bytes]:
 def _stream(data: bytes, _: Path) -> None:
     history = History(10.0, 2**20)
     for number in range(5):
-        history.add(Packet(1000.0 * number, "scene front", (("scene", b"x"),)))
+        history.add_packet(Packet(1000.0 * number, "scene front", (("scene", b"x"),)))
     hub = Hub(history, lambda _: None)
-    app = WebApp(hub, Tokens(), frozenset(), 8, 1.0, lambda _: None)
+    app = WebApp(hub, Tokens(), frozenset(), lambda _: None)
     viewer = Viewer("operator")
     hub.join(viewer)
     socket: Any = _Page(_frames(data))

@@ -1,6 +1,7 @@
-"""One system and one browser for all tests of the page."""
+"""One system and one browser for all tests of the page, and one page for short tests."""
 
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -8,11 +9,10 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 
-from tests.dashboard.browser.chromium import WAIT_S, chromium
+from tests.dashboard.browser.chromium import WAIT_S, chromium, stored
 from tests.dashboard.browser.stack import OPERATOR, PEOPLE, Stack
 
 Open = Callable[..., Page]
-REMEMBER = "import('/js/store.js').then(({ on }) => on('scene', (s) => { window.scene = s; }))"
 
 
 @pytest.fixture(scope="package")
@@ -30,9 +30,9 @@ def stack(browser: Browser) -> Iterator[Stack]:
         yield stack
 
 
-@pytest.fixture
-def open_page(browser: Browser, stack: Stack) -> Iterator[Open]:
-    """Opens pages, each of a browser of its own; none may have had an error at the end."""
+@contextmanager
+def pages(browser: Browser, stack: Stack) -> Iterator[Open]:
+    """Open pages, each in a context of its own, and check that they had no error."""
     contexts: list[BrowserContext] = []
     errors: list[str] = []
 
@@ -47,10 +47,35 @@ def open_page(browser: Browser, stack: Stack) -> Iterator[Open]:
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.goto(f"{stack.url}?token={token}")
         expect(page.locator("#table tbody tr")).to_have_count(PEOPLE)
-        page.evaluate(REMEMBER)
         return page
 
     yield open_page
     for context in contexts:
         context.close()
     assert errors == []
+
+
+@pytest.fixture
+def open_page(browser: Browser, stack: Stack) -> Iterator[Open]:
+    """Opens pages for one test."""
+    with pages(browser, stack) as open_page:
+        yield open_page
+
+
+@pytest.fixture(scope="package")
+def shared_page(browser: Browser, stack: Stack) -> Iterator[Page]:
+    """A page that is opened once."""
+    with pages(browser, stack) as open_page:
+        yield open_page()
+
+
+@pytest.fixture
+def page(shared_page: Page) -> Iterator[Page]:
+    """The shared page, live and without a selection before and after a test."""
+    yield shared_page
+    shared_page.set_viewport_size({"width": 1280, "height": 900})
+    if stored(shared_page, "paused"):
+        shared_page.locator("#pause").click()
+    shared_page.evaluate("document.activeElement.blur()")
+    if stored(shared_page, "selected") is not None:
+        shared_page.keyboard.press("Escape")

@@ -72,8 +72,7 @@ def is_still(page: Page) -> bool:
     return bool(stored(page, "atMs") == before_ms)
 
 
-def test_text_of_others_is_shown_as_text(open_page: Open) -> None:
-    page = open_page()
+def test_text_of_others_is_shown_as_text(page: Page) -> None:
     expect(page.locator("#table tbody")).to_contain_text(HOSTILE)
     expect(page.locator("#processes tbody")).to_contain_text(HOSTILE)
     expect(page.locator("img[src=x]")).to_have_count(0)

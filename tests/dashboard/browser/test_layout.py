@@ -78,8 +78,7 @@ def test_page_follows_the_system_and_a_choice_outlives_a_reload(open_page: Open)
     assert page.evaluate(GROUND) == LIGHT
 
 
-def test_everything_is_reached_by_the_tab_key(open_page: Open) -> None:
-    page = open_page()
+def test_everything_is_reached_by_the_tab_key(page: Page) -> None:
     names = set()
     for _ in range(60):
         page.keyboard.press("Tab")
@@ -110,8 +109,7 @@ def test_stages_of_the_latency_chart_have_colours_of_their_own(open_page: Open) 
     assert len(set(colours)) == 9
 
 
-def test_labels_of_people_close_together_do_not_hide_one_another(open_page: Open) -> None:
-    page = open_page()
+def test_labels_of_people_close_together_do_not_hide_one_another(page: Page) -> None:
     taken = page.evaluate("""async () => {
       const { label } = await import("/js/canvas.js");
       const context = document.createElement("canvas").getContext("2d"), taken = [];
@@ -123,8 +121,8 @@ def test_labels_of_people_close_together_do_not_hide_one_another(open_page: Open
     assert tops[0][0] >= 0
 
 
-def test_no_column_of_a_wide_page_is_half_empty(open_page: Open) -> None:
-    page = open_page(width=1440)
+def test_no_column_of_a_wide_page_is_half_empty(page: Page) -> None:
+    page.set_viewport_size({"width": 1440, "height": 900})
     ends = page.evaluate("""() => [...document.querySelectorAll(".column")].map((column) =>
       column.lastElementChild.getBoundingClientRect().bottom)""")
     height = page.evaluate("document.documentElement.scrollHeight")

@@ -1,5 +1,6 @@
 """People on the page in Chromium: shown, selected, gone back to, followed by keyboard."""
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -27,14 +28,22 @@ MARGIN_PX = 12  # between boxes that do not touch
 WHITE, INK = (255, 255, 255), (24, 32, 42)
 
 
+# Live scenes that are still on their way are newer than the pause; the answer to it is not.
+PAUSED = """async () => {
+  const { on, store } = await import("/js/store.js");
+  const atMs = store.atMs;
+  return new Promise((resolve) => {
+    on("scene", (scene) => { if (store.paused && scene.at_ms <= atMs) resolve(scene); });
+    document.getElementById("pause").click();
+  });
+}"""
+
+
 def pause(page: Page) -> dict[str, Any]:
-    """Pause a page that shows an image, and return the scene it shows."""
+    """Pause a page that shows an image, and return the scene that is drawn."""
     until(lambda: shows_image(page), page)
-    page.locator("#pause").click()
-    shown = -1.0
-    while shown != (shown := stored(page, "atMs")):  # what is on its way still arrives
-        page.wait_for_timeout(400)
-    scene: dict[str, Any] = page.evaluate("window.scene")
+    scene: dict[str, Any] = page.evaluate(PAUSED)
+    expect(page.locator(IMAGE)).to_have_attribute("data-frame", scene["frame"])
     return scene
 
 
@@ -60,8 +69,7 @@ def position_of(scene: dict[str, Any], number: int) -> tuple[float, float]:
     return x, y
 
 
-def test_people_are_shown_in_image_map_and_table(open_page: Open) -> None:
-    page = open_page()
+def test_people_are_shown_in_image_map_and_table(page: Page) -> None:
     expect(page.locator("#connection")).to_have_text("connected")
     expect(page.locator("#count")).to_have_text(f"{PEOPLE} people")
     expect(page.locator("#latency")).to_contain_text("ms from image to people")
@@ -77,6 +85,7 @@ def test_person_is_selected_in_image_map_and_table_at_once(open_page: Open) -> N
     page = open_page(color_scheme="light")
     while not (found := alone(scene := pause(page))):
         page.locator("#pause").click()
+        until(lambda at_ms=scene["at_ms"]: stored(page, "atMs") > at_ms, page)
     number = found[0]
     scale = page.locator(IMAGE).evaluate("(canvas) => canvas.clientWidth") / WIDTH_PX
     box = next(one for one in scene["boxes"] if one["id"] == number)["box_px"]
@@ -104,33 +113,22 @@ def test_person_is_selected_in_image_map_and_table_at_once(open_page: Open) -> N
         expect(page.locator(f"{ROW}.chosen")).to_have_count(0)
 
 
-def test_paused_page_goes_back_and_is_live_again(open_page: Open) -> None:
-    page = open_page()
+def test_paused_page_goes_back_and_is_live_again(page: Page) -> None:
     begin_ms = stored(page, "atMs")
     until(lambda: stored(page, "atMs") > begin_ms + 6000, page)  # the past that is gone back to
     now = pause(page)
     page.locator("#time").fill("-5")
     expect(page.locator("#when")).to_have_text("-5.0 s")
-    then = until(lambda: back(page, now["at_ms"] - 500), page)
-    moved = [
-        abs(position_of(then, n)[0] - position_of(now, n)[0])
-        + abs(position_of(then, n)[1] - position_of(now, n)[1])
-        for n in range(1, PEOPLE + 1)
-    ]
+    until(lambda: stored(page, "atMs") < now["at_ms"] - 500, page)
+    then = {"people": stored(page, "people")}
+    moved = [math.dist(position_of(then, n), position_of(now, n)) for n in range(1, PEOPLE + 1)]
     assert min(moved) > 0.1  # they walk at 0.35 m/s or more
     page.keyboard.press(" ")
     expect(page.locator("#when")).to_have_text("live")
     until(lambda: stored(page, "atMs") > now["at_ms"], page)
 
 
-def back(page: Page, before_ms: float) -> Any:
-    """Return the scene that is shown if it is of a time before, None while it is not."""
-    scene = page.evaluate("window.scene")
-    return scene if scene["at_ms"] < before_ms else None
-
-
-def test_comma_and_full_stop_go_back_and_forward(open_page: Open) -> None:
-    page = open_page()
+def test_comma_and_full_stop_go_back_and_forward(page: Page) -> None:
     page.keyboard.press(",")
     page.keyboard.press(",")
     expect(page.locator("#when")).to_have_text("-2.0 s")
@@ -139,8 +137,7 @@ def test_comma_and_full_stop_go_back_and_forward(open_page: Open) -> None:
     expect(page.get_by_role("button", name="Live")).to_have_attribute("aria-pressed", "true")
 
 
-def test_skeletons_and_cloud_are_drawn_in_3d(open_page: Open) -> None:
-    page = open_page()
+def test_skeletons_and_cloud_are_drawn_in_3d(page: Page) -> None:
     page.locator(SPACE).scroll_into_view_if_needed()
     until(lambda: has_people(page), page)
     page.get_by_label("Depth cloud").uncheck()
@@ -161,16 +158,13 @@ def has_people(page: Page) -> bool:
     return {tuple(bytes.fromhex(one)) for one in expected} <= colours(page)
 
 
-def test_cloud_goes_back_with_the_people(open_page: Open) -> None:
-    page = open_page()
+def test_cloud_goes_back_with_the_people(page: Page) -> None:
     page.locator(SPACE).scroll_into_view_if_needed()
     begin_ms = stored(page, "atMs")
     until(lambda: cloud_frame(page), page)
     until(lambda: stored(page, "atMs") > begin_ms + 8000, page)
-    pause(page)
-    page.wait_for_timeout(300)
-    before = cloud_frame(page)
-    assert before == next(iter(stored(page, "frames").values()))
+    before = pause(page)["frame"]
+    until(lambda: cloud_frame(page) == before, page)
     page.locator("#time").fill("-4")
     frame = until(lambda: cloud_frame(page) not in ("", before) and cloud_frame(page), page)
     assert int(before) - int(frame) > 2e9
@@ -234,8 +228,7 @@ def test_boxes_are_drawn_on_the_image_of_their_frame_under_load(open_page: Open)
         assert any(one["lefts"] == pytest.approx(lefts, abs=0.1) for lefts in one["expected"])
 
 
-def test_space_pauses_after_a_click_on_a_button(open_page: Open) -> None:
-    page = open_page()
+def test_space_pauses_after_a_click_on_a_button(page: Page) -> None:
     page.locator(f"{ROW}[data-id='1']").get_by_role("button").click()
     page.keyboard.press(" ")
     expect(page.locator("#when")).to_have_text("paused")

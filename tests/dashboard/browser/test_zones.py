@@ -17,16 +17,15 @@ CROSSED = ((1.0, 1.0), (1.0, -1.0), (5.0, 1.0), (5.0, -1.0))
 
 
 @pytest.fixture
-def page(open_page: Open) -> Iterator[Page]:
-    """A page without zones, before and after."""
-    page = open_page()
+def page(page: Page) -> Iterator[Page]:
+    """The shared page, without zones before and after."""
     delete_zones(page)
     yield page
     delete_zones(page)
 
 
 def delete_zones(page: Page) -> None:
-    page.goto(page.url)
+    page.reload()
     expect(page.locator("#table tbody tr")).not_to_have_count(0)
     zones = page.locator("#zone-list li")
     while count := zones.count():

@@ -1,4 +1,4 @@
-// Events, newest first. Text of others is only ever set as text.
+// Events, newest first. Text from messages is set as text only.
 import { on, select } from "./store.js";
 
 const list = document.getElementById("event-list"), empty = document.getElementById("no-events");
@@ -18,7 +18,7 @@ const TEXTS = {
   robot_near: (e) => `is ${e.distance_m?.toFixed(2)} m from the robot`,
 };
 
-function take(event) {
+function add(event) {
   if (known.has(event.number)) return;
   known.add(event.number);
   const item = document.createElement("li"), time = document.createElement("time"), text = document.createElement("span");
@@ -33,5 +33,4 @@ function take(event) {
   empty.hidden = true;
 }
 
-on("message:event", take);
-on("message:events", ({ events }) => events.forEach(take));
+on("message:events", ({ events }) => events.forEach(add));

@@ -46,6 +46,7 @@ export async function takeImage(message) {
 function show(view, scene, bitmap) {
   view.bitmap?.close();
   Object.assign(view, { scene, bitmap, shown: performance.now() });
+  view.canvas.dataset.frame = scene.frame;
   draw(view);
 }
 
