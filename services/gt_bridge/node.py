@@ -79,7 +79,7 @@ class GtBridgeNode(Node):
     def tick(self, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
         """Return the live truth that was received."""
         if self._live is None:
-            return ()
+            return []
         if not self._started:
             self._started = True
             self._live.start(self._wake)
