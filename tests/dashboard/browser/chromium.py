@@ -57,6 +57,11 @@ def stored(page: Page, name: str) -> Any:
     return page.evaluate(STORE, name)
 
 
+def wait_past(page: Page, at_ms: float) -> None:
+    """Wait until the page shows people of a later time."""
+    until(lambda: stored(page, "atMs") > at_ms, page)
+
+
 def on_map(page: Page, position_m: tuple[float, float]) -> tuple[float, float]:
     """Return the pixel of the map's canvas at a position."""
     script = "async (at) => (await import('/js/map.js')).toScreen(at)"

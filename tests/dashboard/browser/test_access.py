@@ -3,7 +3,7 @@
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.dashboard.browser.chromium import IMAGE, pixel, shows_image, stored, until
+from tests.dashboard.browser.chromium import IMAGE, pixel, shows_image, stored, until, wait_past
 from tests.dashboard.browser.conftest import Open
 from tests.dashboard.browser.stack import HOSTILE, OPERATOR, PLANNER, Stack
 
@@ -40,8 +40,7 @@ def test_two_pages_select_and_pause_each_for_itself(open_page: Open) -> None:
     first.keyboard.press("n")
     first.get_by_role("button", name="Pause").click()
     expect(first.locator("tr.chosen")).to_have_count(1)
-    before_ms = stored(second, "atMs")
-    until(lambda: stored(second, "atMs") > before_ms, second)
+    wait_past(second, stored(second, "atMs"))
     expect(second.locator("tr.chosen")).to_have_count(0)
     expect(second.locator("#when")).to_have_text("live")
 
@@ -54,13 +53,12 @@ def test_page_connects_again_after_service_and_router_restart(
     expect(page.locator("#connection")).to_contain_text("no connection")
     stack.start("dashboard")
     expect(page.locator("#connection")).to_have_text("connected")
-    before_ms = stored(page, "atMs")
-    until(lambda: stored(page, "atMs") > before_ms, page)
+    wait_past(page, stored(page, "atMs"))
     stack.network.stop_router()
     until(lambda: is_still(page), page)
     before_ms = stored(page, "atMs")
     stack.network.start_router()
-    until(lambda: stored(page, "atMs") > before_ms, page)
+    wait_past(page, before_ms)
     expect(page.locator("#connection")).to_have_text("connected")
     until(lambda: shows_image(page), page)
 

@@ -16,6 +16,7 @@ from tests.dashboard.browser.chromium import (
     shows_image,
     stored,
     until,
+    wait_past,
 )
 from tests.dashboard.browser.conftest import Open
 from tests.dashboard.browser.stack import PEOPLE, WIDTH_PX
@@ -85,7 +86,7 @@ def test_person_is_selected_in_image_map_and_table_at_once(open_page: Open) -> N
     page = open_page(color_scheme="light")
     while not (found := alone(scene := pause(page))):
         page.locator("#pause").click()
-        until(lambda at_ms=scene["at_ms"]: stored(page, "atMs") > at_ms, page)
+        wait_past(page, scene["at_ms"])
     number = found[0]
     scale = page.locator(IMAGE).evaluate("(canvas) => canvas.clientWidth") / WIDTH_PX
     box = next(one for one in scene["boxes"] if one["id"] == number)["box_px"]
@@ -114,8 +115,7 @@ def test_person_is_selected_in_image_map_and_table_at_once(open_page: Open) -> N
 
 
 def test_paused_page_goes_back_and_is_live_again(page: Page) -> None:
-    begin_ms = stored(page, "atMs")
-    until(lambda: stored(page, "atMs") > begin_ms + 6000, page)  # the past that is gone back to
+    wait_past(page, stored(page, "atMs") + 6000)
     now = pause(page)
     page.locator("#time").fill("-5")
     expect(page.locator("#when")).to_have_text("-5.0 s")
@@ -125,7 +125,7 @@ def test_paused_page_goes_back_and_is_live_again(page: Page) -> None:
     assert min(moved) > 0.1  # they walk at 0.35 m/s or more
     page.keyboard.press(" ")
     expect(page.locator("#when")).to_have_text("live")
-    until(lambda: stored(page, "atMs") > now["at_ms"], page)
+    wait_past(page, now["at_ms"])
 
 
 def test_comma_and_full_stop_go_back_and_forward(page: Page) -> None:
@@ -160,9 +160,8 @@ def has_people(page: Page) -> bool:
 
 def test_cloud_goes_back_with_the_people(page: Page) -> None:
     page.locator(SPACE).scroll_into_view_if_needed()
-    begin_ms = stored(page, "atMs")
     until(lambda: cloud_frame(page), page)
-    until(lambda: stored(page, "atMs") > begin_ms + 8000, page)
+    wait_past(page, stored(page, "atMs") + 6000)
     before = pause(page)["frame"]
     until(lambda: cloud_frame(page) == before, page)
     page.locator("#time").fill("-4")
