@@ -98,11 +98,11 @@ class FrameGraph:
 
 
 def find_loop(parents: Mapping[str, str], children: Iterable[str] = ()) -> list[str]:
-    """Return frames of which each has the next as its parent and the last is the first, or none.
+    """Return a loop of frames: each frame's parent is the next, and the last is the first.
 
     Args:
         parents: Parent of each frame by its name.
-        children: Frames from which to search; from all if there are none.
+        children: First frames of the search; all frames if empty.
     """
     checked = set[str]()
     for child in children or parents:

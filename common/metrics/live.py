@@ -66,10 +66,10 @@ class LiveScorer:
         self.restart()
 
     def restart(self, since_ns: int | None = None) -> None:
-        """Count anew: playback began again, and people are elsewhere.
+        """Reset all counts after a restart of playback.
 
         Args:
-            since_ns: Stamp of the first frame; earlier tracks are of the playback before.
+            since_ns: Stamp of the first frame; earlier tracks belong to the previous playback.
         """
         self._waiting: deque[Tracks] = deque()
         self._since_ns = since_ns

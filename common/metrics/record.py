@@ -112,7 +112,7 @@ class FrameMatches:
 
     @cached_property
     def evaluated_tracks(self) -> BOOL:
-        """Tracks that count (M): all but those of people who do not have to be tracked."""
+        """Mask (M) of evaluated tracks: all except tracks of people who need not be tracked."""
         mask = np.ones(len(self.tracks), np.bool_)
         mask[self.columns[~self.required_pairs]] = False
         return mask

@@ -18,11 +18,11 @@ from people4d.messages import F64, Truth, TruthPerson
 
 COARSE_S = 0.1  # [s] step of the first search for the clock
 MIN_SAMPLES = 20
-MIN_SPREAD_MPS = 0.15  # [m/s] rms by which velocities must differ to separate time from position
-MIN_SPREAD_M = 0.1  # [m] rms by which people must be spread to separate a turn from a shift
+MIN_SPREAD_MPS = 0.15  # [m/s] minimum rms spread of velocities that separates time from position
+MIN_SPREAD_M = 0.1  # [m] minimum rms spread of people that separates rotation from shift
 ROUNDS = 20
 SETTLED = 1e-12
-OUTLIER = 3.0  # residuals above so many times their median are left out
+OUTLIER = 3.0  # minimum residual of an outlier [medians]
 
 
 @dataclass(frozen=True)
@@ -30,22 +30,22 @@ class ClockOffset:
     """Offset to be added to stamps of the truth."""
 
     offset_s: float  # [s]
-    sigma_s: float  # [s] standard deviation if errors were independent
-    samples: int  # positions of tracks that it rests on
+    sigma_s: float  # [s] standard deviation for independent errors
+    samples: int  # number of track positions
 
 
 @dataclass(frozen=True)
 class SpaceAlignment:
-    """Motion that takes the truth to the frame of the tracks."""
+    """Motion of the truth to the frame of the tracks."""
 
     matrix: F64  # [m] 4x4, tracks' frame from truth's frame
-    rmse_before_m: float  # [m] horizontal
-    rmse_after_m: float  # [m] horizontal
+    rmse_before_m: float  # [m] horizontal error before the motion
+    rmse_after_m: float  # [m] horizontal error after it
     samples: int
 
 
 def transform_truth(truth: Truth, matrix: F64, frame_id: str) -> Truth:
-    """Bring truth to another frame, by the 4x4 transform from its own frame to the other one."""
+    """Transform truth to another frame by a 4x4 transform."""
     people = tuple(_moved_person(person, matrix) for person in truth.people)
     return msgspec.structs.replace(truth, frame_id=frame_id, people=people)
 
@@ -82,7 +82,7 @@ def fit_3d(source_m: F64, target_m: F64) -> F64:
 def estimate_clock(
     truth: Trajectories, tracked: Trajectories, widest_s: float = 0.5
 ) -> ClockOffset | None:
-    """Estimate the constant offset between both clocks, whatever constant error positions have.
+    """Estimate the constant offset between both clocks, with any constant error of positions.
 
     A track is where its person was an offset ago, plus a shift: p(t) = q(t - d) + b. After a
     search in steps of 0.1 s, d and b follow from least squares (Gauss-Newton).
@@ -144,7 +144,7 @@ def _determines_rotation(points_m: F64, dimensions: Literal[2, 3]) -> bool:
 
 
 def _clock_step(pairs: TrajectoryPairs) -> ClockOffset | None:
-    """Return the change of the offset that explains the residuals best beside a constant shift."""
+    """Return the change of the offset that explains the residuals best, with a constant shift."""
     residual, velocity = (pairs.tracked_m - pairs.true_m)[:, :2], pairs.velocity_mps[:, :2]
     if len(residual) < MIN_SAMPLES:
         return None

@@ -11,10 +11,10 @@ from common.geometry.transforms import apply
 from common.metrics.record import BOOL, I64
 from people4d.messages import F64
 
-GATE_M = 1.0  # [m] a track farther from all people is not used
-CLEAR_M = 0.3  # [m] the second nearest person must be farther by so much
-MAX_GAP_S = 0.2  # [s] truth that is sparser is not interpolated
-HALF_STEP_S = 0.02  # [s] to both sides of the time of a velocity
+GATE_M = 1.0  # [m] maximum distance of a used track from the nearest person
+CLEAR_M = 0.3  # [m] minimum extra distance of the second nearest person
+MAX_GAP_S = 0.2  # [s] maximum interval of interpolated truth
+HALF_STEP_S = 0.02  # [s] half the interval over which velocity is measured
 
 
 @dataclass(frozen=True)
@@ -39,10 +39,10 @@ Trajectories: TypeAlias = Mapping[Any, Trajectory]  # by identity, text or numbe
 
 @dataclass(frozen=True)
 class TrajectoryPairs:
-    """Positions of tracks, and the truth that each of them is taken for: K samples."""
+    """Positions of tracks and of the truth paired with them, K samples."""
 
     true_m: F64  # [m] Kx3
-    velocity_mps: F64  # [m/s] Kx3, of the truth
+    velocity_mps: F64  # [m/s] Kx3, velocity of the truth
     tracked_m: F64  # [m] Kx3
 
     def rmse_m(self, matrix: F64) -> float:
@@ -120,6 +120,6 @@ def _samples(tracked: Trajectories) -> tuple[F64, F64]:
 
 
 def _everyone(truth: Trajectories, stamps_s: F64) -> F64:
-    """Return where all people of the truth were, PxNx3."""
+    """Return the positions of all true people, PxNx3."""
     paths = [path.at(stamps_s) for path in truth.values()]
     return np.array(paths).reshape(len(paths), len(stamps_s), 3)

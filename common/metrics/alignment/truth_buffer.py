@@ -9,9 +9,9 @@ import msgspec
 from common.geometry.transforms import wrap
 from people4d.messages import F64, Truth, TruthPerson
 
-MAX_GAP_NS = 200_000_000  # people move 0.3 m in this time; wider gaps are not bridged
+MAX_GAP_NS = 200_000_000  # [ns] maximum interpolated gap: people move 0.3 m in this time
 STAMP = attrgetter("stamp_ns")
-CAPACITY = 2048  # messages, 20 s at 100 Hz
+CAPACITY = 2048  # number of stored messages: 20 s at 100 Hz
 
 
 class TruthBuffer:
