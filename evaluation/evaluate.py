@@ -1,4 +1,4 @@
-"""Evaluation of all methods on all recordings: scores, tables, figures and filmstrips."""
+"""Evaluation of all methods on all recordings: scores, tables, figures and images."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from common.metrics.scores import Row, combine
 from evaluation.pool import OnProgress, Pool
 from evaluation.report.csv_files import SwitchRow, switch_rows
-from evaluation.report.filmstrips import Filmstrip, filmstrips_of
+from evaluation.report.switch_images import SwitchImage, switch_images
 from evaluation.report.tables import ReportTable, fill, groups_of, rate_of, read_tables, row_of
 from evaluation.report.trajectories import RunTrajectories, trajectories_of
 from evaluation.run.preparation import EvaluationPlan, check_models, render_all, runs_of
@@ -19,8 +19,8 @@ class RunReport:
 
     scores: RunScores
     switches: tuple[SwitchRow, ...]  # one row for each ID switch
-    filmstrips: tuple[Filmstrip, ...] = ()  # images of the first of them, if the recording is shown
-    trajectories: RunTrajectories | None = None  # likewise
+    images: tuple[SwitchImage, ...] = ()  # of the first switches, if the recording is shown
+    trajectories: RunTrajectories | None = None  # if the recording is shown
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Evaluation:
     rows: tuple[Row, ...]  # metrics of each
     overview: ReportTable  # the most important metrics
     tables: tuple[ReportTable, ...]  # all tables of the report
-    figures: tuple[ReportFigure, ...]  # of the first recording of each scenario, and of the errors
+    figures: tuple[ReportFigure, ...]  # first recording of each scenario, and errors
 
     @property
     def switches(self) -> list[SwitchRow]:
@@ -78,14 +78,14 @@ def evaluate(plan: EvaluationPlan, on_progress: OnProgress) -> Evaluation:
 
 
 def _run(wanted: tuple[EvaluationRun, bool]) -> RunReport:
-    """Do one run; the flag tells that its trajectories and ID switches are shown."""
+    """Execute one run; the flag is True if its trajectories and ID switches are shown."""
     run, shown = wanted
     output = execute(run)
     rows = switch_rows(run.method.name, run.recording.name, output)
     if not shown:
         return RunReport(score_run(run, output), rows)
     trajectories = trajectories_of(run.method.name, output)
-    return RunReport(score_run(run, output), rows, filmstrips_of(run, output), trajectories)
+    return RunReport(score_run(run, output), rows, switch_images(run, output), trajectories)
 
 
 def _draw(wanted: tuple[str, list[RunTrajectories]]) -> tuple[ReportFigure, ...]:

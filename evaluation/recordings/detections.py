@@ -1,4 +1,4 @@
-"""Detections and embeddings of a recording: made once, cached, the same for every tracker."""
+"""Detections and embeddings of a recording: computed once, the same for every tracker."""
 
 import os
 import time
@@ -20,7 +20,6 @@ from evaluation.cache import (
     model_digests,
 )
 from evaluation.pipeline import PipelineStep, lockstep, play
-from evaluation.recordings import detection_cache
 from people4d.errors import SourceError
 from people4d.messages import (
     CameraInfo,
@@ -36,8 +35,7 @@ from people4d.messages import (
 from services.camera.config import CameraConfig
 from services.camera.sources import kind_of
 from services.detector.build import build as build_detector
-from services.detector.config import DetectorConfig, ModelSettings
-from services.detector.models.registry import load_model
+from services.detector.config import DetectorConfig
 from services.reid.build import build as build_reid
 from services.reid.config import ReidConfig
 
@@ -52,20 +50,8 @@ class DetectionJob:
     source: Path  # recording, bag or folder
     camera: CameraConfig  # playback
     detector: DetectorConfig
-    reids: tuple[ReidConfig, ...]  # each on its own
+    reids: tuple[ReidConfig, ...]  # one recording of embeddings for each
     folder: Path  # folder of the cache
-
-    @property
-    def network(self) -> tuple[object, ...]:
-        """Settings of the network; its output depends on these and on the images."""
-        settings = msgspec.structs.asdict(self.detector)
-        return tuple(settings[name] for name in ModelSettings.__struct_fields__)
-
-    def cache_file(self) -> Path:
-        """Return the file of the network's detections by image."""
-        code = code_digest(detection_cache.CODE)
-        key = key_of(code, self.network, model_digests(self.detector)[0])
-        return self.folder / "network" / f"{self.source.stem}-{key}.npz"
 
     def file(self, content: str, reid: ReidConfig | None = None) -> Path:
         """Return the file of the detections, or of the embeddings of one of `reids`.
@@ -82,10 +68,10 @@ class DetectionJob:
 
 @dataclass(frozen=True)
 class DetectionFiles:
-    """Recordings that a detection job makes."""
+    """Recordings of a detection job."""
 
     detections: Path  # recording with calibration, transforms, odometry and detections
-    embeddings: tuple[Path, ...]  # recording with the embeddings, for each of the job's `reids`
+    embeddings: tuple[Path, ...]  # one recording for each of the job's `reids`
 
 
 def holds_detections(source: Path) -> bool:
@@ -134,7 +120,7 @@ def read_tracker_input(detections: Path, embeddings: Path | None) -> Iterator[Me
 
 
 def mean_ms(path: Path) -> float | None:
-    """Return the mean time of a frame, as noted when it was made; None where it is unknown."""
+    """Return the mean time of a frame from the metadata of a recording; None if unknown."""
     text = open_recording(path).metadata.get(SPEED, {}).get("mean_ms", "")
     return float(text) if text else None
 
@@ -144,17 +130,15 @@ def _run(job: DetectionJob, files: Sequence[Path]) -> None:
     embedders = [build_reid(reid) for reid in job.reids]
     new = [file.with_suffix(f".{os.getpid()}.new") for file in files]
     took_ms: list[list[float]] = [[] for _ in files]
-    cache = detection_cache.load(job.cache_file())
     with ExitStack() as stack:
         writers = [stack.enter_context(RecordingWriter(path)) for path in new]
-        model = detection_cache.CachingModel(load_model(job.detector), cache)
-        for step in play(camera, [build_detector(job.detector, model)]):
+        for step in play(camera, [build_detector(job.detector)]):
             for message in step.messages:
                 if isinstance(message, TRACKER_INPUT):
                     writers[0].write(_without_trace(message), message.stamp_ns)
                 if isinstance(message, RgbdFrame):
                     others_ms = _stage_ms(step, "send") + _stage_ms(step, "crops")
-                    took_ms[0].append(step.duration_ms - others_ms + model.saved_ms())
+                    took_ms[0].append(step.duration_ms - others_ms)
                 if not isinstance(message, Crops):
                     continue
                 for k, embedder in enumerate(embedders, 1):
@@ -167,8 +151,6 @@ def _run(job: DetectionJob, files: Sequence[Path]) -> None:
         for writer, times in zip(writers, took_ms, strict=True):
             if times:
                 writer.write_metadata(SPEED, {"mean_ms": f"{sum(times) / len(times):.4f}"})
-    if model.changed:
-        detection_cache.save(job.cache_file(), cache)
     for made, file in zip(new, files, strict=True):
         made.replace(file)
 

@@ -1,4 +1,4 @@
-"""Ground truth at the stamps of frames, and the people who have to be tracked there."""
+"""Ground truth at the stamps of frames, with flags of the people who have to be tracked."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,31 +13,31 @@ from common.metrics.field_of_view import in_view
 from common.metrics.from_messages import ground_truth_of
 from common.metrics.record import GroundTruth
 from evaluation.recordings.recordings import EvaluationRecording
-from evaluation.recordings.visibility import SimulatedView, load_views, save_views, simulated_views
+from evaluation.recordings.visibility import SimulatedView, simulated_views
 from lab.world import EPOCH_NS
 from people4d.errors import SourceError
 from people4d.messages import F64, CameraInfo, Truth, TruthPerson
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.sources.registry import open_truth
 
-VISIBLE_MIN = 0.35  # visible share from which a person has to be tracked
-LOST_NS = 2_000_000_000  # people whom motion capture has lost are interpolated so long
-UNBOUNDED = 2**40  # messages in a buffer
+VISIBLE_MIN = 0.35  # least visible share of a person who has to be tracked
+LOST_NS = 2_000_000_000  # [ns] longest gap of motion capture that is interpolated
+UNBOUNDED = 2**40  # number of messages in a buffer
 
 
 @dataclass(frozen=True)
 class TruthFrame:
     """The people at one stamp."""
 
-    people: tuple[TruthPerson, ...]  # whose position is known, or interpolated over a long gap
-    captured: frozenset[str]  # those whose position is known exactly; others need not be tracked
+    people: tuple[TruthPerson, ...]  # people with a position, measured or interpolated
+    captured: frozenset[str]  # people with a measured position; others need not be tracked
     shares: Mapping[str, float] = field(default_factory=dict)  # visible, 0 to 1; empty if unknown
     map_from_camera: F64 | None = None  # 4x4, if the truth contains it
 
     def ground_truth(self, info: CameraInfo, map_from_camera: F64 | None) -> GroundTruth:
-        """Return the people, and those of them who have to be tracked.
+        """Return the people, with flags of those out of view or occluded.
 
-        They are all taken to be in view where the pose of the camera (4x4) is not known.
+        All are in view if the pose of the camera (4x4) is not known.
         """
         away = np.array([person.id not in self.captured for person in self.people], np.bool_)
         if map_from_camera is not None:
@@ -138,20 +138,14 @@ def _numbered(path: Path, epoch_ns: int) -> Iterator[Truth]:
 def _simulated_views(
     recording: EvaluationRecording, sampled: SampledTruth, stamps_ns: Sequence[int]
 ) -> list[SimulatedView] | None:
-    """Return the camera's views in the virtual lab, from the cache if it was rendered."""
+    """Return the camera's views in the virtual lab; None if the recording is of another source."""
     if recording.simulation is None:
         return None
-    cache = recording.path.with_suffix(".views.npz") if recording.job else None
-    views = load_views(cache, stamps_ns) if cache else None
-    if views is None:
-        positions_m = [
-            {person.id: person.position_m for person in frame.people} if frame else {}
-            for frame in sampled.frames
-        ]
-        views = simulated_views(recording.simulation, recording.seed, positions_m, stamps_ns)
-        if views and cache:
-            save_views(cache, stamps_ns, views)
-    return views
+    positions_m = [
+        {person.id: person.position_m for person in frame.people} if frame else {}
+        for frame in sampled.frames
+    ]
+    return simulated_views(recording.simulation, recording.seed, positions_m, stamps_ns)
 
 
 def _with_rendered_views(

@@ -1,1 +1,1 @@
-"""The report of an evaluation: tables, figures, filmstrips, CSV files and one HTML page."""
+"""The report of an evaluation: tables, figures, images, CSV files and one HTML page."""

@@ -14,7 +14,7 @@ from evaluation.report.csv_files import (
     write_switches,
     write_table,
 )
-from evaluation.report.filmstrips import Filmstrip
+from evaluation.report.switch_images import SwitchImage
 from evaluation.report.tables import SOURCE, ReportTable, groups_of
 from evaluation.run.preparation import EvaluationPlan, warnings_of
 from evaluation.run.run import RunScores
@@ -30,7 +30,7 @@ def write(plan: EvaluationPlan, evaluation: Evaluation, folder: Path, command: s
         SourceError: The folder cannot be written.
     """
     scores = [run.scores for run in evaluation.runs]
-    filmstrips = [filmstrip for run in evaluation.runs for filmstrip in run.filmstrips]
+    switches = [image for run in evaluation.runs for image in run.images]
     write_runs(folder / "runs.csv", scores, evaluation.rows)
     write_summary(folder / "summary.csv", groups_of(scores, evaluation.rows))
     write_switches(folder / "switches.csv", evaluation.switches)
@@ -38,9 +38,9 @@ def write(plan: EvaluationPlan, evaluation: Evaluation, folder: Path, command: s
         write_table(folder / "tables" / f"{table.name}.csv", table)
     for figure in evaluation.figures:
         write_bytes(folder / "figures" / f"{figure.name}.png", figure.png)
-    for number, filmstrip in enumerate(filmstrips, 1):
-        name = f"{number:03d}_{filmstrip.method}_{filmstrip.recording}.png"
-        write_bytes(folder / "switches" / name, filmstrip.png())
+    for number, switch in enumerate(switches, 1):
+        name = f"{number:03d}_{switch.method}_{switch.recording}.png"
+        write_bytes(folder / "switches" / name, switch.png)
     page = Template(Path(__file__).with_name("page.html").read_text(encoding="utf-8"))
     html = page.substitute(
         methods=escape(", ".join(dict.fromkeys(result.method for result in scores))),
@@ -49,9 +49,9 @@ def write(plan: EvaluationPlan, evaluation: Evaluation, folder: Path, command: s
         source=SOURCE,
         tables="\n".join(map(_report_table, evaluation.tables)),
         figures="\n".join(map(_figure, evaluation.figures)) or "<p>None were drawn.</p>",
-        shown=len(filmstrips),
+        shown=len(switches),
         switches=len(evaluation.switches),
-        filmstrips="\n".join(map(_filmstrip, filmstrips)),
+        images="\n".join(map(_switch, switches)),
         recordings=_recordings(scores),
         settings="\n".join(
             f"<details><summary>{escape(method.name)}</summary>"
@@ -102,21 +102,13 @@ def _table(head: Sequence[str], rows: Iterable[tuple[str, Sequence[str]]]) -> st
 
 def _figure(figure: ReportFigure) -> str:
     title = escape(figure.title)
-    return f"<h3>{title}</h3>\n{_image(title, 'png', figure.png)}"
+    return f"<h3>{title}</h3>\n{_image(title, figure.png)}"
 
 
-def _filmstrip(filmstrip: Filmstrip) -> str:
-    cells = []
-    for cell in filmstrip.images:
-        title, lines = escape(cell.title), "<br>".join(map(escape, cell.lines))
-        image = _image(title, "jpeg", cell.jpeg) if cell.jpeg else '<div class="blank"></div>'
-        cells.append(f"<figure>{image}<b>{title}</b>{lines}</figure>")
-    return (
-        f"<h3>{escape(filmstrip.method)} on {escape(filmstrip.recording)}</h3>\n"
-        f'<p>{escape(filmstrip.sentence)}</p>\n<div class="filmstrip">{"".join(cells)}</div>'
-    )
+def _switch(switch: SwitchImage) -> str:
+    title, sentence = f"{switch.method} on {switch.recording}", escape(switch.sentence)
+    return f"<h3>{escape(title)}</h3>\n<p>{sentence}</p>\n{_image(sentence, switch.png)}"
 
 
-def _image(title: str, kind: str, data: bytes) -> str:
-    encoded = base64.b64encode(data).decode()
-    return f'<img alt="{title}" src="data:image/{kind};base64,{encoded}">'
+def _image(title: str, png: bytes) -> str:
+    return f'<img alt="{title}" src="data:image/png;base64,{base64.b64encode(png).decode()}">'

@@ -1,6 +1,5 @@
 """Runs of methods on recordings, with detections and ground truth prepared."""
 
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -96,8 +95,7 @@ def runs_of(plan: EvaluationPlan, pool: Pool) -> list[EvaluationRun]:
         ModelError: A model is absent.
     """
     jobs = _jobs(plan)
-    ordered = _network_once(jobs)
-    found = dict(zip(ordered, pool.do("detecting", detect, list(ordered.values())), strict=True))
+    found = dict(zip(jobs, pool.do("detecting", detect, list(jobs.values())), strict=True))
     if plan.motion:
         found = _with_motion(plan.motion, jobs, found, pool)
     pairs = [(method, recording) for method in plan.methods for recording in plan.recordings]
@@ -145,17 +143,6 @@ def _with_motion(
     paths = pool.do("estimating motion", estimate_motion, motions)
     pairs = zip(found.items(), paths, strict=True)
     return {key: replace(files, detections=path) for (key, files), path in pairs}
-
-
-def _network_once(jobs: Mapping[Key, DetectionJob]) -> dict[Key, DetectionJob]:
-    """Put first one job of each network and recording: the others find its output in the cache."""
-    count: Counter[tuple[object, ...]] = Counter()
-    rank = {}
-    for key, job in jobs.items():
-        network = (job.source, *job.network)
-        rank[key] = count[network]
-        count[network] += 1
-    return dict(sorted(jobs.items(), key=lambda item: rank[item[0]]))
 
 
 def _truth(wanted: tuple[EvaluationRecording, Path]) -> SampledTruth:

@@ -11,9 +11,9 @@ from people4d.messages.base import Text
 class ReportConfig(Config, frozen=True, kw_only=True):
     """ReportFolder and content of the report."""
 
-    folder: str = "out"  # folder for contact_sheet.png, video, summary.txt and summary.json
+    folder: str = "out"  # folder for report.html, video, summary.txt and summary.json
     video: bool = True  # True: write an annotated video of each camera
-    sheet_frames: Annotated[int, Meta(ge=1, le=100)] = 12  # frames on the sheet, evenly spread
+    sheet_frames: Annotated[int, Meta(ge=1, le=100)] = 12  # frames on the page, evenly spread
     truth: Text = ""  # ground truth that was asked for; the run had limits if none came
     note: Text = ""  # says on the page what is simulated
-    tile_width_px: Annotated[int, Meta(ge=160, le=1920)] = 480  # [px] width of a frame on the sheet
+    tile_width_px: Annotated[int, Meta(ge=160, le=1920)] = 480  # [px] width of a frame on the page

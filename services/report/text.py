@@ -1,4 +1,4 @@
-"""The summary in words, for the terminal, the text file and the contact sheet."""
+"""The summary in words, for the terminal, the text file and the page."""
 
 from collections.abc import Sequence
 
