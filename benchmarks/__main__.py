@@ -16,7 +16,6 @@ GROUPS = {
         "peers": "the pipeline beside other packages, from image to tracks",
         "latency": "time of a frame by stage",
         "load": "rate and latency with 1 to 20 people and 1 to 6 cameras",
-        "tracker_cost": "time of the tracker with 3 to 200 people",
     },
     "cameras": {
         "cameras": "four cameras in one tracker, and in two areas: hand-overs, faults",
