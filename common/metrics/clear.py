@@ -1,26 +1,17 @@
-"""CLEAR-MOT [Bernardin 2008], with the trajectory counts of [Li 2009]."""
+"""CLEAR-MOT [Bernardin 2008]."""
 
 from dataclasses import dataclass
-
-import numpy as np
 
 from common.metrics.counts import ratio
 from common.metrics.frame_scores import ScoreTotals
 from common.metrics.matching import Matching
 from common.metrics.record import FrameMatches
 
-MOSTLY_TRACKED = 0.8  # share of the frames with a track above which a person is mostly tracked
-MOSTLY_LOST = 0.2  # share of these frames below which a person is mostly lost
-
 
 @dataclass(frozen=True)
 class ClearCounts(ScoreTotals):
     """Counts of CLEAR-MOT in addition to the counts of every score."""
 
-    fragmentations: int = 0  # matches of a person after a miss
-    mostly_tracked: int = 0  # number of people
-    partly_tracked: int = 0  # number of people
-    mostly_lost: int = 0  # number of people
     similarity: float = 0.0  # sum over all matches
 
     @property
@@ -53,18 +44,8 @@ class ClearCounts(ScoreTotals):
 def count_clear(matching: Matching) -> ClearCounts:
     """Count matches and errors (docs/method.md, section 9)."""
     totals = sum((score.totals for score in matching.frame_scores), start=ScoreTotals())
-    matched = [history.matched for history in matching.histories]
-    shares = np.array([frames.mean() for frames in matched])
-    tracked = int((shares > MOSTLY_TRACKED).sum())
-    lost = int((shares < MOSTLY_LOST).sum())
-    return ClearCounts(
-        **vars(totals),
-        fragmentations=sum(int((np.diff(np.flatnonzero(f)) > 1).sum()) for f in matched),
-        mostly_tracked=tracked,
-        partly_tracked=len(matched) - tracked - lost,
-        mostly_lost=lost,
-        similarity=sum(_similarity(matches) for matches in matching.frame_matches),
-    )
+    similarity = sum(_similarity(matches) for matches in matching.frame_matches)
+    return ClearCounts(**vars(totals), similarity=similarity)
 
 
 def _similarity(matches: FrameMatches) -> float:

@@ -24,10 +24,7 @@ class HotaCounts(Counts):
     tp: F64 = field(default_factory=_zeros)
     fn: F64 = field(default_factory=_zeros)
     fp: F64 = field(default_factory=_zeros)
-    similarity: F64 = field(default_factory=_zeros)  # sum over TP
     association: F64 = field(default_factory=_zeros)  # sum over TP of A(c)
-    association_recall: F64 = field(default_factory=_zeros)  # sum over TP of TPA / (TPA + FNA)
-    association_precision: F64 = field(default_factory=_zeros)  # sum of TPA / (TPA + FPA)
 
     @property
     def hota(self) -> F64:
@@ -40,34 +37,9 @@ class HotaCounts(Counts):
         return ratios(self.tp, self.tp + self.fn + self.fp)
 
     @property
-    def det_re(self) -> F64:
-        """Detection recall."""
-        return ratios(self.tp, self.tp + self.fn)
-
-    @property
-    def det_pr(self) -> F64:
-        """Detection precision."""
-        return ratios(self.tp, self.tp + self.fp)
-
-    @property
     def ass_a(self) -> F64:
         """Association accuracy: mean of A(c) = TPA / (TPA + FNA + FPA) over TP."""
         return ratios(self.association, self.tp)
-
-    @property
-    def ass_re(self) -> F64:
-        """Association recall."""
-        return ratios(self.association_recall, self.tp)
-
-    @property
-    def ass_pr(self) -> F64:
-        """Association precision."""
-        return ratios(self.association_precision, self.tp)
-
-    @property
-    def loc_a(self) -> F64:
-        """Mean similarity over TP; 1 without TP, as in TrackEval."""
-        return np.where(self.tp > 0, ratios(self.similarity, self.tp), 1.0)
 
 
 def count_hota(matching: Matching) -> HotaCounts:
@@ -81,12 +53,9 @@ def count_hota(matching: Matching) -> HotaCounts:
         together = np.zeros(shape)  # TPA of each pair of identities
         np.add.at(together, (persons[hit], tracks[hit]), 1.0)
         either = person_frames[:, None] + track_frames[None] - together
-        recall = (together**2 / np.maximum(person_frames, 1.0)[:, None]).sum()
-        precision = (together**2 / np.maximum(track_frames, 1.0)[None]).sum()
-        accuracy = (together * ratios(together, either)).sum()
-        columns.append([hit.sum(), similarity[hit].sum(), accuracy, recall, precision])
-    tp, *sums = np.array(columns, np.float64).T
-    return HotaCounts(tp, person_frames.sum() - tp, track_frames.sum() - tp, *sums)
+        columns.append([hit.sum(), (together * ratios(together, either)).sum()])
+    tp, association = np.array(columns, np.float64).T
+    return HotaCounts(tp, person_frames.sum() - tp, track_frames.sum() - tp, association)
 
 
 def _align(matching: Matching, shape: tuple[int, int]) -> tuple[F64, F64, F64]:

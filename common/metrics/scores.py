@@ -23,9 +23,8 @@ Row: TypeAlias = dict[str, float | None]
 
 # Figures of a row, in its order
 CLEAR = ("mota", "motp", "recall", "precision", "truths", "misses", "false_alarms", "id_switches")
-TRAJECTORIES = ("fragmentations", "mostly_tracked", "partly_tracked", "mostly_lost")
 IDENTITY = ("idf1", "idp", "idr")
-HOTA = ("hota", "det_a", "ass_a", "loc_a", "det_re", "det_pr", "ass_re", "ass_pr")
+HOTA = ("hota", "det_a", "ass_a")
 LIFETIMES = (
     *("duration_s", "coverage", "coverage_measured", "mean_segment_s", "mean_first_track_s"),
     *("people", "people_found", "returns", "share_reidentified"),
@@ -69,7 +68,6 @@ class Scores(Counts):
         """Return all metrics by name, units in the name, shares 0 to 1; None where undefined."""
         row: Row = {name: getattr(self.clear, name) for name in CLEAR}
         row["id_switches_per_min"] = self.id_switches_per_min
-        row |= {name: getattr(self.clear, name) for name in TRAJECTORIES}
         row |= {name: getattr(self.identity, name) for name in IDENTITY}
         row |= {name: float(getattr(self.hota, name).mean()) for name in HOTA}
         row |= {name: getattr(self.lifetimes, name) for name in LIFETIMES}

@@ -33,8 +33,6 @@ def test_mota() -> None:
     assert counts.mota == 0.25
     assert counts.recall == 5 / 8
     assert counts.precision == 5 / 7
-    # A was found in 4 of 4 frames, B in 1 of 4: neither below 20 % nor above 80 %.
-    assert (counts.mostly_tracked, counts.partly_tracked, counts.mostly_lost) == (1, 1, 0)
 
 
 def test_more_errors_than_people_give_a_negative_mota() -> None:
@@ -63,17 +61,9 @@ def test_a_swap_is_two_switches() -> None:
 def test_a_switch_counts_after_frames_without_a_track() -> None:
     recording = sequence(({"A": 0}, {1: 0}), ({"A": 0}, {}), ({"A": 0}, {2: 0}), ({"A": 0}, {2: 0}))
     assert match(recording, NEAR).id_switches == (IdSwitch("A", 1, 2, last_frame=0, frame=2),)
-    assert count(recording).fragmentations == 1
 
 
-def test_fragmentations_are_holes_not_ends() -> None:
-    # Missed, found, missed twice, found, missed: one hole.
-    found = (False, True, False, False, True, False)
-    counts = count(sequence(*(({"A": 0}, {1: 0} if tracked else {}) for tracked in found)))
-    assert (counts.fragmentations, counts.id_switches, counts.misses) == (1, 0, 4)
-
-
-def test_out_of_view_is_no_fragmentation() -> None:
+def test_out_of_view_is_no_miss() -> None:
     # A is out of view in the second frame and unknown to the truth in the third.
     counts = count(
         sequence(
@@ -89,7 +79,6 @@ def test_out_of_view_is_no_fragmentation() -> None:
         matches=2,
         outside=1,
         poses=2,
-        mostly_tracked=1,
         similarity=2.0,
     )
 
@@ -139,16 +128,6 @@ def test_boxes_match_from_half_overlap() -> None:
             stamp_ns=0, truth=person, hypotheses=Hypotheses(ids=(1,), boxes_xyxy_px=box)
         )
         assert count_clear(match(EvaluationSequence("x", (frame,)), box_overlap)).matches == matches
-
-
-def test_mostly_tracked_is_more_than_four_in_five() -> None:
-    def found(frames: int, of: int) -> ClearCounts:
-        return count(sequence(*(({"A": 0}, {1: 0} if i < frames else {}) for i in range(of))))
-
-    assert found(4, 5).partly_tracked == 1
-    assert found(5, 6).mostly_tracked == 1
-    assert found(1, 5).partly_tracked == 1
-    assert found(1, 6).mostly_lost == 1
 
 
 def test_who_need_not_be_found_is_neither_miss_nor_match() -> None:
