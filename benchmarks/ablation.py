@@ -155,7 +155,7 @@ def event_sums(results: Sequence[VariationScores], frames: range) -> F64:
 
 def _outcome_sums(outcome: MarkOutcome, *, forward: bool) -> F64:
     shares = figures([outcome])
-    shown = outcome.truth.mark.visibility != "mostly"
+    shown = outcome.truth.mark.hidden != "mostly"
     counted = ((shares.owned, shown), (shares.facing, forward), (shares.far, True))
     return np.array([(share.part * use, share.total * use) for share, use in counted], np.float64)
 

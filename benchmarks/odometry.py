@@ -1,7 +1,7 @@
 """Odometry correction and dynamic survival: [Park 2021]'s tables on our own data.
 
-The parts on MOT15 and KITTI need the reference data (`--shared`); the others track synthetic
-detections of the virtual lab, made without images.
+The part on MOT15 needs the reference data (`--shared`); the others track synthetic detections of
+the virtual lab, made without images.
 """
 
 from collections.abc import Sequence
@@ -10,8 +10,8 @@ from pathlib import Path
 import msgspec
 
 from benchmarks.lib import options
-from benchmarks.lib.odometry.rides import kitti_ride, lab_ride
-from benchmarks.lib.odometry.tables import SORT, WEAK, by_turn, faults, table2, table4, variants
+from benchmarks.lib.odometry.rides import lab_ride
+from benchmarks.lib.odometry.tables import SORT, WEAK, faults, table2, table4, variants
 from benchmarks.lib.peers.mot15 import HELD_OUT, TUNING, load_all, quality, score_tracks
 from benchmarks.lib.table import markdown, write
 from common.metrics.scores import Scores, combine
@@ -80,7 +80,6 @@ def main() -> None:
         {s: [lab_ride(name, s, errors) for name in SCENARIOS] for s in seeds}
         for errors in (WEAK, SyntheticDetectionsConfig())
     )
-    street = [kitti_ride(arguments.shared / "data/egomotion/kitti_0019", s) for s in seeds]
     write(
         __file__,
         "Odometry correction and dynamic survival",
@@ -102,9 +101,6 @@ def main() -> None:
         table2(weak, dynamic),
         "## Dynamic survival alone on MOT15, public detections",
         lifetime,
-        "## A car in a street (KITTI 0019): ID switches for 1000 boxes, by rotation a frame\n\n"
-        "True boxes with misses, noise and false alarms, camera poses as odometry.",
-        by_turn(street, settings),
         "## Faults of odometry, weak detector, SORT+Odom+Dynamic",
         faults(weak, settings),
     )

@@ -6,13 +6,12 @@ other packages, see `lib/peers/mot.py`.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 
 import cv2
 import numpy as np
 
 from benchmarks.lib import options
-from benchmarks.lib.marks.annotations import HIDDEN, read_files, read_frames
+from benchmarks.lib.marks.annotations import HIDDEN, read_frames
 from benchmarks.lib.marks.crossing import FPS, crossing_camera
 from benchmarks.lib.marks.methods import HALF_FRAME, HALVES, MARKS, ROOT, variants
 from benchmarks.lib.marks.recording import FrameOutput, MarkedRecording, marked, run
@@ -23,13 +22,11 @@ from benchmarks.lib.marks.results import (
     Result,
     detections_alone,
     hidden_row,
-    known,
     result,
     summary_row,
 )
 from benchmarks.lib.marks.scores import (
     INVENTED_FRAMES,
-    MarkOutcome,
     MarkScores,
     TrackedPerson,
     figures,
@@ -37,9 +34,7 @@ from benchmarks.lib.marks.scores import (
 from benchmarks.lib.peers.run import PeerRun, PeerSequence, run_peers
 from benchmarks.lib.table import markdown, write
 from common.geometry.boxes import iou_xyxy
-from evaluation.methods import read_method
 from people4d.messages import F64
-from services.camera.config import CameraConfig
 from services.detector.config import shipped_model
 
 OUT = ROOT / "out" / "real_people"
@@ -100,31 +95,6 @@ def tuning_owned(one: Result) -> int:
     return figures(tuning).owned.part
 
 
-def bag_rows(shared: Path) -> Iterator[list[str]]:
-    """Yield a row for each model and each class of `hidden`, over the five bags."""
-    marks = read_files(MARKS / "tue.json")
-    pose = shared / "data" / "models" / "yolov8n-pose_640.onnx"
-    models = {"MoveNet": (), "YOLOv8n-pose": (f"detector.model={pose}",)}
-    for model, settings in models.items():
-        outcomes = list[MarkOutcome]()
-        for file, people in marks.items():
-            source = shared / "data" / "rgbd" / "tue" / file
-            camera = CameraConfig(source=str(source), playback="lockstep", window=1)
-            recording, _ = marked(camera, {0: people})
-            outputs = run(read_method("best", settings), camera, OUT)
-            outcomes += detections_alone(model, recording, outputs).scores.outcomes
-        for hidden in HIDDEN:
-            some = figures([o for o in outcomes if o.truth.mark.visibility == hidden])
-            yield [
-                model,
-                hidden,
-                f"{some.found} of {some.found.total}",
-                known(some.far),
-                known(some.facing),
-            ]
-
-
-BAG_HEADER = ("model", "hidden", "found", "position > 0.5 m off", "yaw within 45 deg")
 SUMMARY_NOTE = (
     "108 RGB-D frames of six people who walk a loop through a room and occlude each other, taken "
     "as 10 frames a second. {frames} frames are annotated by hand in the images alone: {marks} "
@@ -142,10 +112,6 @@ SUMMARY_NOTE = (
     "scores, and publish boxes only; each has the settings, of those in peers/mot.py, with the "
     "most correct identities before frame {split}. All other methods run as shipped. MoveNet is "
     "{movenet}, the default on this processor."
-)
-BAG_NOTE = (
-    "Five frames of single images (TUE), most people behind a desk in the background. Detections "
-    "alone; the camera is taken to be level."
 )
 
 
@@ -173,7 +139,7 @@ def main() -> None:
         marks=len(marks),
         invented=INVENTED_FRAMES,
         split=HALF_FRAME,
-        **{hidden: sum(m.visibility == hidden for m in marks) for hidden in HIDDEN},
+        **{hidden: sum(m.hidden == hidden for m in marks) for hidden in HIDDEN},
     )
     classes = [f"{name}, {hidden} occluded" for name in HIDDEN_COLUMNS for hidden in HIDDEN_TITLES]
     write(
@@ -183,6 +149,4 @@ def main() -> None:
         markdown(SUMMARY_HEADER, [summary_row(one) for one in results]),
         "## By occlusion",
         markdown(["method", *classes], [hidden_row(one) for one in results if not one.is_peer]),
-        "## Single images\n\n" + BAG_NOTE,
-        markdown(BAG_HEADER, list(bag_rows(arguments.shared))),
     )

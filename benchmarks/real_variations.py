@@ -66,7 +66,7 @@ class VariationScores:
 
     def owned(self, half: range) -> Share:
         """Return the right identities of people less than half hidden."""
-        shown = [o for o in self.outcomes(half) if o.truth.mark.visibility != "mostly"]
+        shown = [o for o in self.outcomes(half) if o.truth.mark.hidden != "mostly"]
         return figures(shown).owned
 
 

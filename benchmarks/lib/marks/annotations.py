@@ -1,7 +1,6 @@
-"""Marks made by hand: people in images, each as a point on the torso with identity and facing."""
+"""Annotations of people in images: a point on the torso, identity, yaw and occlusion."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -15,11 +14,10 @@ from people4d.messages import F64, U16, CameraInfo
 
 Hidden = Literal["no", "partly", "mostly"]
 HIDDEN: tuple[Hidden, ...] = ("no", "partly", "mostly")
-WINDOW_PX = 2  # [px] depth is read in a window that reaches so far from the mark
-# Depth is registered to colour to within some pixels: where depths so near a mark differ by more
-# than those of a body, the person's is unknown.
-EDGE_PX, BODY_M = 5, 0.35
-READINGS_MIN = 5  # valid pixels in the window, at least
+WINDOW_PX = 2  # [px] half side of the window around the mark in which depth is read
+EDGE_PX = 5  # [px] half side of the window in which an edge of depth is looked for
+BODY_M = 0.35  # [m] largest range of depths on one body in that window
+READINGS_MIN = 5  # least number of valid pixels in the window
 
 
 class Mark(msgspec.Struct, frozen=True):
@@ -28,23 +26,14 @@ class Mark(msgspec.Struct, frozen=True):
     person: str
     u_px: float
     v_px: float
-    # [deg] facing of the chest: 0 away from the camera, 90 to the image's left; None: uncertain
+    # [deg] yaw of the chest: 0 away from the camera, 90 to the image's left; None: uncertain
     yaw_deg: Annotated[float, Meta(ge=-180, le=180)] | None
-    hidden: Hidden = "no"
-    mostly_hidden: bool = False  # by marks that do not grade `hidden`
-    cut: bool = False  # by the image's edge
-    head_only: bool = False  # the point lies on the head
-
-    @property
-    def visibility(self) -> Hidden:
-        """Class of `hidden`."""
-        return "mostly" if self.mostly_hidden else self.hidden
+    hidden: Hidden = "no"  # occlusion
 
 
 class _MarkedImage(msgspec.Struct, frozen=True):
     people: tuple[Mark, ...]
-    frame: int | None = None
-    file: str | None = None
+    frame: int
 
 
 class _MarkFile(msgspec.Struct, frozen=True):
@@ -54,7 +43,7 @@ class _MarkFile(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True)
 class MarkView:
-    """The camera of marked images, which does not move."""
+    """The standing camera of the annotated images."""
 
     info: CameraInfo
     map_from_optical: F64  # 4x4
@@ -74,7 +63,7 @@ class MarkView:
     def point_m(self, mark: Mark, depth_mm: U16) -> F64 | None:
         """Return the surface at a mark in the map, by the median depth.
 
-        None without depth, and at the edge of something before or behind the person.
+        None without depth, and at an edge of depth beside the person.
         """
         readings_mm = _readings(mark, depth_mm, WINDOW_PX)
         if len(readings_mm) < READINGS_MIN:
@@ -88,7 +77,7 @@ class MarkView:
 
 
 def _readings(mark: Mark, depth_mm: U16, reach_px: int) -> U16:
-    """Return the valid depths in a window around a mark, in millimetres."""
+    """Return the valid depths in a window around a mark [mm]."""
     u, v = round(mark.u_px), round(mark.v_px)
     rows, columns = (slice(max(at - reach_px, 0), at + reach_px + 1) for at in (v, u))
     window = depth_mm[rows, columns]
@@ -96,15 +85,9 @@ def _readings(mark: Mark, depth_mm: U16, reach_px: int) -> U16:
 
 
 def read_frames(path: Path) -> dict[int, tuple[Mark, ...]]:
-    """Return the marks of a recording by frame, without doubtful frames."""
+    """Return the annotations of a recording by frame, without doubtful frames."""
     content = msgspec.json.decode(path.read_bytes(), type=_MarkFile)
-    frames = {image.frame: image.people for image in content.marks if image.frame is not None}
+    frames = {image.frame: image.people for image in content.marks}
     return {
         frame: people for frame, people in frames.items() if frame not in content.doubtful_frames
     }
-
-
-def read_files(path: Path) -> Mapping[str, tuple[Mark, ...]]:
-    """Return the marks of single images by file."""
-    content = msgspec.json.decode(path.read_bytes(), type=_MarkFile)
-    return {image.file: image.people for image in content.marks if image.file is not None}

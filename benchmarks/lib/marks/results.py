@@ -68,7 +68,7 @@ def hidden_row(one: Result) -> list[str]:
     """Return found, right identity, position and facing by how much of a person is hidden."""
     row = [one.name]
     classes: list[Figures] = [
-        figures([o for o in one.scores.outcomes if o.truth.mark.visibility == hidden])
+        figures([o for o in one.scores.outcomes if o.truth.mark.hidden == hidden])
         for hidden in HIDDEN
     ]
     for name in ("found", "owned", "far", "facing"):

@@ -4,7 +4,6 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -97,43 +96,6 @@ def lab_ride(scenario: str, seed: int, errors: SyntheticDetectionsConfig) -> Rid
     )
 
 
-def kitti_ride(folder: Path, seed: int) -> Ride:
-    """Return a drive through a street: true boxes with a detector's errors, poses as odometry.
-
-    Errors are this benchmark's: a fifth of the people is missed, often for several frames; sides of
-    boxes are off by 2 % of the height; one false alarm in ten frames.
-    """
-    rng, width, height, rate_hz, focal_px = np.random.default_rng(seed), 1238, 374, 10.0, 718.3351
-    poses = np.loadtxt(folder / "CameraTrajectory.txt").reshape(-1, 3, 4)
-    people: list[dict[int, F64]] = [{} for _ in poses]
-    for line in (folder / "labels.txt").read_text(encoding="utf-8").splitlines():
-        cells = line.split()
-        if cells[2] in ("Pedestrian", "Cyclist", "Person_sitting"):
-            people[int(cells[0])][int(cells[1])] = np.array(cells[6:10], np.float64)
-    missing: dict[int, bool] = {}
-    frames, truth, samples = [], [], []
-    for number, here in enumerate(people):
-        stamp_ns = round(number / rate_hz * 1e9)
-        boxes = []
-        for identity, box in here.items():
-            # 20 % are missed; a miss lasts two frames in the mean.
-            lasts = rng.random() < (0.5 if missing.get(identity) else 0.875)
-            missing[identity] = missing.get(identity, False) == lasts
-            if not missing[identity]:
-                boxes.append(box + rng.normal(0, 0.02 * (box[3] - box[1]), 4))
-        if rng.random() < 0.1:
-            corner, tall = rng.uniform(0, [width - 60, height - 150]), rng.uniform(40, 150)
-            boxes.append(np.array([*corner, corner[0] + 0.4 * tall, corner[1] + tall]))
-        scores = rng.uniform(0.5, 1.0, len(boxes))
-        frames.append(BoxFrame(stamp_ns, np.array(boxes).reshape(-1, 4), scores, (width, height)))
-        published = np.array(list(here.values())).reshape(-1, 4)
-        truth.append(GroundTruth(ids=tuple(here), boxes_xyxy_px=published))
-        forward = poses[number][:, 2]  # the camera's z axis; x right, so left is -x
-        samples.append(_heading(stamp_ns, math.atan2(-forward[0], forward[2])))
-    fov_deg = _fov_deg(width, focal_px)
-    return Ride(f"kitti_0019@{seed}", tuple(frames), tuple(truth), _prompt(samples), fov_deg)
-
-
 def _truth(ids: list[int], boxes: F64, shares: F64, size_px: tuple[int, int]) -> GroundTruth:
     """Return who is in the image; a person who is mostly hidden need not be found."""
     boxes = boxes.clip(0, [*size_px, *size_px])
@@ -150,18 +112,6 @@ def _boxes(detections: Detections) -> BoxFrame:
     boxes = np.array([p.box_xyxy_px for p in people], np.float64).reshape(-1, 4)
     scores, size_px = np.array([p.score for p in people]), (detections.width, detections.height)
     return BoxFrame(detections.stamp_ns, boxes, scores, size_px)
-
-
-def _heading(stamp_ns: int, theta_rad: float) -> Odometry:
-    return Odometry(
-        stamp_ns=stamp_ns,
-        sequence=0,
-        frame_id="odom",
-        child_frame_id="base_link",
-        x_m=0.0,
-        y_m=0.0,
-        theta_rad=theta_rad,
-    )
 
 
 def _prompt(published: Sequence[Odometry]) -> tuple[Sample, ...]:

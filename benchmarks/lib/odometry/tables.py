@@ -1,10 +1,8 @@
 """Tables of SORT with odometry correction and dynamic survival on rides."""
 
-import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import msgspec
 import numpy as np
@@ -23,7 +21,6 @@ SORT = ImageSortConfig()
 # The detector of [Park 2021], on small and blurred images, finds about half of the people.
 WEAK = SyntheticDetectionsConfig(recall=0.7, miss_s=0.1, box_share=0.02, false_alarms=0.02)
 STATED = 0.5  # [points of MOTA and IDF1] that broken odometry may be worse than no correction
-TURNS_DEG = (0.1, 0.25, 0.5)  # [deg] turns of a frame that part KITTI's
 Settings = dict[str, ImageSortConfig]
 
 
@@ -110,29 +107,6 @@ def table2(rides: dict[int, list[Ride]], dynamic: ImageSortConfig) -> str:
         rows.append(row)
     header = ["MOTA", "FN", "IDsw", "IDF1"]
     return markdown(["survival", *header, *(f"{h}, odometry" for h in header)], rows)
-
-
-def by_turn(rides: Sequence[Ride], settings: Settings) -> str:
-    """Return ID switches of KITTI by the rotation of the car."""
-    edges = [0.0, *TURNS_DEG, math.inf]
-    header = ["method", "MOTA", "IDF1"]
-    header += [f"{low:g} to {high:g} °/frame" for low, high in pairwise(edges)]
-    rows = []
-    for name, config in settings.items():
-        runs = [run(config, ride) for ride in rides]
-        people, switches = np.zeros(len(edges) - 1), np.zeros(len(edges) - 1)
-        for one in runs:
-            turns = [abs(math.degrees(f.turn.rad)) for f in one.ride.turned()]
-            part = np.searchsorted(edges, turns, side="right") - 1
-            people += np.bincount(part, [len(t.ids) for t in one.ride.truth], len(people))
-            switches += np.bincount(part[list(one.switches)], minlength=len(people))
-        total = figures(runs)
-        rates = [
-            f"{1000 * s / p:.1f} ({p / len(rides):.0f} boxes)" if p else "none"
-            for s, p in zip(switches, people, strict=True)
-        ]
-        rows.append([name, f"{total[0]:.1f}", f"{total[4]:.1f}", *rates])
-    return markdown(header, rows)
 
 
 def faults(rides: dict[int, list[Ride]], settings: Settings) -> str:
