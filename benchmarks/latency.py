@@ -16,7 +16,7 @@ from common.runtime.latency import merge_stages, percentiles
 from common.runtime.monitor import FramePath
 
 RATE_SHARE = 0.6
-LIMITS_MS = (8.0, 15.0)  # wanted of all that is not inference, at p50 and p99
+LIMITS_MS = (8.0, 15.0)  # [ms] wanted p50 and p99 of all stages but inference
 
 
 def stage_table(paths: Sequence[FramePath]) -> str:

@@ -1,7 +1,7 @@
-"""Rate, processor time and latency by the number of people, and by that of cameras.
+"""Rate, processor time and latency by the number of people and of cameras.
 
-Camera, detector, re-ID and tracker as processes with one network thread. People: copies of those
-that the network finds. Cameras: live, 15 frames a second each, on one detector.
+Camera, detector, re-ID and tracker as processes with one network thread. People: copies of
+detected people. Cameras: live, 15 frames a second each, on one detector.
 """
 
 from benchmarks.lib import options

@@ -31,7 +31,7 @@ from common.runtime.latency import percentiles
 
 SCRIPT = Path(__file__).parent / "lib" / "peers" / "video.py"
 REFERENCE = "Ultralytics' track"
-# What Ultralytics writes into the files that it exports, and reads there
+# Metadata of files exported by Ultralytics
 PROPERTIES = {"task": "pose", "stride": "32", "batch": "1", "imgsz": "[640, 640]"}
 PROPERTIES |= {"names": "{0: 'person'}", "kpt_shape": "[17, 3]"}
 
@@ -58,7 +58,7 @@ def peers(python: str, model: Path, frames: int) -> dict[str, tuple[str, list[fl
         found = json.loads(target.read_text(encoding="utf-8"))
     for name, one in found.items():
         if not one["tracks"]:
-            raise RuntimeError(f"{name} found no people: the comparison would be of nothing")
+            raise RuntimeError(f"{name} found no people: nothing to compare")
     return {f"{name} {one['version']}": (name, one["times_s"]) for name, one in found.items()}
 
 
@@ -80,7 +80,7 @@ def ours(model: Path, int8: Path) -> dict[str, tuple[Arrangement, list[str]]]:
 
 
 def main() -> None:
-    """Measure by turns and write the table."""
+    """Measure in turns and write the table."""
     parser = options.parser(__doc__, "shared")
     parser.add_argument("--peers", required=True, help="Python interpreter of their environment")
     parser.add_argument("--int8", type=Path, required=True, help="the network in 8 bits")

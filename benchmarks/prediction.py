@@ -1,6 +1,6 @@
 """Predictions beside constant velocity: real pedestrians, and tracks of simulated people.
 
-Constants were chosen on seq_hotel and zara01; seq_eth judges.
+Constants were chosen on seq_hotel and zara01; seq_eth is the test split.
 """
 
 import time
@@ -39,9 +39,9 @@ IMAGE = Path(__file__).parents[1] / "docs" / "pictures" / "prediction-calibratio
 SHOWN_S = (0.5, 1.0, 2.0, 3.0, 4.0, 5.0)
 LAB = ("lab:four_dense@301", "lab:three_crossing@301")
 ADE = PredictorConfig(step_s=0.4, steps=12)  # 4.8 s, as published figures have it
-HISTORY_MIN = 8  # annotations before such a prediction
+HISTORY_MIN = 8  # number of annotations before such a prediction
 WARM_UP, ROUNDS = 30, 200
-COUNTS = (1, 2, 5, 10, 50, 200)  # of people
+COUNTS = (1, 2, 5, 10, 50, 200)  # numbers of people
 
 
 @dataclass(frozen=True)
@@ -74,11 +74,12 @@ def main() -> None:
     shown = [f"{horizon:g} s" for horizon in SHOWN_S]
     write(
         __file__,
-        "Where people will be",
+        "Predicted positions",
         "Mean error in metres and share of truth inside the 90 % ellipses, at each horizon. "
-        "Constant velocity goes on with the displacement since the annotation before, in the lab "
-        "with the velocity of the track. ADE, FDE: 8 annotations seen, 12 predicted, 0.4 s apart.",
-        "## Real pedestrians\n\nConstants were chosen on seq_hotel and zara01; seq_eth judges.",
+        "Constant velocity is the displacement since the previous annotation, in the lab the "
+        "velocity of the track. ADE, FDE: 8 annotations seen, 12 predicted, 0.4 s apart.",
+        "## Real pedestrians\n\nConstants were chosen on seq_hotel and zara01; seq_eth is the test "
+        "split.",
         markdown(["scene", "", *shown, "ADE", "FDE"], errors),
         "## Simulated people, tracks of the shipped tracker\n\nDetections from geometry in place "
         "of images, with errors as measured on images. Constants were chosen on other seeds of "
@@ -168,7 +169,7 @@ def reliability(pairs: PredictionPairs) -> tuple[F64, F64]:
 
 
 def cost_table() -> tuple[str, str]:
-    """Return the processor times by the number of people, and what they amount to."""
+    """Return the processor times by the number of people, and a sentence on them."""
     rows, medians = [], []
     for count in COUNTS:
         node_ms, codec_ms = costs(count)

@@ -42,7 +42,7 @@ class Result:
 
 
 def choices() -> Iterator[ImageSortConfig]:
-    """Yield the settings of our own among which the tuning sequences choose."""
+    """Yield the settings of our tracker from which the tuning sequences choose."""
     lifetimes = [("fixed", 5.0, 30.0)]
     lifetimes += [("dynamic", r, age) for r in (2.0, 5.0, 10.0) for age in (5.0, 8.0, 15.0)]
     for score_high, (lifetime, r, max_age) in itertools.product((0.0, 0.8), lifetimes):
@@ -68,7 +68,7 @@ def times_us(update: Callable[[BoxFrame], object], frames: Sequence[BoxFrame]) -
 
 
 def follow(config: ImageSortConfig, sequences: dict[str, MotSequence]) -> Result:
-    """Run our own."""
+    """Run our tracker."""
     tracks: dict[str, list[BoxTracks]] = {}
     times: dict[str, list[float]] = {}
     for name, one in sequences.items():
@@ -80,7 +80,7 @@ def follow(config: ImageSortConfig, sequences: dict[str, MotSequence]) -> Result
 
 
 def format_settings(config: ImageSortConfig) -> str:
-    """Return what differs from the source works' values, as text."""
+    """Return the settings that differ from the published values, as text."""
     names = config.__struct_fields__
     changed = [name for name in names if getattr(config, name) != getattr(FAITHFUL, name)]
     return ", ".join(f"{name} {getattr(config, name)}" for name in changed) or "SORT's"
@@ -89,7 +89,7 @@ def format_settings(config: ImageSortConfig) -> str:
 def ask_peers(
     python: str, sequences: dict[str, MotSequence], chosen: dict[str, list[int]]
 ) -> dict[str, dict[int, Result]]:
-    """Run the packages of others in their own environment.
+    """Run other packages in their own environment.
 
     Returns:
         Results by tracker and number of the setting; the first is the package's own.
@@ -122,7 +122,7 @@ def by_frame(rows: F64, frames: int) -> list[BoxTracks]:
 
 
 def worth(result: Result, sequences: dict[str, MotSequence]) -> float:
-    """Return how good a result is on the tuning sequences."""
+    """Return the criterion of a result on the tuning sequences."""
     return quality(score_tracks(sequences[name], result.tracks[name]) for name in TUNING)
 
 

@@ -1,4 +1,4 @@
-"""Work on several items at once, a process for each processor."""
+"""Parallel work on several items, one process for each processor."""
 
 import multiprocessing
 import os

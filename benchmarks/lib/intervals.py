@@ -41,7 +41,7 @@ class Difference:
         return self.low > 0 if self.figure.higher_is_better else self.high < 0
 
     def __str__(self) -> str:
-        """Return value and interval; bold if the interval does not hold 0."""
+        """Return value and interval; bold if the interval excludes 0."""
         value, low, high = (
             self.figure.form.replace("{:", "{:+").format(x)
             for x in (self.value, self.low, self.high)
@@ -63,8 +63,8 @@ def compare(method: F64, reference: F64, figures: tuple[Figure, ...]) -> list[Di
     """Return the difference of each figure between two methods on the same units.
 
     Args:
-        method: Sums of each unit, NxFx2. A unit is drawn as a whole: a scene, or an event.
-        reference: Likewise, of the same units in the same order.
+        method: Sums of each unit, NxFx2. Units, scenes or events, are resampled as a whole.
+        reference: Sums of the reference on the same units in the same order.
         figures: The F figures.
 
     Source: percentile bootstrap [Efron 1979], paired by unit.

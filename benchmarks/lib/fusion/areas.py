@@ -1,4 +1,4 @@
-"""Areas of one site: a tracker each, which exchange people, and one stream of all."""
+"""Areas of one site: one tracker each that exchange people, and one stream of all areas."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ from services.tracker.build import build
 from services.tracker.config import TrackerConfig
 
 BOOL = npt.NDArray[np.bool_]
-LINK_NS = 5_000_000  # from process to process
+LINK_NS = 5_000_000  # [ns] delay from process to process
 SITE = "site"
 
 
@@ -33,7 +33,7 @@ class AreaRun:
 
     merged: Sequence[TimedTracks]
     counters: Mapping[str, Mapping[str, int]]  # by node
-    bytes_sent: int  # of people for neighbours, by all areas
+    bytes_sent: int  # size of all messages of areas to their neighbours
 
 
 def track_areas(scene: FusionScene, areas: Mapping[str, Sequence[str]], exchange: bool) -> AreaRun:
@@ -42,7 +42,7 @@ def track_areas(scene: FusionScene, areas: Mapping[str, Sequence[str]], exchange
     Args:
         scene: The scene.
         areas: Cameras of each area.
-        exchange: True: each area is a neighbour of all others. False: they do not hear each other.
+        exchange: True if each area is a neighbour of all others.
     """
     nodes: dict[str, Node] = {}
     for number, name in enumerate(areas, 1):
@@ -82,7 +82,7 @@ def track_areas(scene: FusionScene, areas: Mapping[str, Sequence[str]], exchange
 def _readers(
     nodes: Mapping[str, Node], sender: str, output: Message
 ) -> list[tuple[str, ForeignTopic]]:
-    """Return who listens to a message of an area, and by which topic."""
+    """Return the readers of a message of an area, with their topics."""
     key = "people" if isinstance(output, Tracks) else "area_people"
     return [
         (name, topic)
@@ -97,16 +97,16 @@ class AreaHandOvers:
     """Walks of people from one area to another."""
 
     walks: int
-    same: int  # with the same identity
+    same: int  # walks with the same identity
 
 
 def area_hand_overs(
     scene: FusionScene, areas: Mapping[str, Sequence[str]], merged: Sequence[TimedTracks]
 ) -> tuple[AreaHandOvers, Matching]:
-    """Count people who were in_area in one area alone, and next in another alone for two seconds.
+    """Count walks: a person is in one area alone, then in another alone for two seconds.
 
-    The identities compared are that of the last match in the first area and that of most matches
-    from 0.8 to 2 s after they came into the other.
+    The identity of the last match in the first area is compared with the most frequent identity
+    from 0.8 to 2 s after the arrival in the other.
     """
     matching = matched(scene, merged)
     frames = matching.sequence.frames
@@ -126,7 +126,7 @@ def area_hand_overs(
 
 
 def _walks(in_area: BOOL, tracked: npt.NDArray[np.int_]) -> AreaHandOvers:
-    """Count the walks of one person: in_area is TxA, tracked T, ten a second."""
+    """Count the walks of one person; in_area is TxA, tracked T, ten samples a second."""
     walks = same = 0
     last_area, last_id = -1, -1
     for k in range(len(in_area)):
@@ -135,7 +135,7 @@ def _walks(in_area: BOOL, tracked: npt.NDArray[np.int_]) -> AreaHandOvers:
             continue
         area = int(alone[0])
         is_new = last_area not in (-1, area)
-        # at least two seconds in the new area alone, or it is no walk
+        # A walk ends with at least two seconds in the new area alone.
         stays = k + 20 <= len(in_area) and bool((in_area[k : k + 20].sum(axis=1) == 1).all())
         stays = stays and bool(in_area[k : k + 20, area].all())
         if is_new and not stays:

@@ -12,7 +12,7 @@ Change = Callable[[int, Message], Message | None]  # by the true time; None: the
 
 
 def covered(camera: str, from_ns: int) -> Change:
-    """Return the change by a lens that is covered: frames without people."""
+    """Return the change by a covered lens: frames without people."""
 
     def change(time_ns: int, message: Message) -> Message | None:
         if isinstance(message, Detections) and message.camera == camera and time_ns >= from_ns:
@@ -23,12 +23,11 @@ def covered(camera: str, from_ns: int) -> Change:
 
 
 def knocked(camera: str, degrees: float, from_ns: int) -> Change:
-    """Return the change by a camera that is turned about the vertical at a time."""
+    """Return the change by a camera that is turned about its upright axis at a time."""
 
     def change(time_ns: int, message: Message) -> Message | None:
         if not isinstance(message, Detections) or message.camera != camera or time_ns < from_ns:
             return message
-        # About the camera's own upright axis, which is near to the vertical.
         turn = rotation_from_rpy(0.0, np.radians(degrees), 0.0)
         people = tuple(
             d if d.position_m is None else replace(d, position_m=turn @ d.position_m)
@@ -40,7 +39,7 @@ def knocked(camera: str, degrees: float, from_ns: int) -> Change:
 
 
 def late_clock(camera: str, seconds: float, ppm: float, start_ns: int) -> Change:
-    """Return the change by a clock of one camera that is off, and drifts."""
+    """Return the change by a clock of one camera with an offset and a drift."""
 
     def change(time_ns: int, message: Message) -> Message | None:
         if not isinstance(message, Detections | Embeddings) or message.camera != camera:
@@ -52,7 +51,7 @@ def late_clock(camera: str, seconds: float, ppm: float, start_ns: int) -> Change
 
 
 def dead(camera: str, from_ns: int) -> Change:
-    """Return the change by a camera that sends nothing from a time on."""
+    """Return the change by a camera that stops sending at a time."""
 
     def change(time_ns: int, message: Message) -> Message | None:
         is_lost = getattr(message, "camera", "") == camera and time_ns >= from_ns

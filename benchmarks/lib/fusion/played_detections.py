@@ -1,4 +1,4 @@
-"""Detections of many cameras and people, made without bodies, to measure what a tracker costs."""
+"""Artificial detections of many cameras and people, to measure the time of a tracker."""
 
 import math
 import time
@@ -27,9 +27,9 @@ from services.tracker.config import TrackerConfig
 
 EPOCH_NS = 10**18
 RATE_HZ = 15.0
-NEAREST = 10  # people that a camera sees at once
-ROOM_M = 2.5  # side of the floor for one person
-BINS = 48  # of embeddings
+NEAREST = 10  # number of people in view of a camera
+ROOM_M = 2.5  # [m] side of the floor for one person
+BINS = 48  # length of an embedding
 SECOND_NS = 10**9
 
 
@@ -38,8 +38,8 @@ def cost(cameras: int, people: int, seconds: float) -> tuple[float, float]:
 
     Args:
         cameras: Cameras, 15 Hz each.
-        people: People on the whole floor; a camera sees the ten that are nearest to it.
-        seconds: Time played, after two seconds that are not measured.
+        people: People on the whole floor; a camera sees the ten nearest.
+        seconds: Measured time, after two seconds of warm-up.
     """
     node = build(TrackerConfig(require_transform=True))
     took_s, counts = 0.0, list[int]()
@@ -105,7 +105,7 @@ def played(cameras: int, people: int, seconds: float) -> Iterator[tuple[int, Mes
 
 
 def _pose(number: int, count: int, side_m: float) -> F64:
-    """Return a camera on the edge of the floor, which looks at its middle."""
+    """Return the pose of a camera on the edge of the floor that looks at its middle."""
     angle = 2 * math.pi * number / count
     turn = rotation_from_rpy(0.0, 0.2, angle + math.pi)
     at = (side_m / 2 * math.cos(angle), side_m / 2 * math.sin(angle), 2.2)

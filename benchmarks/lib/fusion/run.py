@@ -16,9 +16,9 @@ from people4d.messages import Detections, Health, Message, Track, Tracks
 from services.tracker.build import build
 from services.tracker.config import TrackerConfig
 
-ARRIVAL_NS = 60_000_000  # from a frame to its detections
-MERGED_M = 0.5  # of two cameras' tracks that the merger takes for one person
-FRESH_NS = 250_000_000  # of the tracks of a camera that the merger uses
+ARRIVAL_NS = 60_000_000  # [ns] from a frame to its detections
+MERGED_M = 0.5  # [m] largest distance of tracks that the merger joins
+FRESH_NS = 250_000_000  # [ns] largest age of tracks in the merger
 
 
 @dataclass(frozen=True)
@@ -31,10 +31,10 @@ class TimedTracks:
 
 @dataclass(frozen=True)
 class Statement:
-    """A sentence of the tracker's health, or of the doctor on its clocks."""
+    """A reason in the tracker's health, or a finding of the doctor about clocks."""
 
-    first_ns: int  # [ns] true time of the first sentence that differs in numbers alone
-    text: str  # the last of these
+    first_ns: int  # [ns] true time of the first such sentence, numbers aside
+    text: str  # last such sentence
     count: int
 
 
@@ -69,7 +69,7 @@ def track(
 
 
 def _sentences(status: Status, time_ns: int) -> list[str]:
-    """Return the reasons of a tracker, and what the doctor concludes from its gauges of clocks."""
+    """Return the reasons of a tracker, and the findings of the doctor about its clocks."""
     health = Health(
         stamp_ns=time_ns,
         sequence=0,
@@ -105,7 +105,7 @@ def _handle(node: Node, message: Message, now_ns: int) -> Iterator[Tracks]:
 def merge(single: Mapping[str, Sequence[TimedTracks]]) -> list[TimedTracks]:
     """Return the tracks of single cameras, each joined to the nearest of another within 0.5 m.
 
-    The first track of a person keeps its number; a later one of another camera near to it gets it.
+    A joined track gets the number of the earlier one.
     """
     order = sorted((t.time_ns, camera, t) for camera, ts in single.items() for t in ts)
     newest: dict[str, TimedTracks] = {}

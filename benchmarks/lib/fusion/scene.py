@@ -20,9 +20,9 @@ from people4d.messages import (
     Truth,
 )
 
-BINS = 48  # of the synthetic embeddings
+BINS = 48  # length of the synthetic embeddings
 GAIN_SIGMA = 0.15  # of the logarithm of a camera's factors
-SAME_M = 0.4  # from a detection to the person that it is of
+SAME_M = 0.4  # [m] largest distance from a detection to its person
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class FusionScene:
     messages: Sequence[tuple[int, Message]]  # true time [ns], and message
     infos: Mapping[str, CameraInfo]
     poses: Mapping[str, F64]  # map_from_camera, 4x4
-    times_ns: F64  # T, of the ground truth
+    times_ns: F64  # T, stamps of the ground truth
     people_m: F64  # TxPx3
 
     def positions_m(self, time_ns: int) -> F64:

@@ -14,10 +14,10 @@ from common.metrics.scores import score_matching
 from common.metrics.similarity import GroundDistance
 from people4d.messages import F64, Track
 
-SLOT_NS = 100_000_000  # of scoring
-MATCH_M = 0.5  # largest error of a match
-LATER = range(8, 20)  # tenths of a second after a hand-over in which identities are compared
-MEASURED_S = 0.1  # since the last match by any camera, within which a position is measured
+SLOT_NS = 100_000_000  # [ns] period of scoring
+MATCH_M = 0.5  # [m] largest error of a match
+LATER = range(8, 20)  # [0.1 s] time after a hand-over in which identities are compared
+MEASURED_S = 0.1  # [s] largest time since the last match of a measured position
 
 
 def sequence_of(scene: FusionScene, found: Sequence[TimedTracks]) -> EvaluationSequence:
@@ -49,7 +49,7 @@ def sequence_of(scene: FusionScene, found: Sequence[TimedTracks]) -> EvaluationS
 
 
 def _is_predicted(track: Track) -> bool:
-    """Check that no camera matched a track lately; that of the frame need not see the person."""
+    """Check that no camera matched a track lately."""
     return track.state == "lost" and track.time_since_update_s > MEASURED_S
 
 
@@ -59,7 +59,7 @@ def matched(scene: FusionScene, found: Sequence[TimedTracks]) -> Matching:
 
 
 def double_share(matching: Matching) -> float:
-    """Return the share of people in view, over all frames, who have a second, measured track."""
+    """Return the share of people in view, over all frames, with a second, measured track."""
     double = total = 0
     for frame, matches in zip(matching.sequence.frames, matching.frame_matches, strict=True):
         truth, tracks = frame.truth.positions_m, frame.hypotheses.positions_m
@@ -101,7 +101,7 @@ class FusionScore:
 
 
 def hand_overs(scene: FusionScene, matching: Matching) -> HandOvers:
-    """Count people who leave the view of a camera for that of another, with and without a gap."""
+    """Count changes from the view of one camera to another, with and without a gap."""
     return sum((_of_person(*one) for one in _by_person(scene, matching)), HandOvers())
 
 
@@ -125,7 +125,7 @@ def _of_person(in_views: F64, tracked: F64) -> HandOvers:
 
     Args:
         in_views: TxC flags, ten a second.
-        tracked: T, number of the track, -1 where there is none.
+        tracked: T, number of the track, -1 without a track.
     """
     counts = [0, 0, 0, 0]
     for k in range(1, len(in_views) - LATER.stop):

@@ -1,1 +1,1 @@
-"""Recordings of real people with marks made by hand, and variations of them."""
+"""Annotated recordings of real people, and augmentations of them."""

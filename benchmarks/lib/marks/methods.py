@@ -1,4 +1,4 @@
-"""Methods that are compared on marked real people, and the halves of the recording."""
+"""Methods that are compared on annotated real people, and the splits of the recording."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,7 +7,7 @@ from evaluation.methods import Method, read_method
 
 ROOT = Path(__file__).resolve().parents[3]
 MARKS = ROOT / "benchmarks" / "real_people_marks"
-HALF_FRAME = 54  # frames before it choose, the others test
+HALF_FRAME = 54  # first frame of the test split
 HALVES = {"first half": range(HALF_FRAME), "second half": range(HALF_FRAME, 10_000)}
 DEFAULT = "MoveNet, appearance (default)"
 
@@ -19,7 +19,7 @@ class Variant:
     name: str
     preset: str
     settings: tuple[str, ...] = ()
-    detector: str = ""  # name of its detections, which peers get, too; empty: they do not
+    detector: str = ""  # name of its detections if other packages get them
 
     def method(self) -> Method:
         """Return its configuration."""

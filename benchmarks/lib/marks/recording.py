@@ -1,4 +1,4 @@
-"""A recording with marks made by hand, and the tracks of a method in its image."""
+"""An annotated recording, and the tracks of a method in its images."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -28,9 +28,9 @@ from services.camera.sources import open_source
 from services.tracker.build import build as build_tracker
 from services.tracker.observe import yaw_of
 
-# A predicted person's box: half of the width and the height of a torso with its surroundings
+# Half width and half height of the box around a predicted person
 PREDICTED_HALF_M = (0.3, 0.9)
-TORSO_ABOVE = 0.35  # of that height above the torso
+TORSO_ABOVE = 0.35  # share of the height of the box above the torso
 
 
 @dataclass(frozen=True)
@@ -39,12 +39,12 @@ class FrameOutput:
 
     detections: Detections
     tracks: Tracks
-    boxes: ImageTracks | None  # of trackers in the image
+    boxes: ImageTracks | None  # output of a tracker in the image
 
 
 @dataclass(frozen=True)
 class MarkedRecording:
-    """A recording with its marks."""
+    """A recording with its annotations."""
 
     camera: CameraConfig
     view: MarkView
@@ -120,7 +120,7 @@ def read_images(camera: CameraConfig) -> tuple[CameraInfo, list[SourceFrame]]:
 def marked(
     camera: CameraConfig, marks: Mapping[int, Sequence[Mark]]
 ) -> tuple[MarkedRecording, list[SourceFrame]]:
-    """Return a recording with its marks, and its images."""
+    """Return a recording with its annotations, and its images."""
     info, images = read_images(camera)
     view = MarkView(info, camera.mount_from_optical)
     truth = {
@@ -134,7 +134,7 @@ def marked(
 
 
 def run(method: Method, camera: CameraConfig, cache: Path) -> list[FrameOutput]:
-    """Play a recording through a method; the output of networks is cached by image."""
+    """Play a recording through a method; its detections are cached."""
     job = DetectionJob(
         Path(camera.source), camera, method.detector, tuple(filter(None, [method.reid])), cache
     )

@@ -1,4 +1,4 @@
-"""Results of methods on marked real people, and their rows in tables."""
+"""Results of methods on annotated real people, and their rows in tables."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -47,7 +47,7 @@ def detections_alone(
 
 
 def summary_row(one: Result) -> list[str]:
-    """Return all marks in one row."""
+    """Return the figures of all annotations in one row."""
     scores, all_marks = one.scores, figures(one.scores.outcomes)
     row = [one.name, str(all_marks.found)]
     if not one.has_identity:
@@ -60,12 +60,12 @@ def summary_row(one: Result) -> list[str]:
 
 
 def known(share: Share) -> str:
-    """Return a share as text, "-" of nothing."""
+    """Return a share as text, "-" if its total is 0."""
     return str(share) if share.total else "-"
 
 
 def hidden_row(one: Result) -> list[str]:
-    """Return found, right identity, position and facing by how much of a person is hidden."""
+    """Return found, correct identity, position and yaw by occlusion."""
     row = [one.name]
     classes: list[Figures] = [
         figures([o for o in one.scores.outcomes if o.truth.mark.hidden == hidden])

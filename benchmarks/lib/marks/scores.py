@@ -1,9 +1,9 @@
-"""Scores of tracks against marks made by hand: identities, positions and facing at each mark.
+"""Scores of tracks against annotations: identity, position and yaw at each annotated point.
 
-A track is on a mark if its box in the image holds the mark, or its position is near the surface at
-the mark (the box of a head does not hold the torso). Each has one partner at most: tracks with a
-detection come before predicted ones, and where a box holds several marks those near its position
-before others.
+A track matches an annotation ("mark") if its box in the image contains the point, or its position
+is near the surface there (the box of a head does not contain the torso). Matches are one to one.
+Tracks with a detection come before predicted ones. If a box contains several marks, the nearest to
+its position comes first.
 """
 
 import math
@@ -23,12 +23,12 @@ from common.metrics.scores import score_matching
 from people4d.messages import F64
 from services.tracker.sort3d.association import assign
 
-TORSO_HEIGHT = 0.35  # of a box, from its top: the torso of an upright person
-PREDICTED_PX = 10_000.0  # cost of a predicted track, above all distances in an image
-PX_PER_M = 250.0  # cost of a distance on the ground: its size in the image about two metres away
-UNKNOWN_M = 1e6  # coordinates of what has no known position
-INVENTED_FRAMES = 3  # more frames than that on no marked person: an invented track
-FAR_M = 0.5  # a position farther from the mark is wrong
+TORSO_HEIGHT = 0.35  # height of the torso in a box, from its top, as a share of the box
+PREDICTED_PX = 10_000.0  # [px] cost of a predicted track, above all distances in an image
+PX_PER_M = 250.0  # [px/m] cost of a distance on the ground: its size at a depth of about 2 m
+UNKNOWN_M = 1e6  # [m] coordinates of an unknown position
+INVENTED_FRAMES = 3  # most frames of a track on no annotated person that is not invented
+FAR_M = 0.5  # [m] largest error of a correct position
 FACING_RAD = math.radians(45)
 
 
@@ -37,16 +37,16 @@ class TrackedPerson:
     """One track in one frame."""
 
     id: int
-    box_xyxy_px: F64  # 4, of the detection; of a predicted track, around its projected torso
+    box_xyxy_px: F64  # 4, box of the detection, or around the projected torso if predicted
     predicted: bool = False  # without a detection in this frame
     position_m: F64 | None = None  # 3, in the map; None: the tracker has boxes only
-    detected_m: F64 | None = None  # 3, in the map: that of the detection in the box, if known
+    detected_m: F64 | None = None  # 3, in the map: position of the detection in the box
     yaw_rad: float | None = None  # in the map
 
 
 @dataclass(frozen=True)
 class MarkTruth:
-    """One mark with all that is known about it."""
+    """One mark with surface and yaw."""
 
     mark: Mark
     point_m: F64 | None  # 3, surface at the mark, in the map; None without depth
@@ -55,13 +55,13 @@ class MarkTruth:
 
 @dataclass(frozen=True)
 class MarkOutcome:
-    """Track on one mark, compared with it."""
+    """Comparison of one mark with its track."""
 
     frame: int
     truth: MarkTruth
-    track: TrackedPerson | None  # on the mark
-    is_owner: bool  # the track is that of this person, by the best one-to-one assignment
-    is_first: bool  # the track is the person's first, and was no other person's before
+    track: TrackedPerson | None  # track on the mark
+    is_owner: bool  # True: the track is assigned to this person, one to one
+    is_first: bool  # True: the first track of the person, and of no other person before
 
     @property
     def distance_m(self) -> float | None:
@@ -73,7 +73,7 @@ class MarkOutcome:
 
     @property
     def yaw_error_rad(self) -> float | None:
-        """Size of the error of the yaw."""
+        """Absolute error of the yaw."""
         if self.track is None or self.track.yaw_rad is None or self.truth.yaw_rad is None:
             return None
         return abs(math.remainder(self.track.yaw_rad - self.truth.yaw_rad, 2 * math.pi))
@@ -81,7 +81,7 @@ class MarkOutcome:
 
 @dataclass(frozen=True)
 class Share:
-    """A part of a number."""
+    """A part of a total."""
 
     part: int
     total: int
@@ -95,10 +95,10 @@ class Figures:
     """Figures over some marks."""
 
     found: Share
-    owned: Share  # marks with the track of their person
+    owned: Share  # marks with the correct identity
     first: Share  # marks with the first track of their person
-    far: Share  # positions that are wrong, of those measured
-    facing: Share  # yaws within 45 degrees, of marked ones, where tracks have 3D positions
+    far: Share  # wrong positions, of all measured ones
+    facing: Share  # yaws within 45 degrees, of all annotated ones of tracks with a position
 
 
 def figures(outcomes: Sequence[MarkOutcome]) -> Figures:
@@ -150,12 +150,12 @@ class MarkScores:
 
     @property
     def id_switches(self) -> int:
-        """Times that a person got another track."""
+        """Number of ID switches."""
         return len(self._matching.id_switches)
 
     @property
     def takeovers(self) -> int:
-        """Times that a track went from one person to another."""
+        """Number of times that a track went from one person to another."""
         last, count = dict[int, str](), 0
         for (_, person), track in self._pairs.items():
             count += last.setdefault(track.id, person) != person
@@ -164,13 +164,13 @@ class MarkScores:
 
     @property
     def invented(self) -> int:
-        """Tracks with a detection on no marked person in more than INVENTED_FRAMES frames."""
+        """Number of tracks with detections on no mark in more than INVENTED_FRAMES frames."""
         frames = Counter(t.id for _, t in self._unmatched if not t.predicted)
         return sum(count > INVENTED_FRAMES for count in frames.values())
 
     @property
     def ghosts(self) -> int:
-        """Predicted tracks in the image on no marked person, over all frames."""
+        """Number of predicted tracks in the image on no mark, over all frames."""
         return sum(track.predicted for _, track in self._unmatched)
 
     def idf1_hota(self, frames: range) -> tuple[float, float]:
@@ -231,7 +231,7 @@ class MarkScores:
 
 
 def on_marks(truth: GroundTruth, tracked: Hypotheses) -> F64:
-    """Return 1 (NxM) for the track on each mark, else 0: marks have no extent."""
+    """Return 1 (NxM) for the track on each mark, else 0."""
     similarity = np.zeros((len(truth.ids), len(tracked.ids)))
     if not similarity.size:
         return similarity
@@ -251,7 +251,7 @@ def on_marks(truth: GroundTruth, tracked: Hypotheses) -> F64:
 
 
 def _distances(truth: GroundTruth, tracked: Hypotheses) -> F64:
-    """Return the distances on the ground (NxM) from marks to tracks; NaN where one is unknown."""
+    """Return the distances on the ground (NxM) from marks to tracks; NaN if unknown."""
     if truth.positions_m is None or tracked.positions_m is None:
         return np.full((len(truth.ids), len(tracked.ids)), np.nan)
     marks_m, tracks_m = truth.positions_m[:, None, :2], tracked.positions_m[None, :, :2]
@@ -261,13 +261,13 @@ def _distances(truth: GroundTruth, tracked: Hypotheses) -> F64:
 
 
 def _rows(positions_m: Sequence[F64 | None]) -> F64:
-    """Return positions (Nx3), those that are not known as UNKNOWN_M."""
+    """Return positions (Nx3), UNKNOWN_M if unknown."""
     unknown = np.full(3, UNKNOWN_M)
     return np.array([unknown if p is None else p for p in positions_m]).reshape(-1, 3)
 
 
 def _owners(pairs: Mapping[tuple[int, str], TrackedPerson]) -> dict[str, int]:
-    """Return the track of each person: one to one, for the most marks."""
+    """Return the track of each person, assigned one to one for the most marks."""
     persons = sorted({person for _, person in pairs})
     tracks = sorted({track.id for track in pairs.values()})
     together = np.zeros((len(persons), len(tracks)))

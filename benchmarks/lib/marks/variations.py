@@ -1,4 +1,4 @@
-"""Frames of a recording made unlike it: mirrored, dark, blurred, in another light or order."""
+"""Augmentations of a recording: mirrored, dark, blurred, in another light or order."""
 
 import hashlib
 import math
@@ -37,12 +37,12 @@ from services.tracker.build import build as build_tracker
 CAMERA = "camera"
 OPTICAL = "camera_optical"
 STEP_NS = 100_000_000  # [ns] from frame to frame
-BLOCK_PX = 8  # of depth that a blurred image lacks
-LOST_BLOCKS = 0.1  # share of these
+BLOCK_PX = 8  # [px] side of a hole in the depth of a blurred image
+LOST_BLOCKS = 0.1  # share of blocks without depth
 
 Cache = dict[bytes, list[DetectedPerson]]  # output of one network, by digest of the image
 Images = Callable[[U8, U16, np.random.Generator], tuple[U8, U16]]
-Order = Callable[[int], range]  # frames in order, of their number
+Order = Callable[[int], range]  # order of frames, given their number
 
 
 def unchanged(rgb: U8, depth_mm: U16, _rng: np.random.Generator) -> tuple[U8, U16]:
@@ -73,7 +73,7 @@ def warm(rgb: U8, depth_mm: U16, _rng: np.random.Generator) -> tuple[U8, U16]:
 
 @dataclass(frozen=True)
 class ImageVariation:
-    """Images unlike those of the recording."""
+    """Augmentation of the images of a recording."""
 
     name: str
     change: Images = unchanged
@@ -86,7 +86,7 @@ class OrderVariation:
 
     name: str
     frames: Order
-    reversed: bool = False  # people walk backwards: their facing is not scored
+    reversed: bool = False  # True: people walk backwards, their yaw is not scored
 
 
 IMAGES = (
@@ -108,7 +108,7 @@ ORDERS = (
 
 
 def vary(recording: MarkedRecording, variation: ImageVariation) -> MarkedRecording:
-    """Return the marks and the camera of varied images."""
+    """Return the marks and the camera of augmented images."""
     view = recording.view
     if not variation.mirrored:
         return recording
@@ -122,7 +122,7 @@ def vary(recording: MarkedRecording, variation: ImageVariation) -> MarkedRecordi
 
 
 def mirrored_pose(map_from_optical: F64) -> F64:
-    """Return the pose (4x4) of a camera in a room that is mirrored left to right."""
+    """Return the pose (4x4) of a camera in a mirrored room."""
     return np.diag([1.0, -1.0, 1.0, 1.0]) @ map_from_optical @ np.diag([-1.0, 1.0, 1.0, 1.0])
 
 
@@ -153,7 +153,7 @@ class CachingModel:
 
 @dataclass(frozen=True)
 class VariedDetections:
-    """Detections and embeddings of varied images, by frame."""
+    """Detections and embeddings of augmented images, by frame."""
 
     start: tuple[CameraInfo, StaticTransform]
     found: Mapping[int, Sequence[Detections]]  # by the step from frame to frame
@@ -167,7 +167,7 @@ def detect(
     variation: ImageVariation,
     cache: Cache,
 ) -> VariedDetections:
-    """Detect and embed the people of varied images; `cache` is of the method's network."""
+    """Detect and embed the people of augmented images; `cache` belongs to the network."""
     names = {"camera": CAMERA, "frame_id": OPTICAL, "stamp_ns": 0, "sequence": 0}
     info = msgspec.structs.replace(view.info, **names)
     link = StaticTransform(
@@ -241,7 +241,7 @@ def track(
     for count, frame in enumerate(frames, 1):
         stamp_ns = count * abs(frames.step) * STEP_NS
         found, embeddings = detections.found[frames.step][frame], detections.embeddings[frame]
-        interval_s = found.velocity_interval_s if count > 1 else None  # nothing comes before
+        interval_s = found.velocity_interval_s if count > 1 else None  # the first frame has none
         found = msgspec.structs.replace(found, stamp_ns=stamp_ns, velocity_interval_s=interval_s)
         if embeddings:
             list(node.handle(msgspec.structs.replace(embeddings, stamp_ns=stamp_ns), 0))

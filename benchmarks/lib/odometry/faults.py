@@ -9,12 +9,11 @@ import numpy as np
 
 from benchmarks.lib.odometry.rides import Sample
 
-# What becomes of the samples.
 Fault = Callable[[tuple[Sample, ...]], tuple[Sample, ...]]
 
 
 def frozen(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
-    """From one third on, for a third, the same pose is published again and again."""
+    """Repeat one pose during the middle third."""
     first, last = len(samples) // 3, 2 * len(samples) // 3
     held = samples[first].odometry
     return (
@@ -25,23 +24,23 @@ def frozen(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
 
 
 def silent(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
-    """From one third on, for a third, nothing is published."""
+    """Drop the middle third."""
     return samples[: len(samples) // 3] + samples[2 * len(samples) // 3 :]
 
 
 def lossy(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
-    """One sample of ten is lost."""
+    """Drop one sample of ten."""
     received = np.random.default_rng(1).random(len(samples)) >= 0.1
     return tuple(sample for sample, there in zip(samples, received, strict=True) if there)
 
 
 def late(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
-    """All come 200 ms late."""
+    """Delay all samples by 200 ms."""
     return tuple(replace(s, arrival_ns=s.arrival_ns + 200_000_000) for s in samples)
 
 
 def slipping(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
-    """Each second the wheels slip anew: turns are 30 % (one sigma) too large or too small."""
+    """Scale turns by a factor of 1 +- 0.3 (one sigma) that changes every second."""
     rng, published = np.random.default_rng(2), []
     factors = 1 + 0.3 * rng.standard_normal(1 + len(samples))
     before = theta_rad = samples[0].odometry.theta_rad
@@ -55,12 +54,12 @@ def slipping(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
 
 
 def offset(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
-    """The robot's clock is 100 ms ahead of the camera's."""
+    """Set the robot's clock 100 ms ahead of the camera's."""
     return tuple(_changed(s, stamp_ns=s.odometry.stamp_ns + 100_000_000) for s in samples)
 
 
 def restarted(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
-    """In the middle the odometry begins anew at heading 0."""
+    """Restart the odometry at yaw 0 in the middle."""
     half = len(samples) // 2
     zero = samples[half].odometry.theta_rad
     after = (
@@ -80,7 +79,7 @@ FAULTS: dict[str, Fault] = {
     "silent for a third of the time": silent,
     "10 % lost": lossy,
     "200 ms late": late,
-    "wheels slip (30 % of the turn, each second anew)": slipping,
+    "wheels slip (30 % of the turn, changing every second)": slipping,
     "clock 100 ms ahead": offset,
-    "begins anew in the middle": restarted,
+    "restarts in the middle": restarted,
 }

@@ -20,13 +20,13 @@ from people4d.messages import F64, Detections, Odometry
 from services.tracker.image_sort.camera_turn import camera_direction, turn_between
 from services.tracker.image_sort.image_sort import BoxFrame, BoxTracks
 
-VISIBLE_MIN = 0.35  # visible share from which a person has to be found
+VISIBLE_MIN = 0.35  # least visible share of a person who has to be found
 WAIT_S = 0.05
 
 
 @dataclass(frozen=True)
 class Sample:
-    """A message of odometry and when it came."""
+    """A message of odometry and its arrival."""
 
     odometry: Odometry
     arrival_ns: int  # [ns] by the clock of the frames' stamps
@@ -43,7 +43,7 @@ class Ride:
     fov_deg: float  # [deg] of the camera
 
     def turned(self) -> tuple[BoxFrame, ...]:
-        """Return the frames with the turns that a tracker would have known of when they came."""
+        """Return the frames with the turns that are known at their arrival."""
         base = TransformHistory(Counter(dict.fromkeys(COUNTERS, 0)))
         before, waiting, frames = None, list(self.samples), []
         for frame in self.frames:
@@ -97,7 +97,7 @@ def lab_ride(scenario: str, seed: int, errors: SyntheticDetectionsConfig) -> Rid
 
 
 def _truth(ids: list[int], boxes: F64, shares: F64, size_px: tuple[int, int]) -> GroundTruth:
-    """Return who is in the image; a person who is mostly hidden need not be found."""
+    """Return the people in the image; heavily occluded ones need not be found."""
     boxes = boxes.clip(0, [*size_px, *size_px])
     inside: BOOL = np.all(boxes[:, :2] < boxes[:, 2:], axis=1) & (shares > 0)
     return GroundTruth(

@@ -20,7 +20,7 @@ from services.tracker.image_sort.image_sort import BoxTracks, ImageSort
 SORT = ImageSortConfig()
 # The detector of [Park 2021], on small and blurred images, finds about half of the people.
 WEAK = SyntheticDetectionsConfig(recall=0.7, miss_s=0.1, box_share=0.02, false_alarms=0.02)
-STATED = 0.5  # [points of MOTA and IDF1] that broken odometry may be worse than no correction
+STATED = 0.5  # [points of MOTA and IDF1] stated largest loss with faulty odometry
 Settings = dict[str, ImageSortConfig]
 
 
@@ -129,7 +129,7 @@ def faults(rides: dict[int, list[Ride]], settings: Settings) -> str:
     worst = [min((means[name][k] - none[k], name) for name in FAULTS) for k in (0, 4)]
     holds = all(gain >= -STATED for gain, _ in worst)
     tracks = (
-        f"Stated: broken odometry is never worse than no correction by more than {STATED:g} points "
+        f"Stated: faulty odometry is never worse than no correction by more than {STATED:g} points "
         f"of MOTA or IDF1. That {'holds' if holds else '**does not hold**'}: the worst for MOTA is "
         f"*{worst[0][1]}* ({worst[0][0]:+.1f} against no correction), for IDF1 *{worst[1][1]}* "
         f"({worst[1][0]:+.1f})."

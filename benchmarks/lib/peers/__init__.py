@@ -1,1 +1,1 @@
-"""Trackers of others, and published configurations, on the same input."""
+"""Trackers of other packages on the same input."""

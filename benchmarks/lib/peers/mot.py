@@ -1,4 +1,4 @@
-"""Trackers of others on stored detections, as a program of its own in their own environment.
+"""Trackers of other packages on stored detections, a program in their own environment.
 
     python -m uv venv .venv-peers
     python -m uv pip install --python .venv-peers norfair==2.3.0 motrackers==0.1.1 trackers==2.6.1 \

@@ -1,4 +1,4 @@
-"""The MOT15 sequences: public detections, truth, and how well they were tracked."""
+"""The MOT15 sequences: public detections, truth and scores of tracks."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from common.metrics.similarity import box_overlap
 from people4d.messages import F64
 from services.tracker.image_sort.image_sort import BoxFrame, BoxTracks
 
-# A moving camera and a static one; the others are for the result.
+# Tuning split: a moving camera and a static one
 TUNING = ("ETH-Bahnhof", "TUD-Stadtmitte")
 HELD_OUT = ("ADL-Rundle-6", "KITTI-17", "TUD-Campus")
 
@@ -55,7 +55,7 @@ def load_all(shared: Path) -> dict[str, MotSequence]:
 
 
 def score_tracks(one: MotSequence, tracks: Sequence[BoxTracks]) -> Scores:
-    """Score what a tracker told, frame by frame."""
+    """Score the tracks of a sequence, frame by frame."""
     people = {
         number: Hypotheses(ids=tuple(t.ids.tolist()), boxes_xyxy_px=t.boxes_xyxy_px)
         for number, t in enumerate(tracks, 1)
@@ -64,7 +64,7 @@ def score_tracks(one: MotSequence, tracks: Sequence[BoxTracks]) -> Scores:
 
 
 def quality(scores: Iterable[Scores]) -> float:
-    """Return the mean over sequences of MOTA + IDF1 + HOTA, by which settings are chosen."""
+    """Return the mean over sequences of MOTA + IDF1 + HOTA, the criterion of settings."""
     rows = [one.row() for one in scores]
     return float(np.mean([sum(row[key] or 0 for key in ("mota", "idf1", "hota")) for row in rows]))
 

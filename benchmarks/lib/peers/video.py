@@ -1,4 +1,4 @@
-"""People tracked in images by others, as a program of its own in their environment.
+"""Tracking in images by other packages, a program in their own environment.
 
     python -m venv .venv-video && .venv-video/bin/pip install torch==2.13.0 ultralytics==8.4.190 \
         lap==0.5.12 onnxruntime trackers==2.6.1
@@ -40,7 +40,7 @@ Track = Callable[[Image], int]  # takes an image in BGR, returns the number of t
 
 
 def one_thread() -> None:
-    """Make all libraries use one thread; onnxruntime also where others open its sessions."""
+    """Limit all libraries to one thread, including sessions of onnxruntime in other packages."""
     cv2.setNumThreads(1)
     session = onnxruntime.InferenceSession
 
@@ -55,8 +55,8 @@ def one_thread() -> None:
 def ultralytics(model: str) -> Track:
     """Ultralytics' own tracking of people: `model.track`.
 
-    Where torchvision does not fit torch (its builds of the registry are for GPUs), Ultralytics' own
-    suppression of overlapping boxes serves in its stead.
+    If torchvision does not fit torch, Ultralytics' own suppression of overlapping boxes replaces
+    it.
     """
     torch: Any = importlib.import_module("torch")
     torch.set_num_threads(1)

@@ -1,1 +1,1 @@
-"""Predictions of the predictor beside what people did."""
+"""Predicted paths beside the true ones."""

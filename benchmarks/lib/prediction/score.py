@@ -18,7 +18,7 @@ STANDING_M, GOING_ON_RAD, MOTION_S = 0.6, np.radians(25.0), 3.0  # as MotionProb
 
 @dataclass(frozen=True)
 class PredictionPairs:
-    """K predictions at H horizons, beside what followed (NaN where unknown)."""
+    """K predictions at H horizons, beside the truth (NaN if unknown)."""
 
     horizons_s: F64  # H
     means_m: F64  # KxHx2
@@ -38,7 +38,7 @@ class PredictionPairs:
         return _mean_distance(self.constant_m - self.truth_m)
 
     def displacement_errors_m(self) -> dict[str, float]:
-        """Return ADE and FDE where all horizons are known, of both predictions."""
+        """Return ADE and FDE of both predictions with known truth at all horizons."""
         complete = np.isfinite(self.truth_m).all(axis=(1, 2))
         found = {}
         for name, paths in (("predicted", self.means_m), ("constant", self.constant_m)):
@@ -57,7 +57,7 @@ class PredictionPairs:
         return found
 
     def outcomes(self) -> npt.NDArray[np.int64]:
-        """Return which of standing, going on, turning happened, K; -1 where unknown."""
+        """Return the true outcome (K): 0 standing, 1 going on, 2 turning, -1 unknown."""
         at = int(np.argmin(np.abs(self.horizons_s - MOTION_S)))
         moved = self.truth_m[:, at] - self.positions_m
         distance = np.hypot(*moved.T)
@@ -71,9 +71,9 @@ class PredictionPairs:
 def predict_walks(
     walks: Walks, config: PredictorConfig, history_min: int = 2
 ) -> tuple[PredictionPairs, list[Predictions]]:
-    """Predict every annotation of every person from the second on, or a later one.
+    """Predict each person from annotation number `history_min` on.
 
-    Constant velocity goes on with the displacement since the annotation before.
+    Constant velocity is the displacement since the previous annotation.
     """
     node = build(config)
     messages: list[Predictions] = []
@@ -125,10 +125,10 @@ def predict_tracks(
         tracks: Tracks of a recording, in order.
         truth_m: True positions (2) of people by id, by stamp [ns].
         config: Configuration of the predictor.
-        match_m: Farthest person that a track may be of [m].
+        match_m: Largest distance of a track from its person [m].
 
     Returns:
-        Predictions beside truth; constant velocity goes on with the track's velocity.
+        Predictions beside truth; constant velocity is the velocity of the track.
     """
     node = build(config)
     stamps_ns = np.array(sorted(truth_m))
@@ -163,16 +163,16 @@ def predict_tracks(
 
 @dataclass(frozen=True)
 class GroupScores:
-    """Precision and recall of pairs who are in one group."""
+    """Precision and recall of pairs of people in one group."""
 
-    frame_precision: float  # of pairs in single frames
+    frame_precision: float  # pairs in single frames
     frame_recall: float
-    pair_precision: float  # of pairs, counted once: together in most of their frames
+    pair_precision: float  # pairs counted once, if together in most of their frames
     pair_recall: float
 
 
 def score_groups(walks: Walks, messages: Iterable[Predictions]) -> GroupScores:
-    """Compare predicted groups with the annotated ones, of people who share four frames or more."""
+    """Compare predicted groups with annotated ones; pairs share four frames or more."""
     shared: Counter[frozenset[int]] = Counter()
     together: Counter[frozenset[int]] = Counter()
     for message in messages:

@@ -11,9 +11,9 @@ import numpy.typing as npt
 from people4d.errors import SourceError
 from people4d.messages import F64, Track, Tracks
 
-PERIOD_S = 0.4  # between two annotations
+PERIOD_S = 0.4  # [s] between two annotations
 SCENES = ("seq_hotel", "zara01", "seq_eth")
-UNKNOWN = 1e5  # [m^2/s^2] variance of a velocity that was not measured
+UNKNOWN = 1e5  # [m^2/s^2] variance of an unknown velocity
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Walks:
     times_s: F64  # K
     ids: npt.NDArray[np.int64]  # K
     positions_m: F64  # Kx2
-    groups: frozenset[frozenset[int]]  # pairs of people who walk together
+    groups: frozenset[frozenset[int]]  # pairs of people in one group
 
     def frames(self) -> Iterator[npt.NDArray[np.int64]]:
         """Yield the rows of each time."""
@@ -71,7 +71,7 @@ class Walks:
     def followed(self, horizons_s: F64) -> tuple[F64, F64]:
         """Return true positions (KxHx2, NaN where unknown) and last velocities (Kx2) by rows.
 
-        A velocity is that since the annotation before, NaN at the first one of a person.
+        A velocity is the mean since the previous annotation, NaN at the first one of a person.
         """
         truth_m = np.full((len(self.ids), len(horizons_s), 2), np.nan)
         velocities_mps = np.full((len(self.ids), 2), np.nan)

@@ -1,1 +1,1 @@
-"""Systems that run: services, cameras, viewers, and what is measured of them."""
+"""Running systems of services and cameras, and their measurements."""

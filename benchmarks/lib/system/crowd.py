@@ -1,4 +1,4 @@
-"""A detector that finds as many people as it is asked for, at the cost of a real one."""
+"""A detector with a given number of people, at the cost of a real one."""
 
 from dataclasses import replace
 
@@ -14,7 +14,7 @@ STEP_PX = 37.0  # from one copy of a person to the next
 class Crowd(MoveNet):
     """MoveNet whose people are copied beside themselves until there are `max_people`.
 
-    The network, its results, depth and crops are real; only that a copy stands there is not.
+    The network, its results, depth and crops are real; the copies are not.
     """
 
     def detect(self, rgb: U8) -> list[DetectedPerson]:

@@ -1,7 +1,7 @@
-"""The shipped recording as a camera that costs next to nothing: its frames are in memory.
+"""The shipped recording as a camera with frames in memory.
 
-Reading a file, decoding its images and simulating the depth sensor's errors take as much time as
-the rest of the pipeline without the network; no robot does that while it drives.
+Reading, decoding and the simulated depth sensor would take as much time as the pipeline without the
+network.
 """
 
 import time
@@ -20,7 +20,7 @@ class LiveDemo(Source):
 
     Args:
         rate_hz: Frames in a second.
-        frames: Number of frames in memory, repeated for ever.
+        frames: Number of frames in memory, repeated without end.
         stride: Frames of the recording from one to the next.
     """
 
@@ -34,7 +34,7 @@ class LiveDemo(Source):
         self._period_s = 1 / rate_hz
 
     def __iter__(self) -> Iterator[SourceFrame]:
-        """Yield frames at their time, for ever."""
+        """Yield frames at their time, without end."""
         begin_s = time.monotonic()
         for number in count():
             time.sleep(max(0.0, begin_s + number * self._period_s - time.monotonic()))

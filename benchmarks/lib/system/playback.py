@@ -1,4 +1,4 @@
-"""The pipeline played: frames a second, processor time, memory, and the path of every frame."""
+"""Playback through the pipeline: frames a second, processor time, memory, paths of frames."""
 
 import os
 import tempfile
@@ -23,10 +23,10 @@ from people4d.messages import Detections, Tracks
 from services.detector.config import ModelSettings
 from services.detector.models.network import ImageInput
 
-WARM_UP = 30  # frames
+WARM_UP = 30  # number of frames
 INFERENCE = ("inference", "inference_wait")
 BARE_S = 4.0
-BARE_SIZE = (256, 320)  # [px] of a network that takes any size
+BARE_SIZE = (256, 320)  # [px] input of a network with any size
 
 
 class Arrangement(NamedTuple):
@@ -51,8 +51,8 @@ class Playback:
     rate_hz: float  # tracked frames a second
     cpu_ms: float  # processor time of all processes for one frame
     memory_mb: float  # proportional set size of all processes
-    paths: list[FramePath]  # of every frame, up to the subscriber; empty without tracing
-    end_to_end_ms: list[float]  # of these, from the camera's stamp to the subscriber
+    paths: list[FramePath]  # path of every frame to the subscriber; empty without tracing
+    end_to_end_ms: list[float]  # [ms] from the camera's stamp to the subscriber
 
     @property
     def others_ms(self) -> list[float]:
@@ -64,7 +64,7 @@ class Playback:
 
 
 def lockstep(frames: int) -> tuple[str, ...]:
-    """Return the camera's settings for the shipped recording from memory, as fast as it goes."""
+    """Return the camera's settings for the shipped recording from memory, in lock-step."""
     source = f"source={StoredDemo.__module__}:{StoredDemo.__name__}"
     return (
         source,
@@ -152,7 +152,7 @@ def bare_hz(model: str, seconds: float = BARE_S) -> float:
 
 @contextmanager
 def _reserving(reserved: bool) -> Iterator[None]:
-    """Have processes started in a block reserve the last core for the detector, or none."""
+    """Reserve the last core for the detector of processes started in a block, if wanted."""
     os.environ[VARIABLE] = str(max(os.sched_getaffinity(0))) if reserved else ""
     try:
         yield
@@ -162,7 +162,7 @@ def _reserving(reserved: bool) -> Iterator[None]:
 
 @contextmanager
 def _leaving_core(reserved: bool) -> Iterator[None]:
-    """Have this thread, which stands for a planner, leave the reserved core in a block."""
+    """Move this thread, which stands for a planner, off the reserved core in a block."""
     cores = os.sched_getaffinity(0)
     try:
         os.sched_setaffinity(0, cores - {max(cores)} if reserved else cores)
