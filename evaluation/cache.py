@@ -1,4 +1,4 @@
-"""Cache of results that take long to compute, under keys of everything that they depend on."""
+"""Cache of slow results, under keys of all their inputs."""
 
 import hashlib
 import os
@@ -25,7 +25,7 @@ BLOCK_BYTES = 2**20
 
 
 def default_folder() -> Path:
-    """Return the folder of the cache unless another is configured."""
+    """Return the default folder of the cache."""
     base = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
     return Path(base).expanduser() / "people4d" / "evaluation"
 
@@ -47,7 +47,7 @@ def code_digest(modules: Iterable[ModuleType]) -> str:
 
 
 def content_digest(path: Path) -> str:
-    """Return a digest of a recording, or of a folder of one.
+    """Return a digest of a recording, a file or a folder.
 
     Raises:
         SourceError: It cannot be read.
@@ -60,7 +60,7 @@ def content_digest(path: Path) -> str:
 
 
 def model_digests(config: DetectorConfig | ReidConfig) -> tuple[str, ...]:
-    """Return the checksums of the files of configured models, that of people first.
+    """Return the checksums of the files of configured models, the people model first.
 
     Raises:
         ModelError: A model is unknown, or its file is absent.

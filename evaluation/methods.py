@@ -29,7 +29,7 @@ class Method:
     name: str  # name of the preset
     camera: CameraConfig  # playback of recordings, without a source
     detector: DetectorConfig
-    reid: ReidConfig | None  # None if the tracker takes no embeddings
+    reid: ReidConfig | None  # None if the tracker uses no embeddings
     tracker: TrackerConfig
 
     def text(self) -> str:
@@ -47,7 +47,7 @@ def read_methods(presets: Sequence[str], settings: Sequence[str] = ()) -> list[M
     """Return the methods of presets, see `read_method`.
 
     Raises:
-        ConfigError: A preset is unknown or comes twice, or a setting is wrong.
+        ConfigError: A preset is unknown or repeated, or a setting is wrong.
     """
     methods = [read_method(preset, settings) for preset in presets]
     names = [method.name for method in methods]
@@ -81,7 +81,7 @@ def read_method(preset: str, settings: Sequence[str] = ()) -> Method:
     return Method(
         name=Path(preset).stem if preset.endswith(".toml") else preset,
         camera=msgspec.structs.replace(record(CameraConfig, "camera"), source=""),
-        # Detections do not depend on whether crops are published, too.
+        # Detections are the same with and without crops.
         detector=msgspec.structs.replace(record(DetectorConfig, "detector"), crops=True),
         reid=record(ReidConfig, "reid") if embeds else None,
         tracker=tracker,

@@ -28,8 +28,8 @@ PROCESS = ProcessId("node", "chain", "")
 class PipelineStep:
     """Messages and times of one frame."""
 
-    messages: list[Message]  # all that was published, the frame first
-    spans: list[Span]  # time of each stage, transport and codec left out
+    messages: list[Message]  # all published messages, the frame first
+    spans: list[Span]  # time of each stage, without transport and codec
 
     @property
     def duration_ms(self) -> float:
@@ -40,7 +40,7 @@ class PipelineStep:
 def pipeline(
     detector: DetectorConfig, reid: ReidConfig | None = None, tracker: TrackerConfig | None = None
 ) -> list[Node]:
-    """Return detector, re-identification and tracker, as their processes would build them."""
+    """Return the nodes of detector, re-identification and tracker."""
     return [
         build_detector(detector),
         build_reid(reid or ReidConfig()),
@@ -67,7 +67,7 @@ def play(camera: CameraConfig, nodes: Sequence[Node]) -> Iterator[PipelineStep]:
         Calibration and transform, then one step a frame.
 
     Raises:
-        SourceError: The source cannot be opened, or gives nothing for long.
+        SourceError: The source cannot be opened, or sends nothing for TIMEOUT_S.
     """
     node = build_camera(camera)
     news = threading.Event()

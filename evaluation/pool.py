@@ -1,4 +1,4 @@
-"""Work in several processes of one thread each; results are in the order of the work."""
+"""Work in several processes of one thread each, with results in the order of the work."""
 
 import os
 import signal
@@ -16,16 +16,16 @@ from people4d.errors import People4dError
 A = TypeVar("A")
 B = TypeVar("B")
 
-OnProgress = Callable[[str, float], object]  # name of the stage, share of it that is done
+OnProgress = Callable[[str, float], object]  # name of a stage, share of its finished work
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
 class Pool:
-    """Processes that are started when there is work for more than one; use it in a `with` block.
+    """Processes that start with the first work for more than one; use it in a `with` block.
 
     Args:
-        jobs: Processes at once; with one all is done in this process.
+        jobs: Number of processes; 1: all work is done in this process.
         on_progress: Called when a stage begins, and after each piece of work.
     """
 
@@ -35,10 +35,10 @@ class Pool:
         self._executor: ProcessPoolExecutor | None = None
 
     def do(self, stage: str, work: Callable[[A], B], items: Sequence[A]) -> list[B]:
-        """Do all pieces of work, which is picklable, and return the results in their order.
+        """Do picklable work on all items, and return the results in their order.
 
         Raises:
-            People4dError: A process was killed. What a piece raises is raised here.
+            People4dError: A process was killed. Errors of the work are raised, too.
         """
         self._on_progress(stage, 0.0)
         results: dict[int, B] = {}
@@ -48,7 +48,7 @@ class Pool:
         return [results[index] for index in range(len(items))]
 
     def _results(self, work: Callable[[A], B], items: Sequence[A]) -> Iterator[tuple[int, B]]:
-        """Yield index and result of each piece when it is done."""
+        """Yield index and result of each item when it is finished."""
         if self._jobs == 1 or (len(items) < 2 and self._executor is None):
             yield from enumerate(map(work, items))
             return
@@ -76,13 +76,13 @@ class Pool:
 
 
 def _begin() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends what is interrupted
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles interrupts
     cv2.setNumThreads(1)
 
 
 @contextmanager
 def _one_thread_each() -> Iterator[None]:
-    """Let processes that are started meanwhile use one thread: libraries read that on loading."""
+    """Limit processes that start in the block to one thread: libraries read this on loading."""
     before = {name: os.environ[name] for name in THREADS if name in os.environ}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     try:

@@ -1,1 +1,1 @@
-"""Quantisation of networks to 8 bits, accepted by what it costs in accuracy."""
+"""Quantisation of networks to int8 with accuracy control."""

@@ -1,4 +1,4 @@
-"""Accuracy of a people model, on frames of which the truth is known."""
+"""Accuracy of a people model on frames with ground truth."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ from services.detector.build import build
 from services.detector.config import DetectorConfig
 from services.detector.models.registry import find_factory
 
-# What accuracy may be lost, as [PIC4SeR] allowed Intel's tools
+# Largest accepted losses, as in [PIC4SeR]
 RECALL_LOSS_MAX = 0.01
 POSITION_LOSS_MAX_M = 0.005
 YAW_LOSS_MAX_DEG = 1.0
@@ -25,13 +25,13 @@ Found = Mapping[tuple[int, int], Detection]  # by frame and person
 
 @dataclass(frozen=True)
 class AccuracyLoss:
-    """Losses of a network compared with another; below zero it is better."""
+    """Losses of a network compared with another; negative values are gains."""
 
     people: int  # views of people that have to be found
-    recall: float  # share of them that only the other found, less those that only this one found
-    position_m: float  # mean error of position, of people that both found
-    yaw_deg: float  # mean error of yaw, of the same
-    score_scale: float  # median of the scores of one over those of the other, of the same
+    recall: float  # loss of the share of found people
+    position_m: float  # [m] growth of the mean position error of people that both found
+    yaw_deg: float  # [deg] growth of the mean yaw error of these people
+    score_scale: float  # median ratio of the scores of these people
 
     @property
     def acceptable(self) -> bool:
@@ -44,13 +44,13 @@ class AccuracyLoss:
 
 
 def detect(session: Session, kind: str, frames: Sequence[RenderedFrame]) -> Found:
-    """Return what a network of a kind detects of the people in frames, by frame and person."""
+    """Return the detections of a network of a kind in frames, by frame and person."""
     config = msgspec.convert({"crops": False, "scores": "network"}, DetectorConfig)
     return found_by(build(config, find_factory(kind)(session, config, kind)), frames)
 
 
 def found_by(node: Node, frames: Sequence[RenderedFrame]) -> Found:
-    """Return what a detector finds of the people in frames, by frame and person."""
+    """Return the detections of a detector in frames, by frame and person."""
     found: dict[tuple[int, int], Detection] = {}
     for number, rendered in enumerate(frames):
         node.handle(rendered.info, 0)
@@ -62,7 +62,7 @@ def found_by(node: Node, frames: Sequence[RenderedFrame]) -> Found:
 
 
 def compare(frames: Sequence[RenderedFrame], reference: Found, found: Found) -> AccuracyLoss:
-    """Return what is lost from the detections of one network to those of another."""
+    """Return the losses between the detections of two networks."""
     people = sum(len(rendered.people) for rendered in frames)
     both = sorted(reference.keys() & found.keys())
     errors = np.array([[*_errors(frames, k, reference), *_errors(frames, k, found)] for k in both])
@@ -75,9 +75,9 @@ def compare(frames: Sequence[RenderedFrame], reference: Found, found: Found) -> 
 
 
 def _growth(before: F64, after: F64) -> float:
-    """Return by how much errors (N, NaN where nothing was estimated) grew on average.
+    """Return the mean growth of errors (N, NaN without an estimate).
 
-    0 if the reference estimates none, as a network without keypoints does of yaws.
+    0 if the reference estimates nothing, as a network without keypoints has no yaws.
     """
     if len(before) and np.isnan(before).all():
         return 0.0
@@ -88,7 +88,7 @@ def _growth(before: F64, after: F64) -> float:
 def _errors(
     frames: Sequence[RenderedFrame], key: tuple[int, int], found: Found
 ) -> tuple[float, float]:
-    """Return the errors of position (m) and yaw (deg) of one person; NaN where there is none."""
+    """Return the errors of position (m) and yaw (deg) of one person; NaN without an estimate."""
     (number, index), detection = key, found[key]
     rendered = frames[number]
     position_m = math.nan

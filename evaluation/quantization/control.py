@@ -1,4 +1,4 @@
-"""Accuracy control: layers go back to float, the most harmful first, until a network holds."""
+"""Accuracy control: layers return to float32, most harmful first, until a network is accepted."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,14 +12,14 @@ from common.inference.session import Array, Session
 from evaluation.quantization.accuracy import AccuracyLoss
 from evaluation.quantization.quantizer import Quantizer
 
-GROWTH = 1.5  # layers in float, from one candidate to the next
+GROWTH = 1.5  # ratio of the numbers of float32 layers of successive candidates
 
 
 @dataclass(frozen=True)
 class QuantizedCandidate:
-    """A network with some layers in float, and what it loses."""
+    """A network with some layers in float32, and its losses."""
 
-    floats: Sequence[str]  # convolutions that stay in float, beside the ends
+    floats: Sequence[str]  # convolutions in float32 besides the ends
     loss: AccuracyLoss
 
 
@@ -30,17 +30,17 @@ def harm(
     path: Path,
     progress: Callable[[int, int], object] = lambda *_: None,
 ) -> dict[str, float]:
-    """Return by how much each convolution's quantisation changes the outputs, largest first.
+    """Return the change of the outputs by each convolution's quantisation, largest first.
 
-    Each in turn stays in float while all others are quantised; the change is that of one minus the
-    correlation with the network in float, mean over outputs and images.
+    Each convolution in turn stays in float32 while all others are quantised. The change is the gain
+    in correlation with the float32 network, mean over outputs and images.
 
     Args:
         quantizer: The network.
-        reference: The same, in float.
-        images: Arrays as the network takes them.
-        path: File that is written over and over.
-        progress: Is called with the number of layers done, and of all.
+        reference: The same network in float32.
+        images: Inputs of the network.
+        path: File of the candidates, overwritten.
+        progress: Called with the numbers of finished layers and of all layers.
     """
     expected = [reference.run(image) for image in images]
     ends = set(quantizer.ends())
@@ -66,14 +66,16 @@ def candidates(
     score: Callable[[Path], AccuracyLoss],
     order: Callable[[], Sequence[str]],
 ) -> Iterator[QuantizedCandidate]:
-    """Yield networks with ever more layers in float, until one holds; the file is the last one.
+    """Yield networks with more and more layers in float32 until one is accepted.
+
+    The file contains the last one.
 
     Args:
         quantizer: The network.
         path: File of the quantised network.
-        score: Returns what the network in a file loses.
-        order: Returns the convolutions in the order in which they go back to float; asked only if
-            the network does not hold without it.
+        score: Returns the losses of the network in a file.
+        order: Returns the convolutions in the order in which they return to float32; called only
+            if the first candidate is not accepted.
     """
     ends, layers, count = quantizer.ends(), list[str](), 0
     while True:

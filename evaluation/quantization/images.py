@@ -1,4 +1,4 @@
-"""Images for calibration: frames of the virtual lab, and those of a folder."""
+"""Images for calibration: frames of the virtual lab, and images of a folder."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -13,7 +13,7 @@ from services.detector.config import DetectorConfig
 from services.detector.models.network import NetworkModel
 from services.detector.models.registry import find_factory
 
-# Scenario, seed and frames; others than the held-out ones on which accuracy is compared.
+# Scenario, seed and frames; none of them is in the test split.
 CALIBRATION = (
     ("three_crossing", 41, range(0, 400, 20)),
     ("short_sit", 42, range(0, 240, 24)),
@@ -42,10 +42,10 @@ def images_of(folder: Path) -> Iterator[U8]:
 
 
 def inputs(session: Session, kind: str, images: Sequence[U8]) -> list[Array]:
-    """Return images as a people model of a kind gives them to its network.
+    """Return images as the input of the network of a people model of a kind.
 
     Raises:
-        ConfigError: The kind is none of ours.
+        ConfigError: The kind is unknown.
     """
     model = find_factory(kind)(session, DetectorConfig(), kind)
     if not isinstance(model, NetworkModel):

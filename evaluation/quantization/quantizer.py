@@ -13,22 +13,20 @@ from common.inference.session import Array
 from people4d.errors import ConfigError, ModelError
 
 QUANTIZED_OPS = ("Conv", "Add", "Resize", "Relu", "Clip", "MaxPool", "Concat", "Mul", "Sigmoid")
-BATCH = 4  # images of which all intermediate results are in memory at once
+BATCH = 4  # number of images with all intermediate results in memory
 
 
 class Quantizer:
-    """A network, and the ranges of its activations on given images, from least to greatest value.
-
-    Ranges of 99.99 and 99.999 % of the values gave no better accuracy (docs/methods/models.md).
+    """A network, and the ranges (minimum and maximum) of its activations on given images.
 
     Args:
         path: The .onnx file.
-        images: Arrays as the network takes them, each of a batch of one.
-        folder: Folder for files of its own.
+        images: Inputs of the network, each a batch of one.
+        folder: Folder for temporary files.
 
     Raises:
         ConfigError: There are no images, or the package onnx is not installed.
-        ModelError: The file is no network with convolutions that can be quantised.
+        ModelError: The file is no network with convolutions.
     """
 
     def __init__(self, path: Path, images: Sequence[Array], folder: Path) -> None:
@@ -52,16 +50,15 @@ class Quantizer:
             raise ModelError(f"model file {path} cannot be quantised: {reason}") from error
 
     def ends(self) -> list[str]:
-        """Return the convolutions at the ends of the network, which are never quantised."""
+        """Return the convolutions at the ends of the network, which stay in float32."""
         return [name for name in self.convolutions if name in self._ends]
 
     @cached_property
     def _ends(self) -> frozenset[str]:
-        """Operators up to the first convolution, and those behind which nothing but an output is.
+        """Operators up to the first convolution, and operators directly before an output.
 
-        Kernels of integers are slower than those of float for three channels, and for the few of
-        a layer that makes an output. Eight bits cannot hold coordinates up to 640 px and scores up
-        to 1 that are joined.
+        Int8 kernels are slower than float32 kernels for few channels, as at the input and the
+        outputs. Eight bits cannot hold joined coordinates up to 640 px and scores up to 1.
         """
         nodes = list(self._graph.node)
         outputs = {output.name for output in self._graph.output}
@@ -83,9 +80,9 @@ class Quantizer:
         return frozenset(ends)
 
     def _chain(self, head: Any, readers: Mapping[str, Sequence[Any]]) -> list[str]:
-        """Return the operators between a head and where paths part or join before it.
+        """Return the operators between a head and the last branch or join before it.
 
-        None if that is nowhere: then the chain is the network.
+        Empty without a branch or join: then the chain is the whole network.
         """
         makers = {name: node for node in self._graph.node for name in node.output}
         outputs = {output.name for output in self._graph.output}
@@ -98,9 +95,9 @@ class Quantizer:
         return []
 
     def write(self, path: Path, floats: Collection[str]) -> None:
-        """Write the quantised network; `floats` names convolutions that stay as they are.
+        """Write the quantised network; `floats` names convolutions that stay in float32.
 
-        The ends of the network stay in float, too.
+        The ends of the network stay in float32, too.
         """
         import onnx  # noqa: PLC0415
         from onnxruntime.quantization import QuantType  # noqa: PLC0415

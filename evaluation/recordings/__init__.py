@@ -1,1 +1,1 @@
-"""Recordings with ground truth: detections, embeddings and motion, made once and cached."""
+"""Recordings with ground truth, and their cached detections, embeddings and motion."""

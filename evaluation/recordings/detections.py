@@ -39,7 +39,7 @@ from services.detector.config import DetectorConfig
 from services.reid.build import build as build_reid
 from services.reid.config import ReidConfig
 
-SPEED = "speed"  # note with the mean time of a stage
+SPEED = "speed"  # metadata with the mean time of a stage
 TRACKER_INPUT = (CameraInfo, StaticTransform, MovingTransform, Odometry, Detections)
 
 

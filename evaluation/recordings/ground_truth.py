@@ -31,7 +31,7 @@ class TruthFrame:
 
     people: tuple[TruthPerson, ...]  # people with a position, measured or interpolated
     captured: frozenset[str]  # people with a measured position; others need not be tracked
-    shares: Mapping[str, float] = field(default_factory=dict)  # visible, 0 to 1; empty if unknown
+    shares: Mapping[str, float] = field(default_factory=dict)  # visible share; empty: unknown
     map_from_camera: F64 | None = None  # 4x4, if the truth contains it
 
     def ground_truth(self, info: CameraInfo, map_from_camera: F64 | None) -> GroundTruth:
@@ -51,9 +51,9 @@ class TruthFrame:
 class SampledTruth:
     """The truth of a recording at the stamps of its frames."""
 
-    frame_id: str  # frame that positions are in
+    frame_id: str  # frame of the positions
     ids: tuple[str, ...]  # all people of the recording
-    frames: tuple[TruthFrame | None, ...]  # one for each stamp; None where nothing is known
+    frames: tuple[TruthFrame | None, ...]  # one for each stamp; None if unknown
 
     @property
     def has_visibility(self) -> bool:
@@ -72,8 +72,8 @@ class SampledTruth:
 def read_truth(recording: EvaluationRecording, stamps_ns: Sequence[int]) -> SampledTruth:
     """Return the truth at the stamps of frames.
 
-    The visible share of people is known in the virtual lab: to the pixel where the truth of each
-    frame lies beside the recording, else from the outlines of the bodies.
+    In the virtual lab the visible share of people is known: by the pixel if the truth of each frame
+    lies beside the recording, else from the outlines of the bodies.
 
     Raises:
         SourceError: The recording has no truth, or it cannot be read.
@@ -92,7 +92,7 @@ def read_truth(recording: EvaluationRecording, stamps_ns: Sequence[int]) -> Samp
 def sample_truth(messages: Iterable[Truth], stamps_ns: Sequence[int], source: str) -> SampledTruth:
     """Return the people of messages of a source at other stamps.
 
-    Messages are by rising stamp; an older one begins a second round, which is left out.
+    Messages are by rising stamp; an older one begins a repetition, which is left out.
 
     Raises:
         SourceError: There is no message, or they are in several frames.
@@ -129,7 +129,7 @@ def _messages(path: Path) -> Iterable[Truth]:
 
 
 def _numbered(path: Path, epoch_ns: int) -> Iterator[Truth]:
-    """Yield the truth of a rendering under the identities of its motion capture, from 1 on."""
+    """Yield the truth of a rendering under the identities of its motion capture, 1, 2, ..."""
     for message in _messages(path):
         people = tuple(replace(p, id=str(k)) for k, p in enumerate(message.people, 1))
         yield replace(message, stamp_ns=message.stamp_ns + epoch_ns, people=people)

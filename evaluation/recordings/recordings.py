@@ -1,4 +1,4 @@
-"""Recordings with ground truth: as they are, or scenarios of the virtual lab, rendered once."""
+"""Recordings with ground truth: existing files, or scenarios of the virtual lab, rendered once."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -26,15 +26,15 @@ class EvaluationRecording:
     """One recording with ground truth."""
 
     name: str  # unique, and valid as the name of a file
-    scenario: str  # name that repetitions with other seeds share
+    scenario: str  # common name of repetitions with other seeds
     path: Path  # recording, bag or folder
-    seed: int | None = None  # seed of the simulation; None: it is none, or the seed is not known
+    seed: int | None = None  # seed of the simulation; None: no simulation, or unknown
     simulation: Scenario | None = field(default=None, repr=False)  # None: not of the virtual lab
     job: RenderJob | None = field(default=None, repr=False)  # rendering; None: it exists already
 
     @property
     def truth_file(self) -> Path:
-        """File with the truth of each frame of a rendering, if it was jobed."""
+        """File with the truth of each frame, if it was rendered."""
         return self.path.with_suffix(".truth.npz")
 
 

@@ -1,4 +1,4 @@
-"""Frames of the virtual lab as a camera would take them, with all that is true in them."""
+"""Frames of the virtual lab as a camera would take them, with their ground truth."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -16,32 +16,31 @@ from lab.truth.frames import PersonView, person_views
 from lab.world import World
 from people4d.messages import F64, U8, CameraInfo, Detection, RgbdFrame
 
-VISIBLE_MIN = 0.35  # visible share below which a person need not be found
+VISIBLE_MIN = 0.35  # least visible share of a person who has to be found
 FACE_AND_TORSO = [0, 5, 6, 11, 12]  # COCO: nose, shoulders, hips
-# Scenario, seed and frames, none of which were used to choose a constant of the detector: four
-# people cross before a camera that stands still, four in a hall before a robot that drives, two sit
-# down.
+# Scenario, seed and frames of the test split of the detector: four people cross before a standing
+# camera, four in a hall before a driving robot, two sit down.
 HELD_OUT = (
     ("four_crossing", 22, range(200, 360, 4)),
     ("pmrm1", 23, range(30, 430, 14)),
     ("short_sit", 24, range(60, 240, 12)),
 )
-OVERLAP_MIN = 0.4  # of a detection's box with the true one
+OVERLAP_MIN = 0.4  # least overlap of a detection's box with the true box
 
 
 @dataclass(frozen=True)
 class RenderedFrame:
-    """One frame and the people in it that have to be found."""
+    """One frame and the people who have to be found in it."""
 
     frame: RgbdFrame
     info: CameraInfo
     people: Sequence[PersonView]
-    positions_m: Sequence[F64]  # of the same people, optical frame
+    positions_m: Sequence[F64]  # [m] positions of these people, optical frame
     map_from_optical: F64  # 4x4
 
 
 def render(sequences: Sequence[tuple[str, int, range]]) -> Iterator[RenderedFrame]:
-    """Draw frames: of each scenario, under a seed, those of the indices."""
+    """Draw frames of scenarios, each with seed and indices of its frames."""
     for name, seed, indices in sequences:
         world = World(load_scenario(name), seed)
         renderer = FrameRenderer(world, RenderSettings())
@@ -82,7 +81,7 @@ def inside(person: PersonView, size: tuple[int, int]) -> U8:
 
 
 def matches(people: Sequence[PersonView], found: Sequence[Detection]) -> dict[int, Detection]:
-    """Return who was found, by the overlap of boxes: the detection by the index of the person."""
+    """Return the detection of each found person, by index, matched by the overlap of boxes."""
     if not found or not people:
         return {}
     true = np.array([p.box_xyxy_px for p in people])
@@ -93,7 +92,7 @@ def matches(people: Sequence[PersonView], found: Sequence[Detection]) -> dict[in
 
 
 def yaw_error_deg(rendered: RenderedFrame, index: int, detection: Detection) -> float:
-    """Return the error of a detection's yaw, -180 to 180; NaN if it has none."""
+    """Return the error of a detection's yaw, -180 to 180; NaN without a yaw."""
     if detection.heading is None:
         return math.nan
     x, y, _ = rendered.map_from_optical[:3, :3] @ detection.heading

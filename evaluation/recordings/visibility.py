@@ -19,7 +19,7 @@ CHECKS = 5  # number of stamps at which the distance is checked
 class SimulatedView:
     """View of the camera at one stamp."""
 
-    shares: Mapping[str, float]  # by identity, of the body in the image and not occluded
+    shares: Mapping[str, float]  # visible share of the body by identity
     map_from_camera: F64  # 4x4
 
 

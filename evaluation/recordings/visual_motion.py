@@ -31,18 +31,17 @@ NO_NOTES: Notes = MappingProxyType({})
 
 @dataclass(frozen=True)
 class FrameMotion:
-    """Motion estimated at one frame."""
+    """Estimated motion at one frame."""
 
     stamp_ns: int  # stamp of the frame
-    motion: Odometry | MovingTransform | None  # the estimate, if there is one
-    took_ms: float  # processor time
+    motion: Odometry | MovingTransform | None  # estimate, if there is one
+    took_ms: float  # [ms] processor time
 
 
 class VisualMotion:
     """Visual odometry on a recording; the same input gives the same output.
 
-    The camera's mount is used where the recording has no transforms. Detections mask people after
-    their frame.
+    The camera's mount replaces missing transforms. Detections mask people after their frame.
 
     Raises:
         SourceError: It cannot be read.
@@ -93,12 +92,12 @@ class VisualMotionJob:
 
     camera: CameraConfig  # source and playback
     config: VisualOdometryConfig
-    detections: Path  # recording of its detections
+    detections: Path  # recording of the detections
     folder: Path  # folder of the cache
 
 
 def estimate_motion(job: VisualMotionJob) -> Path:
-    """Return the detections with the estimated motion, from the cache if it is there.
+    """Return the detections with the estimated motion, cached.
 
     Raises:
         SourceError: The recording has no images.
@@ -121,9 +120,9 @@ def estimate_motion(job: VisualMotionJob) -> Path:
 def write_with_motion(
     messages: Iterable[Message], motions: Iterable[FrameMotion], path: Path, notes: Notes = NO_NOTES
 ) -> None:
-    """Write a recording's messages and notes again, with estimated motion in place of odometry.
+    """Write a recording's messages and notes with estimated motion in place of odometry.
 
-    Both are by time; the motion of a frame is written before its detections.
+    Both are in order of time; the motion of a frame precedes its detections.
     """
     pending = iter(motions)
     upcoming = next(pending, None)

@@ -27,7 +27,7 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file, its folder first.
+    """Write a file, and create its folder.
 
     Raises:
         SourceError: It cannot be written.
@@ -42,7 +42,7 @@ def write_bytes(path: Path, data: bytes) -> None:
 def write_runs(
     path: Path, scores: Sequence[RunScores], rows: Sequence[Mapping[str, float | None]]
 ) -> None:
-    """Write one line for each run with all its metrics."""
+    """Write one line with all metrics for each run."""
     names = list(dict.fromkeys(name for row in rows for name in row))
     header = ["method", "recording", "scenario", "seed", "people_in_truth", *names]
     lines = []
@@ -66,7 +66,7 @@ def write_summary(path: Path, groups: Sequence[RunGroup]) -> None:
 
 
 def write_table(path: Path, table: ReportTable) -> None:
-    """Write a table of the report as it is shown there."""
+    """Write a table of the report as shown on the page."""
     header = ["method", "source", "people", *(column.title for column in table.columns)]
     rows = (
         [line.method, "published" if line.published else "measured", line.people, *line.cells]

@@ -1,4 +1,4 @@
-"""Figures of trajectories and errors, drawn with matplotlib, an extra of this package."""
+"""Figures of trajectories and errors, drawn with matplotlib, an optional dependency."""
 
 from collections.abc import Mapping, Sequence
 from io import BytesIO
@@ -15,8 +15,8 @@ from common.metrics.scores import Scores
 from evaluation.report.trajectories import YAW, CameraCoverage, RunTrajectories, X, Y
 from people4d.messages import F64
 
-WINDOW_S = 8.0  # of a floor plan
-SERIES_S = 40.0  # of a person over time
+WINDOW_S = 8.0  # [s] duration of a floor plan
+SERIES_S = 40.0  # [s] duration of a time series
 METHODS = ("#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#8c564b", "#e377c2", "#17becf")
 STRIPES = ("solid", (0, (6, 1.5)), (0, (1.5, 1.5)))
 ARROW_M = 0.35
@@ -50,9 +50,9 @@ def floor_plans(recording: str, runs: Sequence[RunTrajectories]) -> bytes:
 
 
 def time_series(recording: str, runs: Sequence[RunTrajectories]) -> bytes:
-    """Draw position, velocity and yaw of one person over time, all methods together, as PNG.
+    """Draw position, velocity and yaw over time, all methods together, as PNG.
 
-    The person is the one who has to be tracked in the most frames.
+    The person with the most required frames is shown.
     """
     first = runs[0]
     person = int(np.argmax(first.required.sum(axis=0)))
@@ -126,7 +126,7 @@ def _arrow(axes: Axes, path: F64, colour: str) -> None:
 
 def _draw_camera(axes: Axes, camera: CameraCoverage) -> None:
     x, y = camera.position_m
-    # On paper y points left and x up: an angle from x towards y is required from the vertical.
+    # In the plot y points left and x up: angles from x towards y are measured from the vertical.
     middle_deg, half_deg = np.degrees((np.pi / 2 - camera.axis_rad, camera.half_angle_rad))
     wedge = (y, x), camera.range_m, middle_deg - half_deg, middle_deg + half_deg
     axes.add_patch(Wedge(*wedge, color="0.5", alpha=0.13, lw=0, zorder=0))
@@ -141,7 +141,7 @@ def _series(axes: Axes, runs: Sequence[RunTrajectories], person: int, column: in
         axes.axvspan(first.stamps_s[start], first.stamps_s[end], color="0.85", lw=0)
     for k, run in enumerate(runs):
         tracked = run.tracked[:, person, column] * scale
-        # A line does not join two tracks, nor two sides of the circle.
+        # Lines are interrupted between two tracks, and where an angle wraps.
         breaks = np.flatnonzero(np.diff(run.tracks[:, person]) != 0)
         axes.plot(*_broken(run.stamps_s, tracked, breaks, column), lw=1.2, **_style(k, run.method))
     none = np.zeros(0, np.int64)
@@ -149,14 +149,14 @@ def _series(axes: Axes, runs: Sequence[RunTrajectories], person: int, column: in
 
 
 def _broken(times_s: F64, values: F64, gaps: I64, column: int) -> tuple[F64, F64]:
-    """Put a gap after some samples, and where an angle goes round."""
+    """Insert gaps after some samples, and where an angle wraps."""
     if column == YAW:
         gaps = np.union1d(gaps, np.flatnonzero(np.abs(np.diff(values)) > 180))
     return np.insert(times_s, gaps + 1, times_s[gaps]), np.insert(values, gaps + 1, np.nan)
 
 
 def _runs(marks: np.ndarray) -> list[tuple[int, int]]:
-    """Return first and last index of each run of marks."""
+    """Return first and last index of each run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], marks, [False]]).astype(np.int8)))
     return [(int(a), int(b) - 1) for a, b in edges.reshape(-1, 2)]
 

@@ -1,4 +1,4 @@
-"""The report: one HTML file that contains everything, and its tables and images as files."""
+"""The report: one complete HTML file, and its tables and images as files."""
 
 import base64
 from collections.abc import Iterable, Sequence
@@ -21,10 +21,10 @@ from evaluation.run.run import RunScores
 
 
 def write(plan: EvaluationPlan, evaluation: Evaluation, folder: Path, command: str) -> Path:
-    """Write all metrics as CSV files, images, and the report that contains everything.
+    """Write all metrics as CSV files, images and the report.
 
     Returns:
-        The report, which names the command that makes it again.
+        The report, which names the command that regenerates it.
 
     Raises:
         SourceError: The folder cannot be written.
@@ -89,7 +89,7 @@ def _recordings(scores: Sequence[RunScores]) -> str:
 
 
 def _table(head: Sequence[str], rows: Iterable[tuple[str, Sequence[str]]]) -> str:
-    """Return a table by the class and the cells of each row; a single cell fills its row."""
+    """Return a table from class and cells of each row; a single cell fills its row."""
     lines = []
     for kind, cells in rows:
         span = f' colspan="{len(head)}"' if len(cells) == 1 else ""

@@ -42,7 +42,7 @@ class TableRow:
     """One row of a table."""
 
     method: str
-    people: str  # number of people, "all" for all recordings
+    people: str  # number of people, or "all"
     cells: tuple[str, ...]  # one for each column, as text
     published: bool = False
 
@@ -73,7 +73,7 @@ def read_tables() -> dict[str, ReportTable]:
 
 
 def row_of(result: RunScores) -> Row:
-    """Return all metrics of a run that are the same on any machine."""
+    """Return all metrics of a run but the processing rate."""
     scores, row = result.scores, result.scores.row()
     for part, poses in scores.pose_parts.items():
         row |= {f"{part}_{name}": value for name, value in poses.row().items()}
@@ -103,9 +103,9 @@ def groups_of(scores: Sequence[RunScores], rows: Sequence[Row]) -> list[RunGroup
 
 
 def fill(table: ReportTable, groups: Sequence[RunGroup], spread: bool = True) -> ReportTable:
-    """Return a table with its rows: those of groups, then published results.
+    """Return a table with the rows of groups, then published results.
 
-    Means have their standard deviation beside them if `spread` is set.
+    Means have their standard deviation if `spread` is set.
     """
     rows = [
         TableRow(
@@ -122,7 +122,7 @@ def _published_rows(table: ReportTable) -> Iterator[TableRow]:
     with Path(__file__).with_name("published.csv").open(encoding="utf-8") as file:
         for row in csv.DictReader(file):
             texts = [row.get(column.metric) for column in table.columns]
-            # By number of people few metrics are published: only complete rows are shown.
+            # Few metrics are published by number of people: only complete rows are shown.
             if all(texts) or (row["people"] == "all" and any(texts)):
                 values = [float(text) if text else None for text in texts]
                 cells = tuple(c.text(v) for c, v in zip(table.columns, values, strict=True))

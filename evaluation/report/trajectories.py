@@ -17,9 +17,9 @@ class CameraCoverage:
     """Field of view of the camera from above, in the frame of the truth."""
 
     position_m: F64  # 2
-    axis_rad: float  # direction of its optical axis
-    half_angle_rad: float  # half of its horizontal field of view
-    range_m: float  # depth range
+    axis_rad: float  # [rad] direction of the optical axis
+    half_angle_rad: float  # [rad] half of the horizontal field of view
+    range_m: float  # [m] largest depth
 
 
 @dataclass(frozen=True)
@@ -28,11 +28,11 @@ class RunTrajectories:
 
     method: str
     stamps_s: F64  # N, since the first frame
-    persons: tuple[str, ...]  # k identities
+    persons: tuple[str, ...]  # K identities
     true: F64  # NxKx5, see the columns X to YAW; NaN where unknown
     required: BOOL  # NxK, people who have to be tracked
-    tracked: F64  # NxKx5, the same of the track that each person is matched to; NaN where none is
-    tracks: I64  # NxK, its identity; 0: none
+    tracked: F64  # NxKx5, same columns of the matched track; NaN without a match
+    tracks: I64  # NxK, identity of the matched track; 0: none
     paths: Mapping[int, F64]  # by identity of a track, Lx6: time [s], then the columns
     switches_s: tuple[float, ...]  # times of ID switches
     camera: CameraCoverage | None  # at the first frame; None: unknown, or it moves
@@ -69,7 +69,7 @@ def trajectories_of(method: str, output: RunOutput) -> RunTrajectories:
 
 
 def _columns(people: PeopleColumns) -> F64:
-    """Return Nx5 of people who have positions, velocities and yaws."""
+    """Return the columns (Nx5) of N people."""
     columns = (people.positions_m, people.velocities_mps, people.yaws_rad)
     positions_m, velocities_mps, yaws_rad = (c for c in columns if c is not None)
     return np.column_stack([positions_m[:, :2], velocities_mps[:, :2], yaws_rad])

@@ -31,16 +31,16 @@ Key: TypeAlias = tuple[str, bytes]  # recording, and the configuration of its de
 class EvaluationPlan:
     """Methods and recordings of an evaluation."""
 
-    methods: tuple[Method, ...]  # methods, each under a name of its own
+    methods: tuple[Method, ...]  # methods with different names
     recordings: tuple[EvaluationRecording, ...]
-    cache: Path  # folder of renderings and detections, which are made once
-    jobs: int = 1  # processes at once; the result does not depend on it
-    figures: bool = True  # True: draw figures, which takes matplotlib
-    motion: VisualOdometryConfig | None = None  # of the base; None: odometry is as recorded
+    cache: Path  # folder of renderings and detections
+    jobs: int = 1  # number of processes, without effect on the result
+    figures: bool = True  # True: draw figures, which requires matplotlib
+    motion: VisualOdometryConfig | None = None  # None: odometry as recorded
 
 
 def check_models(plan: EvaluationPlan) -> None:
-    """Check that all models are there, before anything that takes long.
+    """Check that all models exist before the evaluation starts.
 
     Raises:
         ModelError: A model is unknown, or its file is absent.
@@ -54,7 +54,7 @@ def check_models(plan: EvaluationPlan) -> None:
 
 
 def warnings_of(plan: EvaluationPlan) -> list[str]:
-    """Return sentences on figures that the plan's recordings cannot give."""
+    """Return warnings about figures that the recordings cannot give."""
     bare = [r.name for r in plan.recordings if r.job and r.job.fidelity == "geometry"]
     embedding = [method.name for method in plan.methods if method.reid]
     if not bare:

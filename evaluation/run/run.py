@@ -1,4 +1,4 @@
-"""One method on one recording: its tracks beside the ground truth, and all metrics of that."""
+"""One method on one recording: its tracks, matched with the ground truth, and all metrics."""
 
 import math
 import time
@@ -44,8 +44,8 @@ class EvaluationRun:
 
     method: Method
     recording: EvaluationRecording
-    detections: Path  # recording of its detections
-    embeddings: Path | None  # recording of its embeddings; None: the tracker takes none
+    detections: Path  # recording of the detections
+    embeddings: Path | None  # recording of the embeddings; None: the tracker uses none
     truth: SampledTruth  # ground truth at the stamps of `detections`
 
 
@@ -57,7 +57,7 @@ class RunOutput:
     detections: tuple[Detections, ...]  # detections of each frame
     tracks: dict[int, Tracks]  # tracks of each frame, by stamp
     matching: Matching
-    took_ms: float  # mean time of the tracker in a frame
+    took_ms: float  # [ms] mean time of the tracker in a frame
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class RunScores:
     scores: Scores
     has_visibility: bool  # True if the visible share of people is known
     frames: int  # number of frames, with and without truth
-    pipeline_ms: float | None  # mean time of the pipeline in a frame; None where it is unknown
+    pipeline_ms: float | None  # [ms] mean time of the pipeline in a frame; None: unknown
 
 
 def execute(run: EvaluationRun) -> RunOutput:
@@ -86,7 +86,7 @@ def execute(run: EvaluationRun) -> RunOutput:
         raise SourceError(f"{run.recording.path} has no frame with a calibration")
     frame_id, source = run.method.tracker.frame_id, str(run.recording.path)
     messages = with_start_link(messages, run.truth, info, frame_id, source)
-    # Embeddings come before their detections here; later ones do not exist.
+    # Embeddings precede their detections here.
     config = msgspec.structs.replace(run.method.tracker, embedding_wait_s=0.0, reorder_wait_s=0.0)
     start_ns = time.perf_counter_ns()
     tracks = {message.stamp_ns: message for message in track_again(messages, config)}
@@ -115,10 +115,10 @@ def score_run(run: EvaluationRun, output: RunOutput) -> RunScores:
 
 
 class OdometryDrift:
-    """Error of a robot's estimate of its own pose; it is taken out of tracks, being none of theirs.
+    """Error of a robot's estimate of its own pose, which does not count against tracks.
 
-    It comes from the transforms and odometry of a recording, between the frame of the tracks and
-    the optical frame of the camera.
+    The estimate comes from the transforms and odometry of a recording, between the frame of the
+    tracks and the optical frame of the camera.
     """
 
     def __init__(self, messages: Iterable[Message], frame_id: str, camera: str) -> None:
@@ -132,7 +132,7 @@ class OdometryDrift:
     def correct(self, track: Track, stamp_ns: int, map_from_camera: F64 | None) -> Track:
         """Return a track of a stamp without drift, by the true pose of the camera (4x4), if known.
 
-        It is returned as it is if the camera stands, or its true or estimated pose is unknown.
+        The track is unchanged if the camera stands, or its true or estimated pose is unknown.
         """
         estimated = self._transforms.lookup(*self._ends, stamp_ns) if self._drives else None
         if estimated is None or map_from_camera is None:
@@ -144,9 +144,9 @@ class OdometryDrift:
 def _frames(
     truth: SampledTruth, messages: list[Message], info: CameraInfo, tracks: dict[int, Tracks]
 ) -> Iterator[EvaluationFrame]:
-    """Yield the frames with truth, but for those whose stamp does not rise: no tracker takes them.
+    """Yield the frames with truth and a rising stamp; trackers reject others.
 
-    The pose of a standing camera comes from the recording, if the truth has none.
+    The pose of a standing camera comes from the recording if the truth has none.
     """
     drift, recorded = OdometryDrift(messages, truth.frame_id, info.frame_id), None
     for message in messages:

@@ -1,7 +1,7 @@
-"""The link from the frame of the tracks to that of odometry, where a recording lacks it.
+"""Link from the frame of the tracks to the frame of odometry, if a recording lacks it.
 
-A robot that localises itself sends it. Without localisation it is the robot's true pose at the
-start: from there on odometry drifts, and `OdometryDrift` takes that out of the tracks.
+A robot with localisation sends this transform. Without localisation the link is the true pose at
+the start; `OdometryDrift` removes the later drift of odometry from the tracks.
 """
 
 from collections.abc import Sequence
@@ -32,7 +32,7 @@ def with_start_link(
 
     Args:
         messages: Input of a tracker.
-        truth: Truth at the stamps of the detections, with poses of the camera if they are known.
+        truth: Truth at the stamps of the detections, with known poses of the camera.
         info: Calibration of the camera.
         frame_id: Frame of the tracks.
         source: Name of the recording, for the error.
@@ -67,7 +67,7 @@ def with_start_link(
 
 
 def _linked(buffer: TransformBuffer, target: str, source: str, stamps_ns: Sequence[int]) -> bool:
-    """Check for a transform at one of the stamps at least."""
+    """Check for a transform at one or more of the stamps."""
     return any(buffer.lookup(target, source, stamp_ns) is not None for stamp_ns in stamps_ns)
 
 

@@ -22,10 +22,10 @@ from services.report.page import RunPage
 from services.report.text import text
 
 PAGE = "report.html"
-COMPLETE = "summary.json"  # written last, and renamed: if it exists, the report is complete
+COMPLETE = "summary.json"  # written last: it exists if the report is complete
 HZ_RANGE = 1.0, 120.0
-WAITING_MAX = 2 * 2**30  # [bytes] of frames that wait for the end of the run, of all cameras
-ENCODING_S = 540.0  # [s] for all videos; the compose file allows 600 s until the process is killed
+WAITING_MAX = 2 * 2**30  # [bytes] largest size of all frames that wait for the end of the run
+ENCODING_S = 540.0  # [s] time limit of all videos; the compose file kills after 600 s
 PROGRESS_S = 2.0
 
 log = logging.getLogger("people4d")
@@ -103,7 +103,7 @@ class ReportFolder:
 
 
 def check_folder(config: ReportConfig) -> None:
-    """Make the folder of the report, marked as not complete.
+    """Create the folder of the report, marked as not complete.
 
     Raises:
         ConfigError: The folder cannot be made or written to.
@@ -122,19 +122,19 @@ def check_folder(config: ReportConfig) -> None:
 class VideoFile:
     """A video that is encoded after the run, because encoding would delay the pipeline.
 
-    Until then its frames wait as JPEG in a file of the same folder that has no name.
+    Until then its frames wait as JPEG in a temporary file of the same folder.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.waiting_bytes = 0
-        self.limit = ""  # what is missing, one sentence; empty: nothing
+        self.limit = ""  # sentence on missing frames; empty: complete
         self._file = tempfile.TemporaryFile(dir=path.parent)  # noqa: SIM115 (it outlives this)
         self._frames: list[tuple[int, int]] = []  # stamp, and number of bytes
         self._count = self._written = 0
 
     def add_frame(self, frame: AnnotatedFrame, has_room: bool) -> None:
-        """Append a frame; without room it is left out, and counted."""
+        """Append a frame; without room it is counted only."""
         self._count += 1
         jpeg = encode_jpeg(frame.image) if has_room else b""
         with suppress(OSError):  # the disk is full
@@ -177,7 +177,7 @@ class VideoFile:
 
 
 def frame_rate_hz(stamps_ns: list[int]) -> float:
-    """Return the rate of frames by the median of their intervals, 30 where there is none."""
+    """Return the rate of frames by the median of their intervals, 30 Hz without any."""
     intervals = np.diff(stamps_ns) / 1e9
     rising = intervals[intervals > 0]
     return float(np.clip(1 / np.median(rising), *HZ_RANGE)) if len(rising) else 30.0

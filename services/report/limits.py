@@ -1,4 +1,4 @@
-"""Limits of a run: why services were degraded, and what was not used."""
+"""Limits of a run: reasons of degraded services, and unused inputs."""
 
 import re
 from collections import Counter
@@ -16,32 +16,32 @@ from people4d.messages import (
     Truth,
 )
 
-FLOWS_NS = 1_000_000_000  # after a frame, within which heartbeats are of the run
-MIN_BEATS = 4  # heartbeats, twice a second, that a reason must be in
-MAX_REASONS = 100  # of all services
-ENDED_NS = 1_000_000_000  # from the last truth to the last frame, from which on truth ended
+FLOWS_NS = 1_000_000_000  # [ns] largest age of the last frame at a heartbeat of the run
+MIN_BEATS = 4  # least number of heartbeats with a reason; they come twice a second
+MAX_REASONS = 100  # largest number of reasons of all services
+ENDED_NS = 1_000_000_000  # [ns] time from the last truth to the last frame if truth ended
 NUMBER = re.compile(r"[\d.]+")
-WAITS = re.compile(r"no [\w ,]+ for \d+ s")  # for another service, whose reason says more
+WAITS = re.compile(r"no [\w ,]+ for \d+ s")  # reasons that another service explains
 
 
 class RunLimits:
     """Collects reasons of degraded services while frames come, in bounded memory.
 
     Args:
-        truth: Ground truth that was asked for; empty: none.
+        truth: Configured source of ground truth; empty: none.
     """
 
     def __init__(self, truth: str = "") -> None:
         self._truth = truth
         self._frame_ns: int | None = None  # arrival of the last frame
-        self._beats: Counter[tuple[str, str]] = Counter()  # by instance, and reason sans numbers
-        self._reasons: dict[tuple[str, str], str] = {}  # the last one, with its numbers
+        self._beats: Counter[tuple[str, str]] = Counter()  # by instance, and reason without numbers
+        self._reasons: dict[tuple[str, str], str] = {}  # last reason, with its numbers
         self._ends_ns: dict[type[Message], int] = {}  # last stamps
         self._odometry_used = False
         self._mounts: set[bool] = set()  # of transforms: False is the default mount
 
     def add(self, message: Message, now_ns: int) -> None:
-        """Take a message that came at this monotonic time."""
+        """Add a message that arrived at this monotonic time."""
         if isinstance(message, RgbdFrame):
             self._frame_ns = now_ns
             self._ends_ns[RgbdFrame] = message.stamp_ns
@@ -68,7 +68,7 @@ class RunLimits:
                 self._reasons[key] = reason
 
     def degraded(self, is_scored: bool) -> tuple[str, ...]:
-        """Return what limited the run, one sentence each; `is_scored`: tracks met truth."""
+        """Return the limits of the run, one sentence each; `is_scored`: tracks matched truth."""
         found = [f"{k[0]}: {self._reasons[k]}" for k, n in self._beats.items() if n >= MIN_BEATS]
         if self._truth and Truth not in self._ends_ns:
             found.append(f"truth: none came from {self._truth}")
@@ -81,7 +81,7 @@ class RunLimits:
         return tuple(sorted(found))
 
     def unused(self) -> tuple[str, ...]:
-        """Return what was not used: odometry, the camera's mount, truth."""
+        """Return unused inputs: odometry, the camera's mount, truth."""
         parts = []
         if Odometry not in self._ends_ns:
             parts.append("odometry (none came: the base stands)")

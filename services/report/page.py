@@ -1,4 +1,4 @@
-"""The page of a run: one HTML file that holds everything it shows."""
+"""The page of a run: one complete HTML file."""
 
 import base64
 import importlib.metadata
@@ -15,7 +15,7 @@ from services.report.statistics import END_TO_END, RunSummary
 from services.report.svg import Bar, Line, bars, draw_map, plot
 from services.report.text import facts, headline, latency_of, latency_table
 
-VIDEO_MAX = 24 * 2**20  # [bytes] of a video that is embedded; a larger one is a file beside
+VIDEO_MAX = 24 * 2**20  # [bytes] largest size of an embedded video; others are separate files
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class RunPage:
     summary: RunSummary
     trajectories: Trajectories
     series: RunSeries
-    note: str = ""  # says what is simulated; empty: nothing is known about that
+    note: str = ""  # sentence about simulated data; empty: none
     videos: Mapping[str, Path] = field(default_factory=dict)  # by camera
     sheet_jpeg: bytes = b""  # frames in a grid; empty: none
 

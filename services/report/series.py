@@ -6,16 +6,16 @@ from common.runtime.latency import end_to_end
 from common.runtime.synchroniser import SynchronisedFrame
 from services.report.even_sample import EvenSample
 
-POINTS = 600  # of each series, at least where there are as many frames
+POINTS = 600  # least number of points of a series, frames permitting
 
 
 @dataclass(frozen=True, slots=True)
 class FramePoint:
     """Figures of one frame."""
 
-    time_s: float  # [s] by its stamp, from the first frame
-    detections: int  # people detected
-    tracks: int  # confirmed
+    time_s: float  # [s] stamp since the first frame
+    detections: int  # number of detections
+    tracks: int  # number of confirmed tracks
     latency_ms: float | None  # [ms] end to end; None without a trace
 
 
@@ -23,7 +23,7 @@ class FramePoint:
 class ErrorPoint:
     """Error of one person's position in one frame."""
 
-    time_s: float  # [s] by the stamp of the frame, from the first
+    time_s: float  # [s] stamp of the frame since the first frame
     error_m: float  # [m] horizontal
 
 
@@ -46,7 +46,7 @@ class RunSeries:
         return self._errors.values
 
     def add(self, frame: SynchronisedFrame) -> None:
-        """Take a frame with its tracks; others are passed over."""
+        """Add a frame; frames without tracks are ignored."""
         if frame.tracks is None:
             return
         total = end_to_end(frame.tracks.trace)
@@ -60,7 +60,7 @@ class RunSeries:
         )
 
     def add_error(self, stamp_ns: int, error_m: float) -> None:
-        """Take the error of a person's position."""
+        """Add the error of a person's position."""
         self._errors.add(ErrorPoint(self._seconds(stamp_ns), error_m))
 
     def _seconds(self, stamp_ns: int) -> float:

@@ -30,12 +30,12 @@ from services.report.even_sample import EvenSample
 from services.report.limits import RunLimits
 from services.report.series import RunSeries
 
-SAMPLES = 10_000  # of each stage
+SAMPLES = 10_000  # largest number of samples of a stage
 MAX_STAGES = 128
 END_TO_END = "end_to_end"
 MAX_TRACKS = 100_000
 MAX_INSTANCES = 64
-MAX_ERRORS = 10_000  # position errors of the median
+MAX_ERRORS = 10_000  # largest number of position errors for the median
 
 
 class Percentiles(msgspec.Struct, frozen=True, kw_only=True):
@@ -44,7 +44,7 @@ class Percentiles(msgspec.Struct, frozen=True, kw_only=True):
     p50_ms: float  # [ms] median
     p95_ms: float  # [ms]
     p99_ms: float  # [ms]
-    count: int  # messages measured
+    count: int  # number of messages
 
 
 class Latency:
@@ -57,7 +57,7 @@ class Latency:
         self._samples: dict[str, EvenSample[float]] = {}
 
     def add(self, trace: Sequence[Span]) -> None:
-        """Take the trace of one message, oldest stage first; segments of one name are one."""
+        """Add the trace of one message, oldest stage first; segments of one name are merged."""
         for segment in merge_stages(segments(trace)):
             self._add(segment.name, segment.ms)
         if total := end_to_end(trace):
@@ -78,30 +78,30 @@ class Latency:
 
 
 class RunSummary(msgspec.Struct, frozen=True, kw_only=True):
-    """Statistics of a run; what no message contained is absent (null)."""
+    """Statistics of a run; figures without messages are null."""
 
     cameras: tuple[str, ...]  # names, sorted
-    frames: int  # that the report received
-    frames_detected: int  # of them answered by the detector
-    frames_tracked: int  # of them answered by the tracker
-    recorded_hz: float | None  # [Hz] rate of one camera's frames by their stamps
+    frames: int  # number of received frames
+    frames_detected: int  # number of frames with an answer of the detector
+    frames_tracked: int  # number of frames with an answer of the tracker
+    recorded_hz: float | None  # [Hz] rate of the frames of one camera by their stamps
     processed_hz: float | None  # [Hz] rate of tracked frames by the clock
-    model: str | None  # of the detector
-    people: int  # detected, over all frames
+    model: str | None  # model of the detector
+    people: int  # number of detections over all frames
     people_per_frame: float | None
-    position_share: float | None  # of the detected people who have a 3D position, 0 to 1
-    tracker: str | None  # method
-    tracks: int  # that were confirmed
-    track_length_mean: float | None  # [frames] confirmed
-    track_length_median: float | None  # [frames] confirmed
+    position_share: float | None  # share of detections with a 3D position, 0 to 1
+    tracker: str | None  # method of the tracker
+    tracks: int  # number of confirmed tracks
+    track_length_mean: float | None  # [frames] mean duration of confirmed tracks
+    track_length_median: float | None  # [frames] median duration of confirmed tracks
     latency: dict[str, Percentiles]  # by stage, and "end_to_end"
-    drops: dict[str, dict[str, int]]  # by instance and cause, where there were any
+    drops: dict[str, dict[str, int]]  # numbers of losses by instance and cause
     score: Tally | None  # against the truth, as people4d score reports it
-    position_error_median_m: float | None  # [m] horizontal, of the matches
+    position_error_median_m: float | None  # [m] median horizontal error of matches
     degraded: tuple[str, ...]  # service and reason of each limit of the run; empty: none
-    unused: tuple[str, ...]  # of odometry, mount and truth
-    lockstep: bool  # True: as fast as possible, so that latency includes waiting
-    missing: tuple[str, ...]  # streams that brought nothing
+    unused: tuple[str, ...]  # unused inputs: odometry, mount, truth
+    lockstep: bool  # True: playback in lock-step, latency includes waiting
+    missing: tuple[str, ...]  # streams without messages
 
 
 @dataclass(slots=True)
@@ -126,7 +126,7 @@ class RunStatistics:
     """Adds up messages in bounded memory.
 
     Args:
-        truth: Ground truth that was asked for; empty: none.
+        truth: Configured source of ground truth; empty: none.
     """
 
     def __init__(self, truth: str = "") -> None:
@@ -149,7 +149,7 @@ class RunStatistics:
         self.series = RunSeries()
 
     def add(self, message: Message, now_ns: int) -> None:
-        """Count a message that the report listens to; it came at this monotonic time."""
+        """Count a message that arrived at this monotonic time."""
         self._now_ns = now_ns
         self._received[type(message).__name__] += 1
         self._limits.add(message, now_ns)
@@ -177,7 +177,7 @@ class RunStatistics:
         self._update_score()
 
     def settle(self, frame: SynchronisedFrame) -> None:
-        """Count which answers a frame got; tracks predicted between frames do not count."""
+        """Count the answers to a frame; tracks predicted between frames do not count."""
         if frame.image is not None:
             self._answers["detected"] += frame.detections is not None
             self._answers["tracked"] += frame.tracks is not None

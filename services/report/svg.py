@@ -1,4 +1,4 @@
-"""Plots as SVG whose colours come from the style of the page, so that light and dark work."""
+"""Plots as SVG in the colours of the page's style, light and dark."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -18,7 +18,7 @@ LEFT, RIGHT, TOP, BOTTOM = 48, 12, 12, 34
 MAP_SIZE = 560
 MAP_MARGIN_M = 0.5
 MAP_LEAST_M = 3.0
-VIEW_M = 1.2  # length of the wedge of a camera
+VIEW_M = 1.2  # [m] length of the wedge of a camera
 ROW = 26  # [px] height of a bar with its gap
 
 
@@ -29,8 +29,8 @@ class Line:
     name: str
     points: Sequence[tuple[float, float]]
     style: str  # class of the style sheet
-    dots: bool = False  # True: points that are not joined
-    steps: bool = False  # True: constant from a point to the next
+    dots: bool = False  # True: separate points
+    steps: bool = False  # True: constant until the next point
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Bar:
 
 
 def plot(lines: Sequence[Line], unit: str, title: str, *, end_s: float = 0.0) -> str:
-    """Return series over seconds, to `end_s` at least; an empty string without any point."""
+    """Return series over at least `end_s` seconds; empty without points."""
     points = [point for line in lines for point in line.points]
     if not points:
         return ""
@@ -74,7 +74,7 @@ def plot(lines: Sequence[Line], unit: str, title: str, *, end_s: float = 0.0) ->
 
 
 def bars(rows: Sequence[Bar], unit: str, title: str) -> str:
-    """Return a bar up to the median of each row, and lines to the percentiles."""
+    """Return a bar up to the median of each row, with marks at the percentiles."""
     if not rows:
         return ""
     left = 16 + 7.4 * max(len(row.name) for row in rows)
@@ -141,7 +141,7 @@ def draw_map(trajectories: Trajectories, colours: dict[int, Colour]) -> str:
             f'<text class="name" x="{u + 9:.1f}" y="{v + 4:.1f}">#{track_id}</text>'
         )
     truth = " Grey: ground truth." if trajectories.truth else ""
-    caption = f"{escape(trajectories.frame_id)} from above, x up, y left; a line each metre.{truth}"
+    caption = f"Top view of {escape(trajectories.frame_id)} (x up, y left), 1 m grid.{truth}"
     return _figure(parts, caption)
 
 

@@ -15,7 +15,7 @@ def headline(summary: RunSummary) -> str:
 
 
 def latency_of(summary: RunSummary) -> Percentiles | None:
-    """Return the latency end to end; None in lock-step, where frames wait for one another."""
+    """Return the end-to-end latency; None in lock-step, in which frames wait for each other."""
     return None if summary.lockstep else summary.latency.get(END_TO_END)
 
 
@@ -35,7 +35,7 @@ def facts(summary: RunSummary) -> list[tuple[str, str]]:
 
 
 def latency_table(summary: RunSummary) -> list[tuple[str, str, str, str]]:
-    """Return the latency as a table with a head; empty where nothing was measured."""
+    """Return the latency as a table with a head; empty without measurements."""
     if not summary.latency:
         return []
     rows = [

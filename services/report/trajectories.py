@@ -10,12 +10,12 @@ from services.report.even_sample import EvenSample
 
 K = TypeVar("K")
 
-MAX_POINTS = 400  # of a trajectory
-MAX_TRAJECTORIES = 60  # on the map; the shortest is dropped
+MAX_POINTS = 400  # largest number of points of a trajectory
+MAX_TRAJECTORIES = 60  # largest number on the map; the shortest is dropped
 
 
 class TrajectoryStore:
-    """Gathers positions of tracks, truth and cameras in the frame that tracks are in."""
+    """Positions of tracks, truth and cameras in the frame of the tracks."""
 
     def __init__(self) -> None:
         self.frame_id = "map"
@@ -24,7 +24,7 @@ class TrajectoryStore:
         self._cameras: dict[str, StaticTransform] = {}
 
     def add(self, message: Tracks | Truth | StaticTransform) -> None:
-        """Take a message."""
+        """Add the positions of a message."""
         if isinstance(message, Tracks):
             self.frame_id = message.frame_id
             for track in message.tracks:
@@ -37,7 +37,7 @@ class TrajectoryStore:
             self._cameras[message.child] = message
 
     def map_from_optical(self, frame_id: str) -> F64 | None:
-        """Return the pose of a camera in the frame that tracks are in, None if unknown."""
+        """Return the pose of a camera in the frame of the tracks, None if unknown."""
         transform = self._cameras.get(frame_id)
         known = transform is not None and transform.parent == self.frame_id
         return transform.matrix if transform is not None and known else None
