@@ -1,8 +1,8 @@
 """Compare all pinned packages with the known vulnerabilities, by pip-audit: `make audit`.
 
 Advisories come from PyPI, or from $ADVISORIES, the address of a copy of OSV's interface, for
-machines without the internet. Ends with 0 if every package was compared and none is vulnerable,
-with 1 if one is, and with 2, "not run", if packages could not be compared.
+machines without internet. Exit codes: 0 if every package was compared and none is vulnerable, 1 if
+one is, 2 ("not run") if packages could not be compared.
 """
 
 import json
@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
-TIMEOUT_S = 15  # of one request
+TIMEOUT_S = 15  # [s] timeout of one request
 LONGEST_S = 600
 
 
 def audit(lock: Path) -> dict[str, Any] | None:
-    """Return pip-audit's report on a lock file; None if it could not be made."""
+    """Return pip-audit's report on a lock file; None if it failed."""
     command = [sys.executable, "-m", "pip_audit", "--require-hashes", "--disable-pip"]
     command += ["-r", str(lock), "--format", "json", "--timeout", str(TIMEOUT_S)]
     if copy := os.environ.get("ADVISORIES"):
@@ -35,7 +35,7 @@ def audit(lock: Path) -> dict[str, Any] | None:
 
 
 def summary(lock: str, report: dict[str, Any] | None) -> tuple[int, str]:
-    """Return exit status and text of a report; what was skipped was not audited."""
+    """Return exit status and text of a report; skipped packages are not audited."""
     if report is None:
         return 2, f"{lock}: not run, no advisories can be reached (see ADVISORIES)"
     found = report["dependencies"]
@@ -47,7 +47,7 @@ def summary(lock: str, report: dict[str, Any] | None) -> tuple[int, str]:
     ]
     lines = [f"{lock}: {len(found) - len(skipped)} of {len(found)} packages compared", *bad]
     if skipped or not found:
-        lines.append(f"not run for {len(skipped)}, of which no advisories can be had")
+        lines.append(f"not run for {len(skipped)} packages without advisories")
     status = 1 if bad else 2 if skipped or not found else 0
     return status, "\n  ".join(lines)
 

@@ -1,4 +1,4 @@
-"""Build the image without Docker and run the system as deploy/compose.yaml has it run.
+"""Build the image without Docker and run the system with the options of deploy/compose.yaml.
 
 Needs root on Debian with mmdebstrap, buildah, bubblewrap and iproute2, and Debian's packages. A
 Debian root with Python stands in for the base image. Each service runs in bubblewrap with the
@@ -53,15 +53,15 @@ class Builder:
     """Builds the image with buildah.
 
     Args:
-        folder: For the images.
-        options: More of `buildah build`.
+        folder: Folder of the images.
+        options: Further options of `buildah build`.
     """
 
     def __init__(self, folder: Path, options: Sequence[str]) -> None:
         self._folder, self._options = folder, options
 
     def run(self, *arguments: str) -> str:
-        """Run buildah and return what it prints."""
+        """Run buildah and return its output."""
         storage = ["--storage-driver", "vfs", "--root", str(self._folder / "images")]
         storage += ["--runroot", str(self._folder / "run")]
         command = ["buildah", *storage, *arguments]
@@ -102,7 +102,7 @@ class Containers:
     Args:
         root: Root of the image.
         image: Environment of the image.
-        folder: For volumes and logs.
+        folder: Folder of volumes and logs.
     """
 
     def __init__(self, root: Path, image: Mapping[str, str], folder: Path) -> None:
@@ -123,12 +123,12 @@ class Containers:
             )
 
     def run(self, name: str, *command: str) -> "subprocess.CompletedProcess[str]":
-        """Run a command as a service would be."""
+        """Run a command with the options of a service."""
         limited = ["timeout", str(CLIENT_S), *self._command(name, command)]
         return subprocess.run(limited, capture_output=True, check=False, text=True)
 
     def wait_healthy(self, name: str) -> bool:
-        """Run the health check of a service until it passes; return False if it does not."""
+        """Run the health check of a service until it passes; return False after a timeout."""
         check = self._services[name]["healthcheck"]["test"][1:]
         end_s = time.monotonic() + READY_S
         while time.monotonic() < end_s and self.processes[name].poll() is None:
@@ -191,13 +191,13 @@ class Containers:
 
 
 def _given(environment: Mapping[str, Any]) -> dict[str, str]:
-    """Return the variables of a service; those without a value are the caller's."""
+    """Return the variables of a service; the caller's replace missing values."""
     given = {key: VARIABLES.get(key) if v is None else str(v) for key, v in environment.items()}
     return {key: value for key, value in given.items() if value is not None}
 
 
 def checks(running: Containers) -> list[tuple[str, str, bool]]:
-    """Start everything and return what was checked, what was found, and if it is as wanted."""
+    """Start all services and return each check, its result, and whether it passed."""
     found = []
     for name in ORDER:
         running.start(name)

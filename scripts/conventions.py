@@ -3,7 +3,7 @@
     python -m scripts.conventions            # every breach, exit code 1 if there is one
     python -m scripts.conventions --counts   # files and lines a folder, and breaches by rule
 
-Words that the field does not use are listed in scripts/words.toml.
+Forbidden words are listed in scripts/words.toml.
 """
 
 import argparse
@@ -48,7 +48,7 @@ class Breach:
 
 
 def read_words() -> tuple[dict[str, str], dict[str, str]]:
-    """Read the words that are not used.
+    """Read the forbidden words.
 
     Returns:
         Words forbidden in names, and words forbidden everywhere, each with its replacement.

@@ -1,9 +1,9 @@
-"""Made-up messages of a whole pipeline, for the page of the dashboard without the pipeline.
+"""Artificial messages of a pipeline, for the page of the dashboard.
 
     python -m scripts.dashboard_feed --connect tcp/127.0.0.1:7447   # until Ctrl-C
 
 People walk in circles before one camera. Boxes, keypoints, positions, depth and tracks agree with
-each other, so that the page shows what it would of a good pipeline.
+each other.
 """
 
 import argparse
@@ -94,7 +94,7 @@ class Walker:
 
 
 class Feed:
-    """Makes and publishes the messages of frames.
+    """Generator of the messages of frames.
 
     Args:
         people: Number of people.

@@ -49,7 +49,7 @@ DELIVERY = {
 
 
 class DocsError(Exception):
-    """A message is not documented well enough."""
+    """Incomplete documentation of a message."""
 
 
 class FieldDocs(NamedTuple):
@@ -58,7 +58,7 @@ class FieldDocs(NamedTuple):
     Args:
         name: Its name on the wire.
         kind: Its type in words.
-        presence: "required", or what holds where it is absent.
+        presence: "required", or the value of an absent field.
         comment: Its meaning with unit and frame.
     """
 
@@ -69,10 +69,10 @@ class FieldDocs(NamedTuple):
 
 
 def fields_of(record: type[msgspec.Struct]) -> Iterator[FieldDocs]:
-    """Describe the fields that a record type declares itself.
+    """Describe the fields of a record type, without inherited ones.
 
     Raises:
-        DocsError: A field has no comment, or a type that the wire does not have.
+        DocsError: A field has no comment, or an unknown type.
     """
     comments = dict(_comments(record))
     hints = get_type_hints(record, include_extras=True)
@@ -148,7 +148,7 @@ def generate() -> str:
     """Return the text of docs/development/messages.md.
 
     Raises:
-        DocsError: A message is not documented well enough.
+        DocsError: The documentation of a message is incomplete.
     """
     topics = {topic.message: topic for topic in TOPICS}
     parts = [
@@ -213,7 +213,7 @@ def _table(record: type[msgspec.Struct]) -> str:
 
 
 def _escape(text: str) -> str:
-    """Keep characters that Markdown would read as markup."""
+    """Escape characters that are markup in Markdown."""
     return re.sub(r"([|<>_*])", r"\\\1", text)
 
 

@@ -1,9 +1,9 @@
 """Three network namespaces of this machine as three hosts, one behind a link of any quality.
 
-The router's host is 192.168.1.7; the tracker's, 192.168.1.8, is linked to it by a virtual cable.
-The planner's, 192.168.1.9, is linked by a wire of our own making (two TUN devices and a thread
-between them), since not every kernel can delay and lose packets itself. Nothing leads out of them,
-and each has its own shared memory: through a common one frames would pass beside the links.
+The router's host is 192.168.1.7. The tracker's host, 192.168.1.8, is linked to it by a virtual
+cable. Two TUN devices and a thread between them link the planner's host, 192.168.1.9, since
+not every kernel can delay and lose packets. The hosts have no other network and separate shared
+memory, since frames in a common one would bypass the links.
 """
 
 import contextlib
@@ -36,11 +36,11 @@ class Link:
     """Quality of a wire, for each packet in each direction.
 
     Args:
-        delay_s: How long it is on its way.
-        loss: Share of packets that is lost, 0 to 1.
-        rate_bps: Bits that pass in a second.
-        queue_s: How long a packet may wait for those before it; else it is lost.
-        up: False: nothing passes.
+        delay_s: Delay of a packet [s].
+        loss: Share of lost packets, 0 to 1.
+        rate_bps: Bits a second.
+        queue_s: Longest wait of a packet for earlier packets [s]; others are lost.
+        up: False if all packets are lost.
     """
 
     delay_s: float = 0.0
@@ -113,13 +113,13 @@ class Hosts:
         self._names = names
 
     def start(self, host: str, command: Sequence[str], **options: Any) -> subprocess.Popen[str]:
-        """Start a command on a host, in a process group of its own."""
+        """Start a command on a host, in its own process group."""
         return subprocess.Popen(
             self._inside(host, command), text=True, start_new_session=True, **options
         )
 
     def run(self, host: str, command: Sequence[str], **options: Any) -> str:
-        """Run a command on a host and return what it prints."""
+        """Run a command on a host and return its output."""
         options = {"timeout": 120.0} | options
         return subprocess.run(
             self._inside(host, command), text=True, check=True, capture_output=True, **options
@@ -132,7 +132,7 @@ class Hosts:
 
 
 def missing() -> str:
-    """Return why there can be no namespaces here; empty if there can."""
+    """Return the reason if namespaces are impossible here, else an empty string."""
     if os.geteuid() != 0:
         return "network namespaces need root"
     if not shutil.which("ip"):
@@ -149,7 +149,7 @@ def missing() -> str:
 
 @contextlib.contextmanager
 def hosts() -> Iterator[Hosts]:
-    """Make three hosts; they and all that runs on them are gone after the block."""
+    """Create three hosts, removed with all their processes after the block."""
     mark = f"p4d{os.getpid()}"
     names = {host: f"{mark}-{host}" for host in ADDRESSES}
     with contextlib.ExitStack() as stack:

@@ -1,12 +1,12 @@
-"""Watch which addresses a command and its processes use, and which files they leave.
+"""Report the addresses that a command and its processes use, and the files that they leave.
 
     python -m scripts.outward people4d demo --report out/demo
 
-Lists every address beyond this machine that a process connects, sends or binds to, every name
-server that it asks, and every file in its home folder, which is empty before, but for the state
-folder of people4d. Ends with 1 if there is any. It needs Linux 5.5 and no privileges: by a seccomp
-filter, which the command inherits, the kernel reports these calls of Python and of native
-libraries. Calls through io_uring are not seen.
+Lists addresses beyond this machine that a process connects, sends or binds to, name servers that it
+queries, and files in its initially empty home folder except the state folder of people4d. The exit
+code is 1 if there are any. It needs Linux 5.5 and no privileges: the command inherits a seccomp
+filter, by which the kernel reports these calls of Python and of native libraries. Calls through
+io_uring are not reported.
 """
 
 import contextlib
@@ -27,7 +27,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-MACHINES = {  # the kernel's number of it, and those of its calls
+MACHINES = {  # the kernel's numbers of the machine and of its calls
     "x86_64": (
         0xC000003E,
         {"seccomp": 317, "connect": 42, "sendto": 44, "sendmsg": 46, "bind": 49, "sendmmsg": 307},
@@ -51,8 +51,8 @@ NUMBER, MACHINE, TARGET = 0, 4, 48  # offsets of a call's number, machine and fi
 RECEIVE, SEND = 0xC0502100, 0xC0182101
 NAME_SERVER = 53  # port
 RESOLVER = b"/run/systemd/resolve/"
-MESSAGES_MAX = 1024  # of one call
-PROGRAM_MAX = 80  # characters
+MESSAGES_MAX = 1024  # largest number of messages of one call
+PROGRAM_MAX = 80  # largest number of characters
 STATE = ".local/state/people4d"
 
 
@@ -79,7 +79,7 @@ class Contact:
 
 
 def missing() -> str:
-    """Return why commands cannot be watched here, empty if they can."""
+    """Return the reason if commands cannot be watched here, else an empty string."""
     if sys.platform != "linux" or platform.machine() not in MACHINES:
         return f"{sys.platform} on {platform.machine()} has no such filter"
     action = ctypes.c_uint32(NOTIFY)
@@ -119,7 +119,7 @@ def left_files(home: Path) -> list[str]:
 
 
 def homeless(home: Path) -> dict[str, str]:
-    """Return the environment of a process whose home folder is another."""
+    """Return the environment of a process with another home folder."""
     return {k: v for k, v in os.environ.items() if not k.startswith("XDG_")} | {"HOME": str(home)}
 
 
@@ -171,7 +171,7 @@ def _contacts_of(name: str, pid: int, arguments: Sequence[int]) -> Iterator[Cont
 
 
 def _targets(name: str, arguments: Sequence[int], memory: BinaryIO) -> Iterator[tuple[int, int]]:
-    """Yield where the addresses of a call lie in the process, and their sizes."""
+    """Yield locations of the addresses of a call in the process, and their sizes."""
     if name in ("connect", "bind"):
         yield arguments[1], arguments[2]
     elif name == "sendto":
@@ -188,7 +188,7 @@ def _read(memory: BinaryIO, address: int, size: int) -> bytes:
 
 
 def _parsed(raw: bytes) -> tuple[str, int] | None:
-    """Return address and port of a socket's address; None if it does not leave the machine."""
+    """Return address and port of a socket's address; None for a local socket."""
     family = int.from_bytes(raw[:2], sys.byteorder)
     if family == socket.AF_INET:
         return socket.inet_ntop(family, raw[4:8]), int.from_bytes(raw[2:4], "big")
@@ -200,7 +200,7 @@ def _parsed(raw: bytes) -> tuple[str, int] | None:
 
 
 def main(command: Sequence[str]) -> int:
-    """Watch a command; print what it did and return the exit code."""
+    """Watch a command; print its contacts and files, and return the exit code."""
     if not command or missing():
         print(missing() or __doc__)
         return 2

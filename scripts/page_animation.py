@@ -1,9 +1,9 @@
-"""Make the animation of the page that the README shows, and the pictures of the documentation.
+"""Record the animation of the page in the README, and the pictures of the documentation.
 
     python -m scripts.page_animation   # docs/pictures/page.webp, page-dark.jpg, page-phone.jpg
 
-The system runs on the shipped recording (simulated people) at a fifth of its rate and is looked at
-in Chromium; the animation is at the recorded rate. Needs the development tools and Chromium.
+The system runs on the shipped recording (simulated people) at a fifth of its rate in Chromium; the
+animation has the recorded rate. It requires the development tools and Chromium.
 """
 
 import argparse
@@ -29,11 +29,11 @@ FOLDER = ROOT / "docs" / "pictures"
 DEMO = ROOT / "deploy" / "demo" / "crossing.mcap"
 SIZE_PX = ViewportSize(width=1280, height=800)
 PHONE_PX = ViewportSize(width=390, height=1400)
-WIDTH_PX = 960  # of the animation
-SPEED = 0.2  # of the recording while it is looked at
-FRAME_S = 0.75  # from one picture to the next
+WIDTH_PX = 960  # [px] width of the animation
+SPEED = 0.2  # playback speed of the recording
+FRAME_S = 0.75  # [s] period of pictures
 WAIT_MS = 60_000
-SETTLE_MS = 9000  # for trajectories and latencies
+SETTLE_MS = 9000  # [ms] time for trajectories and latencies
 FLAGS = ("--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader", "--disable-dev-shm-usage")
 
 
@@ -60,7 +60,7 @@ def shown(page: Page) -> U8:
 
 
 def prepare(page: Page, url: str) -> None:
-    """Open the page and wait until it shows people for a while; select one."""
+    """Open the page, wait until it shows people, and select one."""
     page.set_default_timeout(WAIT_MS)
     page.goto(url)
     page.locator("#table tbody tr").first.wait_for()
@@ -84,7 +84,7 @@ def animate(page: Page, seconds: float) -> cv2.Animation:
 
 
 def main() -> None:
-    """Make the pictures."""
+    """Record the pictures."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--seconds", type=float, default=4.5)
     parser.add_argument("--quality", type=int, default=45)

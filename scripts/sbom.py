@@ -1,7 +1,7 @@
-"""Write the bill of materials (CycloneDX) of what is shipped: packages, model weights.
+"""Write the bill of materials (CycloneDX) of shipped packages and model weights: `make sbom`.
 
-Run `make sbom`. Packages and their hashes come from requirements.lock, weights from models.toml;
-a file whose checksum is another one ends it. The same sources give the same bytes.
+Packages and their hashes come from requirements.lock, weights from models.toml. A wrong checksum is
+an error. The same sources give the same bytes.
 """
 
 import argparse

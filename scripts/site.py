@@ -1,7 +1,7 @@
-"""Hooks of mkdocs: files of the repository that pages link to become files of the site.
+"""Hooks of mkdocs: linked files of the repository become files of the site.
 
-Pages link to sources, tables and other files outside docs/, as they do on a code host. Each such
-file is copied to `repository/` in the site, Markdown as a page, and the link is changed.
+Pages link to sources, tables and other files outside docs/. Each such file is copied to
+`repository/` in the site, Markdown as a page, and the link is changed.
 """
 
 import importlib
@@ -17,14 +17,14 @@ LINK = re.compile(r"(\]\()([^)\s#]+)(#[^)\s]*)?(\))")
 
 
 class Files(Protocol):
-    """The files of the site, as mkdocs holds them."""
+    """Files of the site in mkdocs."""
 
     def append(self, file: Any) -> None:
         """Add a file."""
 
 
 def outside(page: Path, link: str) -> Path | None:
-    """Return the file of the repository, outside docs/, that a link of a page leads to, if any.
+    """Return the target of a link of a page if it is in the repository, but outside docs/.
 
     A folder is represented by its README.md, else by its first file.
     """
@@ -40,7 +40,7 @@ def outside(page: Path, link: str) -> Path | None:
 
 
 def linked_files(pages: list[Path]) -> set[Path]:
-    """Return all files outside docs/ that pages lead to, also by pages outside docs/."""
+    """Return all files outside docs/ that pages link to, directly or through other pages."""
     found, pages = set[Path](), list(pages)
     while pages:
         page = pages.pop()
@@ -54,7 +54,7 @@ def linked_files(pages: list[Path]) -> set[Path]:
 
 
 def site_link(page: Path, link: str) -> str:
-    """Return a link of a page as it is in the site."""
+    """Return a link of a page in the site."""
     file = outside(page, link)
     in_docs = Path(os.path.normpath(page.parent / link))
     if file:
