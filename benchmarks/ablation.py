@@ -299,7 +299,7 @@ def main() -> None:
     if asked.dry:
         print(*text, sep="\n\n")
         return
-    write(__file__, "What each part beyond the source works is worth", NOTE, *text)
+    write(__file__, "Effect of each part beyond the source works", NOTE, *text)
 
 
 if __name__ == "__main__":

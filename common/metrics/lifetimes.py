@@ -66,14 +66,12 @@ def count_lifetimes(matching: Matching) -> Lifetimes:
     between do not end it, and do not lengthen it.
     """
     periods_s, stamps_s = matching.sequence.periods_s, matching.sequence.stamps_s
-    back = find_returns(matching)
-    total = Lifetimes(
-        duration_s=float(periods_s.sum()),
-        returns=len(back),
-        reidentified=sum(one.reidentified for one in back),
-    )
+    views = _frames_in_view(matching)
+    total = Lifetimes(duration_s=float(periods_s.sum()))
     for history in matching.histories:
+        returns = list(_returns(history, views[history.person], matching))
         total += _lifetime(history, periods_s, stamps_s)
+        total += Lifetimes(returns=len(returns), reidentified=sum(returns))
     return total
 
 
@@ -93,50 +91,21 @@ def _lifetime(history: PersonHistory, periods_s: F64, stamps_s: F64) -> Lifetime
     )
 
 
-@dataclass(frozen=True)
-class ReturnToView:
-    """Return of a person who left the view with a track."""
+def _returns(history: PersonHistory, view: I64, matching: Matching) -> Iterator[bool]:
+    """Yield each return of a person who had a track before: True if the track is the same.
 
-    person: Id
-    frame: int  # index of the first frame after the return
-    away_s: float  # [s] from the last frame in view to that frame
-    before: Id  # last track before leaving
-    after: Id | None  # track of most frames of the next visit; None: without a track
-
-    @property
-    def reidentified(self) -> bool:
-        """True if the track is the same."""
-        return self.after == self.before
-
-
-def find_returns(matching: Matching, away_s: float = AWAY_S) -> tuple[ReturnToView, ...]:
-    """Find all returns of people who had a track before, in order of time.
-
-    They were out of the view for `away_s` at least; hidden behind something is in the view. A
-    visit in which the person never had to be tracked is no return.
+    The person was out of the view for AWAY_S or longer. A visit in which the person never had to be
+    tracked is no return. The track of most frames of the visit counts.
     """
-    views = _frames_in_view(matching)
-    found = [
-        one
-        for history in matching.histories
-        for one in _returns_of(history, views[history.person], matching, away_s)
-    ]
-    return tuple(sorted(found, key=lambda one: one.frame))
-
-
-def _returns_of(
-    history: PersonHistory, view: I64, matching: Matching, away_s: float
-) -> Iterator[ReturnToView]:
-    gaps_s = np.diff(matching.sequence.stamps_s[view])
-    leaves = np.flatnonzero(gaps_s >= away_s)
+    leaves = np.flatnonzero(np.diff(matching.sequence.stamps_s[view]) >= AWAY_S)
     backs = view[leaves + 1]  # first frame of each visit but the first
     ends = np.append(backs, len(matching.frame_matches))[1:]
-    for away, back, end in zip(gaps_s[leaves], backs, ends, strict=True):
+    for back, end in zip(backs, ends, strict=True):
         known = history.tracks[(history.frames < back) & history.matched]
         visit = history.tracks[(history.frames >= back) & (history.frames < end)]
         if len(known) and len(visit):
-            before, after = matching.tracks[known[-1]], _most(visit, matching)
-            yield ReturnToView(history.person, int(back), float(away), before, after)
+            tracked = visit[visit >= 0]
+            yield bool(len(tracked) and np.bincount(tracked).argmax() == known[-1])
 
 
 def _frames_in_view(matching: Matching) -> dict[Id, I64]:
@@ -146,8 +115,3 @@ def _frames_in_view(matching: Matching) -> dict[Id, I64]:
             if in_view:
                 views[person].append(index)
     return {person: np.array(frames) for person, frames in views.items()}
-
-
-def _most(tracks: I64, matching: Matching) -> Id | None:
-    numbers, frames = np.unique(tracks[tracks >= 0], return_counts=True)
-    return matching.tracks[numbers[np.argmax(frames)]] if len(numbers) else None

@@ -2,7 +2,7 @@
 
 import pytest
 
-from common.metrics.lifetimes import Lifetimes, ReturnToView, count_lifetimes, find_returns
+from common.metrics.lifetimes import Lifetimes, count_lifetimes
 from common.metrics.matching import match
 from common.metrics.record import EvaluationSequence
 from common.metrics.scores import score
@@ -59,10 +59,8 @@ def test_who_need_not_be_found_is_not_covered_either() -> None:
 def test_a_return_under_the_same_track() -> None:
     # Last in view at 0.5 s, back at 2.5 s: 2 s away.
     recording = sequence(*[({"A": 0}, {1: 0})] * 2, *[GONE] * 3, *[({"A": 0}, {1: 0})] * 2)
-    (back,) = find_returns(match(recording, NEAR))
-    assert back == ReturnToView("A", frame=5, away_s=2.0, before=1, after=1)
-    assert back.reidentified
-    assert count(recording).share_reidentified == 1.0
+    lifetimes = count(recording)
+    assert (lifetimes.returns, lifetimes.reidentified, lifetimes.share_reidentified) == (1, 1, 1.0)
 
 
 def test_a_return_under_another_track_or_none() -> None:
@@ -70,8 +68,7 @@ def test_a_return_under_another_track_or_none() -> None:
     other = sequence(({"A": 0}, {1: 0}), *away, ({"A": 0}, {2: 0}))
     assert count(other).share_reidentified == 0.0
     never = sequence(({"A": 0}, {1: 0}), *away, ({"A": 0}, {}))
-    assert [one.after for one in find_returns(match(never, NEAR))] == [None]
-    assert count(never).share_reidentified == 0.0
+    assert (count(never).returns, count(never).share_reidentified) == (1, 0.0)
 
 
 def test_the_track_of_most_frames_of_the_visit_counts() -> None:
@@ -88,12 +85,12 @@ def test_each_visit_counts_as_a_return_of_its_own() -> None:
     recording = sequence(
         ({"A": 0}, {1: 0}), *[GONE] * 4, ({"A": 0}, {2: 0}), *[GONE] * 4, ({"A": 0}, {2: 0})
     )
-    assert [one.reidentified for one in find_returns(match(recording, NEAR))] == [False, True]
+    assert (count(recording).returns, count(recording).reidentified) == (2, 1)
     # 1, away, 2, away, 1 for longer: the last visit says nothing about the one before.
     recording = sequence(
         ({"A": 0}, {1: 0}), *[GONE] * 4, ({"A": 0}, {2: 0}), *[GONE] * 4, *[({"A": 0}, {1: 0})] * 3
     )
-    assert [one.reidentified for one in find_returns(match(recording, NEAR))] == [False, False]
+    assert (count(recording).returns, count(recording).reidentified) == (2, 0)
 
 
 def test_what_is_no_return() -> None:
@@ -104,5 +101,5 @@ def test_what_is_no_return() -> None:
     )
     unknown = sequence(({"A": 0}, {}), *[GONE] * 6, ({"A": 0}, {2: 0}))
     for recording in (short, hidden, unknown):
-        assert find_returns(match(recording, NEAR)) == ()
+        assert count(recording).returns == 0
         assert count(recording).share_reidentified is None
