@@ -1,4 +1,4 @@
-"""Scores against marks made by hand, on a worked miniature."""
+"""Scores against annotations, on a worked miniature."""
 
 import math
 from dataclasses import replace
@@ -13,7 +13,7 @@ from tests import builders
 
 
 def truth(person: str, u_px: float) -> MarkTruth:
-    """Return a mark without depth and facing."""
+    """Return a mark without depth and yaw."""
     return MarkTruth(Mark(person, u_px, 100.0, None), None, None)
 
 
@@ -68,7 +68,7 @@ def at_position(track: TrackedPerson, x_m: float) -> TrackedPerson:
     return replace(track, position_m=np.array([x_m, 0.0, 1.0]))
 
 
-def test_where_a_box_holds_two_marks_the_one_at_its_position_counts() -> None:
+def test_box_with_two_marks_matches_the_mark_at_its_position() -> None:
     """A at 1 m hides B at 2 m; both boxes hold both marks, and B's is centred on A's mark."""
     marks = [
         replace(truth(person, u_px), point_m=np.array([x_m, 0.0, 1.2]))
@@ -110,8 +110,8 @@ def test_facing_is_measured_from_the_viewing_ray_to_the_left(
 
 
 @pytest.mark.parametrize(("edge_px", "is_known"), [(323, False), (328, True)])
-def test_no_point_at_the_edge_of_somebody_behind(edge_px: int, is_known: bool) -> None:
-    """Somebody 1 m behind begins 3 px, or 8 px, to the right of the mark."""
+def test_no_point_at_an_edge_of_depth(edge_px: int, is_known: bool) -> None:
+    """A surface 1 m behind begins 3 px, or 8 px, to the right of the mark."""
     info = builders.camera_info(fx=500.0)
     view = MarkView(info, CameraConfig(source="x").mount_from_optical)
     depth_mm = np.full((480, 640), 2000, np.uint16)

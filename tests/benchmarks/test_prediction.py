@@ -29,7 +29,7 @@ def write_walks(folder: Path, rows: list[list[float]], groups: str = "") -> Path
 
 
 def pair_walks(folder: Path) -> Path:
-    """Write two who walk side by side at 1 m/s, and one who comes the other way."""
+    """Write two people side by side at 1 m/s, and one in the opposite direction."""
     rows = []
     for number in range(20):
         ahead = 0.4 * number
@@ -102,7 +102,7 @@ def test_other_files_are_refused(tmp_path: Path, text: str) -> None:
 @pytest.mark.slow
 @pytest.mark.skipif(not SEQ_ETH.is_dir(), reason="reference data are absent")
 def test_people_are_predicted_better_than_by_constant_velocity() -> None:
-    """On a scene on which no constant was chosen, with honest ellipses."""
+    """The test split, with calibrated ellipses."""
     pairs, _ = predict_walks(read_walks(SEQ_ETH), PredictorConfig())
     before, after = pairs.constant_errors_m(), pairs.errors_m()
     at = pairs.horizons_s.tolist().index(3.0)

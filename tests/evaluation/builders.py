@@ -1,4 +1,4 @@
-"""A stored recording by hand: detections and truth, no annotated."""
+"""Small recordings of detections and truth."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -34,7 +34,7 @@ def detections(frame: int, *positions_m: Sequence[float]) -> Detections:
 
 
 def truth(frame: int, **positions: tuple[float, float]) -> Truth:
-    """People who stand and face the camera, by x and y in the map."""
+    """Truth of standing people who face the camera, by x and y in the map."""
     people = tuple(
         TruthPerson(
             id=name,

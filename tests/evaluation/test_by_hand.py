@@ -1,4 +1,4 @@
-"""A recording small enough to be run by hand."""
+"""A small recording with figures worked by hand."""
 
 import csv
 from pathlib import Path
@@ -34,7 +34,7 @@ def plan(path: Path, folder: Path, *settings: str) -> EvaluationPlan:
 
 @pytest.fixture
 def away(tmp_path: Path) -> Path:
-    """One person who stands at (2, 0), is read 0.1 m too near, and is away for 3 s."""
+    """Recording of a person at (2, 0), measured 0.1 m too near, and undetected for 3 s."""
     detected = [
         builders.detections(k, *([] if LEFT <= k < BACK else [(0.0, 0.0, 1.9)]))
         for k in range(FRAMES)

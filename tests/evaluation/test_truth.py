@@ -1,4 +1,4 @@
-"""Truth at the stamps of frames, and who has to be found."""
+"""Truth at the stamps of frames, and flags of required people."""
 
 import math
 from pathlib import Path

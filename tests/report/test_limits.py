@@ -1,4 +1,4 @@
-"""Limits of a run in the report: degraded services, truth that ended, what was not used."""
+"""Limits of a run in the report: degraded services, early end of truth, unused inputs."""
 
 import msgspec
 import numpy as np

@@ -1,4 +1,4 @@
-"""The report as a complete, from messages to files."""
+"""The complete report, from messages to files."""
 
 import json
 import time
@@ -38,7 +38,7 @@ STEP = 100 * MS
 
 
 class StoredOutput:
-    """Keeps what the report puts out."""
+    """Output of the report in memory."""
 
     def __init__(self) -> None:
         self.annotated: list[AnnotatedFrame] = []
@@ -65,7 +65,7 @@ def run(node: ReportNode, *messages: Message) -> None:
 
 
 def stream(count: int, camera: str = "front") -> list[Message]:
-    """Frames with one person each, in the order in which the pipeline sends."""
+    """Frames with one person each, in the order of the pipeline."""
     messages: list[Message] = [info(camera), pose()]
     for k in range(count):
         found = detections(k * STEP, [detection()], camera)

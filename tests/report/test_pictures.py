@@ -1,4 +1,4 @@
-"""Drawing: what is drawn where, and that nothing else changes."""
+"""Positions and colours of drawn people, and unchanged pixels."""
 
 import numpy as np
 import numpy.typing as npt
@@ -24,7 +24,7 @@ VIEW = CameraView(info(), invert(MAP_FROM_OPTICAL))
 
 
 def near(image: U8, colour: tuple[int, int, int]) -> npt.NDArray[np.bool_]:
-    """Pixels of nearly a colour."""
+    """Mask of the pixels near a colour."""
     alike: npt.NDArray[np.bool_] = np.all(np.abs(image.astype(int) - colour) <= 6, axis=2)
     return alike
 

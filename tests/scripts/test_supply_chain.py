@@ -1,4 +1,4 @@
-"""Hashes of what is shipped, and the report about known vulnerabilities."""
+"""Hashes of shipped files, and the report on known vulnerabilities."""
 
 import hashlib
 import re

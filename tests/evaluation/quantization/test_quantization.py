@@ -1,4 +1,4 @@
-"""Quantisation of a small network made here, and the order in which layers go back to float."""
+"""Quantisation of a small network, and the order in which layers return to float32."""
 
 from collections.abc import Sequence
 from pathlib import Path
