@@ -13,7 +13,7 @@ from common.metrics.field_of_view import in_view
 from common.metrics.from_messages import ground_truth_of
 from common.metrics.record import GroundTruth
 from evaluation.recordings.recordings import EvaluationRecording
-from evaluation.recordings.visibility import SimulatedView, simulated_views
+from evaluation.recordings.visibility import SimulatedView, load_views, save_views, simulated_views
 from lab.world import EPOCH_NS
 from people4d.errors import SourceError
 from people4d.messages import F64, CameraInfo, Truth, TruthPerson
@@ -138,14 +138,20 @@ def _numbered(path: Path, epoch_ns: int) -> Iterator[Truth]:
 def _simulated_views(
     recording: EvaluationRecording, sampled: SampledTruth, stamps_ns: Sequence[int]
 ) -> list[SimulatedView] | None:
-    """Return the camera's views in the virtual lab; None if the recording is of another source."""
+    """Return the camera's views in the virtual lab, cached for rendered scenarios."""
     if recording.simulation is None:
         return None
-    positions_m = [
-        {person.id: person.position_m for person in frame.people} if frame else {}
-        for frame in sampled.frames
-    ]
-    return simulated_views(recording.simulation, recording.seed, positions_m, stamps_ns)
+    cache = recording.path.with_suffix(".views.npz") if recording.job else None
+    views = load_views(cache, stamps_ns) if cache else None
+    if views is None:
+        positions_m = [
+            {person.id: person.position_m for person in frame.people} if frame else {}
+            for frame in sampled.frames
+        ]
+        views = simulated_views(recording.simulation, recording.seed, positions_m, stamps_ns)
+        if views and cache:
+            save_views(cache, stamps_ns, views)
+    return views
 
 
 def _with_rendered_views(

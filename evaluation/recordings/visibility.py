@@ -1,7 +1,9 @@
 """Visible share of each person in the virtual lab, from outlines, without rendering."""
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -9,6 +11,7 @@ from lab.scenario import Scenario
 from lab.truth.motion_capture import capture, person_id
 from lab.truth.silhouette import silhouettes
 from lab.world import EPOCH_NS, World
+from people4d.errors import SourceError
 from people4d.messages import F64
 
 SAME_MOTION_M = 0.1  # [m] largest distance of truth and simulation of the same motion
@@ -44,6 +47,35 @@ def simulated_views(
             if np.linalg.norm(now - position_m) > SAME_MOTION_M:
                 return None
     return [_view(world, _seconds(stamp_ns)) for stamp_ns in stamps_ns]
+
+
+def save_views(path: Path, stamps_ns: Sequence[int], views: Sequence[SimulatedView]) -> None:
+    """Write views to a file.
+
+    Raises:
+        SourceError: The file cannot be written.
+    """
+    ids = list(dict.fromkeys(name for view in views for name in view.shares))
+    shares = [[view.shares[name] for name in ids] for view in views]
+    poses = [view.map_from_camera for view in views]
+    new = path.with_suffix(f".{os.getpid()}.npz")
+    try:
+        np.savez(new, stamps_ns=stamps_ns, ids=ids, shares=shares, map_from_camera=poses)
+        new.replace(path)
+    except OSError as error:
+        raise SourceError(f"{path} cannot be written: {error.strerror}") from error
+
+
+def load_views(path: Path, stamps_ns: Sequence[int]) -> list[SimulatedView] | None:
+    """Return the views in a file; None without a file, or with other stamps."""
+    if not path.is_file():
+        return None
+    with np.load(path, allow_pickle=False) as file:
+        if file["stamps_ns"].tolist() != list(stamps_ns):
+            return None
+        rows = zip(file["shares"].tolist(), file["map_from_camera"], strict=True)
+        ids = file["ids"].tolist()
+        return [SimulatedView(dict(zip(ids, row, strict=True)), pose) for row, pose in rows]
 
 
 def _view(world: World, t_s: float) -> SimulatedView:

@@ -11,7 +11,7 @@ from common.geometry.transforms import LINK_FROM_OPTICAL
 from evaluation.pool import Pool
 from evaluation.recordings.ground_truth import read_truth, sample_truth
 from evaluation.recordings.recordings import EvaluationRecording, plan_recordings, render_recording
-from evaluation.recordings.visibility import simulated_views
+from evaluation.recordings.visibility import load_views, save_views, simulated_views
 from lab.catalogue import load_scenario
 from lab.truth.motion_capture import capture, person_id
 from lab.truth.silhouette import silhouettes
@@ -117,6 +117,12 @@ def test_visible_shares_are_computed_without_rendering(tmp_path: Path) -> None:
         < 0.8
         < max(view.shares["2"] for view in views_of_camera)
     )
+    save_views(tmp_path / "views.npz", stamps_ns, views_of_camera)
+    cached = load_views(tmp_path / "views.npz", stamps_ns)
+    assert cached is not None
+    assert [view.shares for view in cached] == [view.shares for view in views_of_camera]
+    np.testing.assert_array_equal(cached[-1].map_from_camera, views_of_camera[-1].map_from_camera)
+    assert load_views(tmp_path / "views.npz", stamps_ns[1:]) is None
     moved = [{name: position + 1.0 for name, position in row.items()} for row in positions]
     assert simulated_views(scenario, None, moved, stamps_ns) is None
 
