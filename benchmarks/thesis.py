@@ -1,7 +1,7 @@
 """The methods of [PIC4SeR], the same with the shipped model, and `best`, on its seven scenarios.
 
-The first run renders the scenes in half an hour on two cores and detects people for each model in
-half an hour more.
+The first run renders the scenes in half an hour on two cores; detection for each method takes
+longer.
 """
 
 import tempfile
