@@ -8,7 +8,6 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
-from http.server import BaseHTTPRequestHandler, HTTPServer
 from io import BufferedIOBase
 from pathlib import Path
 from typing import Any
@@ -46,31 +45,6 @@ def person_comes_and_leaves(folder: Path, **settings: Any) -> Any:
     return node
 
 
-def test_webhook_gets_each_event_once_though_it_was_away(tmp_path: Path) -> None:
-    taken: list[dict[str, Any]] = []
-
-    class Receiver(BaseHTTPRequestHandler):
-        def do_POST(self) -> None:
-            taken.append(json.loads(self.rfile.read(int(self.headers["Content-Length"]))))
-            self.send_response(503 if len(taken) == 1 else 200)
-            self.end_headers()
-
-        def log_message(self, *_: Any) -> None:
-            pass
-
-    server = HTTPServer(("127.0.0.1", 0), Receiver)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    url = f"http://127.0.0.1:{server.server_port}/"
-    node = person_comes_and_leaves(tmp_path, webhook=url)
-    until(lambda: node.status().counters["webhook_sent"] == 2)
-    node.close()
-    server.shutdown()
-    server.server_close()
-    assert [event["sequence"] for event in taken] == [0, 0, 1]
-    assert taken[0]["robot"] == "robby"
-    assert node.status().counters["webhook_failed"] == 1
-
-
 class RawReceiver(socketserver.ThreadingTCPServer):
     """Takes POST requests, and answers the first with bytes of any kind, all others with 200."""
 
@@ -80,6 +54,7 @@ class RawReceiver(socketserver.ThreadingTCPServer):
         super().__init__(("127.0.0.1", 0), RawConnection)
         self.first: Iterable[bytes] | None = first
         self.requests: list[str] = []
+        self.events: list[dict[str, Any]] = []
 
 
 class RawConnection(socketserver.StreamRequestHandler):
@@ -90,7 +65,7 @@ class RawConnection(socketserver.StreamRequestHandler):
         while (line := self.rfile.readline().strip().lower()) != b"":
             if line.startswith(b"content-length:"):
                 length = int(line.partition(b":")[2])
-        self.rfile.read(length)
+        receiver.events.append(json.loads(self.rfile.read(length)))
         answer, receiver.first = receiver.first, None
         with suppress(OSError):  # the other may leave before the end
             for part in answer or [b"HTTP/1.1 200 OK\r\nContent-Length: 0\r\n\r\n"]:
@@ -141,9 +116,10 @@ def test_failed_post_is_reported_and_retried(
         until(lambda: node.status().state == "ready")
         node.close()
     assert server.requests == ["POST /events?a=1 HTTP/1.1"] * 3
+    assert [(e["sequence"], e["robot"]) for e in server.events] == [(n, "robby") for n in (0, 0, 1)]
 
 
-@pytest.mark.parametrize("status", [301, 302, 303, 307, 308])
+@pytest.mark.parametrize("status", [302, 307])
 def test_redirect_is_not_followed_and_counts_as_a_failure(tmp_path: Path, status: int) -> None:
     with raw_receiver([]) as other:
         address = f"http://127.0.0.1:{other.server_address[1]}/"
@@ -316,14 +292,6 @@ def test_broker_that_acknowledges_nothing_is_a_failure(
         node.close()
 
 
-@pytest.mark.parametrize(
-    "address", ["file:///etc/hostname", "ftp://host/x", "host/x", "http://", "http://host:port"]
-)
-def test_webhook_that_is_no_address_is_an_error(tmp_path: Path, address: str) -> None:
-    with pytest.raises(ConfigError, match="no address"):
-        start(tmp_path, webhook=address)
-
-
 def test_broker_that_sends_garbage_is_reported_and_tried_again(tmp_path: Path) -> None:
     with broker(greeting=b"\x30\x01\x00") as server:  # a message too short for its topic
         port = server.server_address[1]
@@ -335,11 +303,18 @@ def test_broker_that_sends_garbage_is_reported_and_tried_again(tmp_path: Path) -
 
 
 @pytest.mark.parametrize(
-    "address", ["http://host/x", "mqtt://", "mqtt://host:port", "mqtt://host/all/#"]
+    "setting",
+    [
+        *(
+            {"webhook": url}
+            for url in ("file:///etc/hostname", "host/x", "http://", "http://h:port")
+        ),
+        *({"mqtt": url} for url in ("http://host/x", "mqtt://", "mqtt://h:port", "mqtt://h/all/#")),
+    ],
 )
-def test_address_that_is_none_is_an_error(tmp_path: Path, address: str) -> None:
+def test_invalid_address_is_an_error(tmp_path: Path, setting: dict[str, str]) -> None:
     with pytest.raises(ConfigError, match="no address"):
-        start(tmp_path, mqtt=address)
+        start(tmp_path, **setting)
 
 
 def test_receiver_without_a_state_folder_is_an_error() -> None:

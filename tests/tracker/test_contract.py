@@ -73,11 +73,6 @@ def assert_same(a: list[list[Track]], b: list[list[Track]]) -> None:
 
 
 @every_tracker
-def test_same_input_same_output(name: str) -> None:
-    assert_same(run(make(name), scene(3)), run(make(name), scene(3)))
-
-
-@every_tracker
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 10_000), data=st.data())
 def test_result_is_independent_of_the_order_of_detections(
@@ -141,6 +136,19 @@ def test_covariances_stay_symmetric_and_positive_definite(
         for track in tracker.update(Observation(stamp_ns=stamp_ns, measurements=people)):
             np.testing.assert_allclose(track.covariance, track.covariance.T, rtol=1e-9)
             np.linalg.cholesky(track.covariance)
+
+
+@pytest.mark.parametrize("name", ["sort3d", "strongsort3d"])
+def test_life_cycle_of_the_papers_in_five_frames(name: str) -> None:
+    tracker = make(name)
+    states = [[(t.id, t.state) for t in tracker.update(frame(k, person(3, 0)))] for k in range(3)]
+    assert states == [[(1, "tentative")], [(1, "tentative")], [(1, "confirmed")]]
+    (lost,) = tracker.update(frame(3))
+    assert (lost.id, lost.state, lost.detection) == (1, "lost", None)
+    assert lost.time_since_update_s == pytest.approx(0.1)
+    (back,) = tracker.update(frame(4, person(3, 0, index=7, score=0.6)))
+    assert (back.id, back.state, back.detection, back.score) == (1, "confirmed", 7, 0.6)
+    assert (back.hits, back.age, back.time_since_update_s) == (4, 5, 0.0)
 
 
 @every_tracker

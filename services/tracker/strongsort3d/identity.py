@@ -1,7 +1,6 @@
 """Identity policy: re-identification of returning people (docs/method.md, section 15)."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,14 +21,6 @@ from services.tracker.strongsort3d.policies import (
 ABSENT_NS = 1_000_000_000  # least time without frames after which positions are ambiguous [ns]
 AMBIGUITY_RATIO = 0.5  # largest ratio of the distances to the detection and to its rivals
 DISTANCE_PROBABILITY = 0.5  # probability of a match in round 2, by distance alone
-
-
-@dataclass(frozen=True, slots=True)
-class _MatchQuality:
-    """Quality of one match for re-identification."""
-
-    uncut: bool  # the box is not cut off at the left or right
-    probability: float  # probability of the match
 
 
 class Reidentification(IdentityPolicy):
@@ -87,44 +78,20 @@ class Reidentification(IdentityPolicy):
 
     def after_update(self, tracks: TrackSet, result: AssociationResult) -> None:
         """Decide identities of new tracks, and add all matches to the gallery."""
-        stamp_ns = result.frame.observation.stamp_ns
-        qualities = self._qualities(result)
-        self._gallery.drop_old(stamp_ns)
-        for match, quality in zip(result.matches, qualities, strict=True):
-            decision = match[0].identity
-            if decision.identity is not None:
-                match[0].identity = IdentityDecision(
-                    "continued", quality.probability, decision.reason
-                )
-                self._add(match, quality, stamp_ns)
-        for match, quality in zip(result.matches, qualities, strict=True):
+        frame, probabilities = result.frame, _probabilities(result)
+        self._gallery.drop_old(frame.observation.stamp_ns)
+        for match in result.matches:
+            record, measurement = match
+            if record.identity.identity is not None:
+                pair, reason = (record.id, measurement.index), record.identity.reason
+                probability = probabilities.get(pair, DISTANCE_PROBABILITY)
+                record.identity = IdentityDecision("continued", probability, reason)
+                self._add(match, frame)
+        for match in result.matches:
             if match[0].confirmed and match[0].identity.identity is None:
-                self._decide(tracks, match, quality, result.frame)
+                self._decide(tracks, match, frame)
 
-    def _qualities(self, result: AssociationResult) -> list[_MatchQuality]:
-        first = result.by_appearance
-        probabilities = dict[tuple[int, int], float]()
-        if first.cost.size:
-            table = match_probabilities(first.cost, TEMPERATURE)
-            rows = {record.id: i for i, record in enumerate(first.tracks)}
-            columns = {m.index: j for j, m in enumerate(first.detections)}
-            probabilities = {
-                (record.id, m.index): float(table[rows[record.id], columns[m.index]])
-                for record, m in result.matches
-                if record.id in rows
-            }
-        cut_off = result.frame.cut_off
-        return [
-            _MatchQuality(
-                m.index not in cut_off,
-                probabilities.get((record.id, m.index), DISTANCE_PROBABILITY),
-            )
-            for record, m in result.matches
-        ]
-
-    def _decide(
-        self, tracks: TrackSet, match: Match, quality: _MatchQuality, frame: FrameContext
-    ) -> None:
+    def _decide(self, tracks: TrackSet, match: Match, frame: FrameContext) -> None:
         """Decide the identity of a new track."""
         record, measurement = match
         present = {t.id for t in tracks.records if t.detection is not None or _beside(t, record)}
@@ -136,13 +103,27 @@ class Reidentification(IdentityPolicy):
             # The lost track of the same person ends.
             tracks.end({decision.id})
             record.id = decision.id
-        self._add(match, quality, record.matched_ns)
+        self._add(match, frame)
 
-    def _add(self, match: Match, quality: _MatchQuality, stamp_ns: int) -> None:
+    def _add(self, match: Match, frame: FrameContext) -> None:
         record, measurement = match
-        self._gallery.add(
-            record.id, record.x[:3], stamp_ns, measurement.embedding, not quality.uncut
-        )
+        stamp_ns, occluded = frame.observation.stamp_ns, measurement.index in frame.cut_off
+        self._gallery.add(record.id, record.x[:3], stamp_ns, measurement.embedding, occluded)
+
+
+def _probabilities(result: AssociationResult) -> dict[tuple[int, int], float]:
+    """Return the probabilities of matches in round 1, by track and detection."""
+    first = result.by_appearance
+    if not first.cost.size:
+        return {}
+    table = match_probabilities(first.cost, TEMPERATURE)
+    rows = {record.id: i for i, record in enumerate(first.tracks)}
+    columns = {m.index: j for j, m in enumerate(first.detections)}
+    return {
+        (record.id, m.index): float(table[rows[record.id], columns[m.index]])
+        for record, m in result.matches
+        if record.id in rows
+    }
 
 
 def _beside(record: TrackRecord, new: TrackRecord) -> bool:

@@ -55,80 +55,37 @@ def detected(points_m: F64, turned_rad: float, up_rad: float = 0.0) -> F64:
     return project(np.column_stack([-link[:, 1], -link[:, 2], link[:, 0]]), info)
 
 
-def test_pinhole_points_move_by_their_position() -> None:
-    # Points all over the image, before and after a turn by 5 degrees to the left.
-    turn_rad = math.radians(5)
+PINHOLE = Lens(0.0, 400.0, 320.0, 240.0)
+ANGLE_RAD = math.radians(5)
+
+
+@pytest.mark.parametrize("turn", [Turn(ANGLE_RAD), Turn(0.0, up_rad=ANGLE_RAD)])
+def test_pinhole_points_move_by_their_position(turn: Turn) -> None:
     points = np.array([[4.0, y, z] for y in (-2.0, 0.0, 1.5) for z in (-1.0, 0.0, 1.0)])
-    for before, after in zip(detected(points, 0.0), detected(points, turn_rad), strict=True):
+    turned = detected(points, turn.rad, turn.up_rad)
+    for before, after in zip(detected(points, 0.0), turned, strict=True):
         track = begun(*before)
-        turn_tracks(track, Turn(turn_rad), Lens(0.0, 400.0, 320.0, 240.0))
+        turn_tracks(track, turn, PINHOLE)
         np.testing.assert_allclose(track["x"][:2], after, atol=1e-9)
 
 
-def test_pinhole_points_of_a_tilted_camera_move_by_their_position() -> None:
-    up_rad = math.radians(5)
-    points = np.array([[4.0, y, z] for y in (-2.0, 0.0, 1.5) for z in (-1.0, 0.0, 1.0)])
-    for before, after in zip(detected(points, 0.0), detected(points, 0.0, up_rad), strict=True):
-        track = begun(*before)
-        turn_tracks(track, Turn(0.0, up_rad=up_rad), Lens(0.0, 400.0, 320.0, 240.0))
-        np.testing.assert_allclose(track["x"][:2], after, atol=1e-9)
-
-
-def test_a_tilted_camera_sees_boxes_grow_towards_the_rim() -> None:
-    # At 20 degrees below the axis, then at 30: as wide as before times cos 20 / cos 30, as high
-    # times its square, so width over height is less by it.
-    v = 240 + 400 * math.tan(math.radians(20))
-    track = begun(320, v, 2, 2)
-    turn_tracks(track, Turn(0.0, up_rad=math.radians(10)), Lens(0.0, 400.0, 320.0, 240.0))
+@pytest.mark.parametrize("up", [True, False])
+def test_pinhole_boxes_grow_towards_the_rim(up: bool) -> None:
+    # A small square at 20 degrees from the axis, then at 30: along the turn its side grows by the
+    # square of cos 20 / cos 30, across by that.
+    rim = 400 * math.tan(math.radians(20))
+    track = begun(320, 240 + rim, 2, 2) if up else begun(320 + rim, 240, 2, 2)
+    angle_rad = math.radians(10)
+    turn_tracks(track, Turn(0.0, up_rad=angle_rad) if up else Turn(angle_rad), PINHOLE)
     grown = math.cos(math.radians(20)) / math.cos(math.radians(30))
     assert track["x"][2] == pytest.approx(4 * grown**3)
-    assert track["x"][3] == pytest.approx(1 / grown)
-
-
-def test_a_pinhole_camera_sees_boxes_grow_towards_the_rim() -> None:
-    # A small square at 20 degrees right of the axis, then at 30: as high as before times
-    # cos 20 / cos 30, as wide as before times its square.
-    u = 320 + 400 * math.tan(math.radians(20))
-    track = begun(u, 240, 2, 2)
-    turn_tracks(track, Turn(math.radians(10)), Lens(0.0, 400.0, 320.0, 240.0))
-    grown = math.cos(math.radians(20)) / math.cos(math.radians(30))
-    assert track["x"][2] == pytest.approx(4 * grown**3)
-    assert track["x"][3] == pytest.approx(grown)
+    assert track["x"][3] == pytest.approx(1 / grown if up else grown)
 
 
 def test_point_turned_behind_the_camera_stays_finite() -> None:
     track = begun(600, 240)
     turn_tracks(track, Turn(3.0), Lens(0.0, 400.0, 320.0, 240.0))
     assert np.isfinite(track["x"]).all()
-
-
-def standing(config: ImageSortConfig, px_per_frame: float, turn: Turn) -> list[list[int]]:
-    """Return the identities of a standing person while the camera turns in jerks."""
-    tracker, results = ImageSort(config), []
-    u = 100.0
-    for number in range(12):
-        jerk = number % 3 == 2  # the camera turns in every third frame only
-        u += px_per_frame * jerk
-        box = np.array([[u - 20, 100, u + 20, 200]])
-        frame = BoxFrame(
-            number * FRAME_NS, box, np.ones(1), (640, 480), turn if jerk else Turn(0.0), 60.0
-        )
-        results.append(tracker.update(frame).ids.tolist())
-    return results
-
-
-@pytest.mark.parametrize("projection", ["linear", "pinhole"])
-def test_a_standing_person_keeps_the_identity_only_with_the_correction(projection: str) -> None:
-    # 30 px a jerk: boxes 40 px wide overlap by 10/70 < 0.3. 60 degrees over 640 px, so that is
-    # 2.8 degrees at every place, or less than that near the middle of a pinhole's image.
-    turn = Turn(math.radians(60 * 30 / 640))
-    base = {"confirm": "once", "min_hits": 0, "projection": projection}
-    corrected = ImageSortConfig(**base, ego_motion="odometry")  # type: ignore[arg-type]
-    plain = ImageSortConfig(**base)  # type: ignore[arg-type]
-    assert standing(corrected, 30.0, turn) == [[1]] * 12
-    assert standing(plain, 30.0, turn)[-1][0] > 3
-    # The wrong sign is worse than none.
-    assert standing(corrected, -30.0, turn)[-1][0] > 3
 
 
 def test_the_velocity_holds_only_the_persons_own_motion() -> None:

@@ -1,7 +1,6 @@
 """The life of SORT-3D's tracks, frame by frame (docs/method.md section 4)."""
 
 import msgspec
-import pytest
 
 from people4d.messages import Track
 from services.tracker.config import Sort3dConfig
@@ -15,19 +14,6 @@ def tracker(**fields: float) -> Sort3d:
 
 def states(tracks: list[Track]) -> list[tuple[int, str]]:
     return [(track.id, track.state) for track in tracks]
-
-
-def test_five_frames() -> None:
-    sort = tracker()
-    assert states(sort.update(frame(0, person(3, 0)))) == [(1, "tentative")]
-    assert states(sort.update(frame(1, person(3, 0)))) == [(1, "tentative")]
-    assert states(sort.update(frame(2, person(3, 0)))) == [(1, "confirmed")]
-    (lost,) = sort.update(frame(3))
-    assert (lost.id, lost.state, lost.detection) == (1, "lost", None)
-    assert lost.time_since_update_s == pytest.approx(0.1)
-    (back,) = sort.update(frame(4, person(3, 0, index=7, score=0.6)))
-    assert (back.id, back.state, back.detection, back.score) == (1, "confirmed", 7, 0.6)
-    assert (back.hits, back.age, back.time_since_update_s) == (4, 5, 0.0)
 
 
 def test_t_lost_unmatched_frames_delete() -> None:

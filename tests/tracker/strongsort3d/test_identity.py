@@ -2,7 +2,6 @@
 
 import dataclasses
 
-import numpy as np
 import pytest
 
 from people4d.messages import Track
@@ -11,7 +10,6 @@ from services.tracker.strongsort3d.build import build_strongsort3d
 from services.tracker.strongsort3d.config import IdentityConfig
 from services.tracker.strongsort3d.strongsort3d import StrongSort3d
 from tests.tracker.scene import BLUE, RED, frame, person, published, published_config, with_pose
-from tests.tracker.test_contract import assert_same, run, scene
 
 RED_TOO = (1.0, 0.12, 0.0)  # 0.0002 from RED
 ALL = published(
@@ -119,31 +117,6 @@ def test_limit_of_reidentification_by_embedder() -> None:
     assert IdentityConfig().limit("histogram", 0.3) == 0.15
     assert IdentityConfig().limit("other", 0.3) == 0.3
     assert IdentityConfig(match_max=0.2).limit("histogram", 0.3) == 0.2
-
-
-def test_result_is_independent_of_the_order_of_detections() -> None:
-    config = published_config(strongsort3d=ALL)
-    rng = np.random.default_rng(5)
-    straight = scene(17, frames=60)
-    shuffled = [
-        dataclasses.replace(
-            o, measurements=tuple(o.measurements[k] for k in rng.permutation(len(o.measurements)))
-        )
-        for o in straight
-    ]
-    results = run(build_strongsort3d(config), straight)
-    assert_same(results, run(build_strongsort3d(config), shuffled))
-    assert_same(results, run(build_strongsort3d(config), straight))
-
-
-def test_an_identity_is_of_one_person_at_a_time() -> None:
-    for seed in range(8):
-        for tracks in run(
-            build_strongsort3d(published_config(strongsort3d=ALL)), scene(seed, frames=60)
-        ):
-            ids = [track.id for track in tracks]
-            assert len(set(ids)) == len(ids)
-            assert all(np.isfinite(track.covariance).all() for track in tracks)
 
 
 def test_gallery_is_empty_after_a_reset() -> None:

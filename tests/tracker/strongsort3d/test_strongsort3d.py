@@ -30,19 +30,6 @@ def states(tracks: list[Track]) -> list[tuple[int, str]]:
     return [(track.id, track.state) for track in tracks]
 
 
-def test_five_frames() -> None:
-    sort = tracker()
-    assert states(sort.update(frame(0, person(3, 0)))) == [(1, "tentative")]
-    assert states(sort.update(frame(1, person(3, 0)))) == [(1, "tentative")]
-    assert states(sort.update(frame(2, person(3, 0)))) == [(1, "confirmed")]
-    (lost,) = sort.update(frame(3))
-    assert (lost.id, lost.state, lost.detection) == (1, "lost", None)
-    assert lost.time_since_update_s == pytest.approx(0.1)
-    (back,) = sort.update(frame(4, person(3, 0, index=2, score=0.6)))
-    assert (back.id, back.state, back.detection, back.score) == (1, "confirmed", 2, 0.6)
-    assert (back.hits, back.age, back.time_since_update_s) == (4, 5, 0.0)
-
-
 def test_tentative_track_is_deleted_after_one_miss() -> None:
     sort = tracker()
     sort.update(frame(0, person(3, 0)))
