@@ -10,7 +10,7 @@ from heapq import heapify, heappop, heappush
 
 from people4d.codec import decode
 from people4d.errors import DecodeError
-from people4d.messages import Message, RgbdFrame, Tracks
+from people4d.messages import Message
 from people4d.topics import BY_MESSAGE, ForeignTopic, Topic
 
 FRESH_S = 3.0
@@ -117,11 +117,10 @@ class MessageQueue:
         with self._changed:
             if not again:
                 # Tracks of several cameras come on one key, each with its camera's numbers.
-                source = f"{key} {message.camera}" if isinstance(message, Tracks) else key
+                by_field = topic.numbered not in ("", "key")
+                source = f"{key} {getattr(message, topic.numbered)}" if by_field else key
                 self._count_gap(topic, source, message.sequence)
-            skippable = not (isinstance(message, RgbdFrame) and message.lockstep)
-            is_newest = topic.delivery == "newest" and skippable
-            keep = (self._newest if is_newest else topic.depth) - 1
+            keep = (self._newest if topic.may_be_replaced(message) else topic.depth) - 1
             while len(self._queues.get(key, ())) > keep:
                 self._pop(key)
                 self.counters[f"dropped_{topic.name}"] += 1
@@ -221,7 +220,7 @@ class MessageQueue:
         self._last[source] = sequence  # the one heard of last is the last to be forgotten
         if len(self._last) > SOURCES_MAX:
             del self._last[next(iter(self._last))]
-        numbered = self._counts_gaps and (topic.delivery == "newest" or topic.message is Tracks)
         # A sequence that goes back is a restarted publisher, not a gap.
-        if numbered and last is not None and sequence > last + 1:
+        is_numbered = self._counts_gaps and topic.numbered and last is not None
+        if is_numbered and sequence > last + 1:
             self.counters[f"gaps_{topic.name}"] += sequence - last - 1

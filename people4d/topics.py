@@ -3,7 +3,7 @@
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 from people4d.messages import (
     AreaPeople,
@@ -64,6 +64,12 @@ class Topic:
     owned: bool = field(default=False, kw_only=True)
     # it may leave the host that it was made on, where access is restricted
     leaves_host: bool = field(default=True, kw_only=True)
+    # field and value of a message that must not be skipped or dropped; None: there are none
+    lossless: tuple[str, Any] | None = field(default=None, kw_only=True)
+    # scope of a sequence without gaps: "key", or a field of the message; empty: gaps mean nothing
+    numbered: str = field(default="", kw_only=True)
+    # its publisher waits for a slow link, if messages are queued; False: it drops them
+    waits: bool = field(default=True, kw_only=True)
 
     @property
     def max_bytes(self) -> int:
@@ -81,6 +87,14 @@ class Topic:
         """The services that publish it."""
         one = self.producer == EVERY_SERVICE
         return frozenset([self.producer] if one else self.producer.split())
+
+    def is_lossless(self, message: Message) -> bool:
+        """Check that a message must not be skipped or dropped."""
+        return self.lossless is not None and getattr(message, self.lossless[0]) == self.lossless[1]
+
+    def may_be_replaced(self, message: Message) -> bool:
+        """Check that a newer message replaces a waiting one."""
+        return self.delivery == "newest" and not self.is_lossless(message)
 
     def key_of(self, message: Message, robot: str) -> str:
         """Return the full key of a message."""
@@ -119,9 +133,10 @@ class _Fields(dict[str, str]):
 # fmt: off
 TOPICS: tuple[Topic, ...] = (
     Topic("frames", "raw/{camera}/rgbd", RgbdFrame, 30, "newest", 32, "camera",
-          readers="dashboard detector gait visual_odometry report operator", leaves_host=False),
+          readers="dashboard detector gait visual_odometry report operator", leaves_host=False,
+          lossless=("lockstep", True), numbered="key"),
     Topic("compressed", "raw/{camera}/compressed", CompressedRgbdFrame, 30, "newest", 32, "camera",
-          readers="dashboard detector report operator"),
+          readers="dashboard detector report operator", numbered="key"),
     Topic("camera_info", "camera/{camera}/info", CameraInfo, 0, "latched", 8, "camera",
           readers="dashboard detector tracker skeleton gait visual_odometry gt_bridge report "
                   "planner operator", owned=True),
@@ -144,7 +159,7 @@ TOPICS: tuple[Topic, ...] = (
           readers="reid tracker operator"),
     Topic("people", "people", Tracks, 30, "queue", 64, "tracker site",
           readers="dashboard events camera tracker skeleton gait gt_bridge predictor ros2_bridge "
-                  "report site planner operator"),
+                  "report site planner operator", numbered="camera"),
     Topic("area_people", "area_people", AreaPeople, 4, "queue", 16, "tracker",
           readers="tracker operator"),
     Topic("gait", "gait", Gait, 30, "queue", 64, "gait",
@@ -166,7 +181,7 @@ TOPICS: tuple[Topic, ...] = (
     Topic("score", "score", Score, 30, "queue", 256, "gt_bridge",
           readers="report operator"),
     Topic("health", "health/{service}/{instance}", Health, 2, "queue", 256, EVERY_SERVICE,
-          readers="*"),
+          readers="*", lossless=("state", "stopping"), waits=False),
 )
 # fmt: on
 

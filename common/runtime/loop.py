@@ -15,7 +15,7 @@ from common.runtime.node import LoopCallbacks, Node, StatefulNode
 from common.runtime.replicas import Replica
 from common.transport.trace import ProcessId, Tracer, span
 from common.transport.zenoh_bus import ZenohBus
-from people4d.messages import Message, RgbdFrame, Span
+from people4d.messages import Message, Span
 from people4d.queue import Arrival
 from people4d.topics import BY_MESSAGE, Topic
 
@@ -29,7 +29,7 @@ log = logging.getLogger("people4d")
 class LoopSettings:
     """Settings of a run loop."""
 
-    workers: int = 1  # threads that call `handle` at once; outputs keep the order of the inputs
+    workers: int = 1  # number of threads that call `handle`; outputs keep the order of the inputs
     traced: bool = True  # messages are marked with the times of their stages
     # folder of the checkpoints of a stateful node; None: none are saved
     state_folder: Path | None = None
@@ -76,12 +76,12 @@ class Loop:
         self.ready = threading.Event()  # it has subscribed to everything
 
     def run(self) -> None:
-        """Handle messages until `stop` or the end of the node, then those that still wait."""
+        """Handle messages until `stop` or the end of the node, then the waiting messages."""
         self._node.attach(
             LoopCallbacks(
                 wake=self.inbox.wake,
                 release=self._turnstile.release,
-                # Who receives it in this process would only contend for the interpreter.
+                # A receiver in this process would only contend for the interpreter.
                 publish=None if self._bus.exchange else self._send,
                 replicas=self._replica.names if self._replica else lambda: ("", ()),
                 demand=self._demand,
@@ -137,7 +137,7 @@ class Loop:
             self._bus.announce(self._process_id.service, self._process_id.instance)
 
     def _leave(self) -> None:
-        """Leave the work to the others before the subscriptions end, so that none is lost."""
+        """Leave the work to other replicas before the subscriptions end, to lose no message."""
         if self._replica:
             self._replica.leave()
         else:
@@ -163,7 +163,7 @@ class Loop:
                     self._demanded[kind] = self._subscribe(BY_MESSAGE[kind])
 
     def _take(self, timeout_s: float) -> Arrival | None:
-        """Take a message; one that a newer may replace only when the network is free for it."""
+        """Take a message; a replaceable frame only when the network is free for it."""
         if not self._turnstile.acquire(timeout_s):
             return None
         arrival = self.inbox.get(timeout_s)
@@ -288,5 +288,4 @@ def _name(message: Message) -> str:
 
 def _may_be_replaced(message: Message) -> bool:
     topic = BY_MESSAGE.get(type(message))
-    newest = topic is not None and topic.delivery == "newest"
-    return newest and not (isinstance(message, RgbdFrame) and message.lockstep)
+    return topic is not None and topic.may_be_replaced(message)

@@ -12,14 +12,14 @@ from typing import Any, Literal
 from common.transport.clock import CLOCK
 from people4d.topics import EVERY_SERVICE, TOPICS, Topic, prefix, query_key
 
-WATCHDOG = "watchdog"  # only reads the health of the others
+WATCHDOG = "watchdog"  # reader of health only
 ROUTER = "router"
-CLIENT_ROLES = ("planner", "operator")  # of programs that are no service of ours
-PIXELS = "raw/"  # prefix of the keys of topics with images
-LOCAL_INTERFACES = ("lo",)  # of links that do not leave the host
+CLIENT_ROLES = ("planner", "operator")  # roles of programs outside the pipeline
+PIXELS = "raw/"  # key prefix of topics with images
+LOCAL_INTERFACES = ("lo",)  # interfaces within the host
 
-# Messages of Zenoh that a publisher sends, and that a subscriber sends. Tokens, queries and replies
-# belong to topics of which late joiners get the last message.
+# Zenoh messages of a publisher and of a subscriber. Tokens, queries and replies belong to latched
+# topics.
 PUBLISHER = ("put", "delete", "reply", "declare_queryable", "liveliness_token")
 SUBSCRIBER = ("declare_subscriber", "query", "liveliness_query", "declare_liveliness_subscriber")
 REPLIER, QUERIER = ("reply", "declare_queryable"), ("query",)
@@ -30,13 +30,13 @@ Traffic = tuple[Sequence[str], list[str]]  # kinds of Zenoh's messages, and thei
 
 
 def roles() -> tuple[str, ...]:
-    """Return all roles: the services, then those of clients."""
+    """Return all roles: services, then clients."""
     named = {WATCHDOG}.union(*({*topic.producers, *topic.readers.split()} for topic in TOPICS))
     return (ROUTER, *sorted(named - {ROUTER, EVERY_SERVICE, "*", *CLIENT_ROLES}), *CLIENT_ROLES)
 
 
 def may_publish(role: str, topic: Topic) -> bool:
-    """Check that a role may publish a topic; of health only its own."""
+    """Check that a role may publish a topic; a service publishes only its own health."""
     return role in topic.producers or (topic.producer == EVERY_SERVICE and role not in CLIENT_ROLES)
 
 
@@ -52,7 +52,7 @@ def access_control(
 
     Args:
         proof: Proof of the other's role: its certificate's name or its user name.
-        local: Interfaces on which topics may pass that do not leave the host.
+        local: Interfaces for topics that must not leave the host.
         privacy: True: no topic with pixels leaves the host.
     """
     subjects, policies, rules = [], [], list[Rule]()
@@ -107,27 +107,6 @@ def privacy_control(local: Sequence[str] = LOCAL_INTERFACES) -> dict[str, Any]:
     }
 
 
-def downsampling(interfaces: Sequence[str], highest_hz: float) -> list[dict[str, Any]]:
-    """Return Zenoh's `downsampling` for slow links: topics of one key that come more often.
-
-    Zenoh counts once for all keys that a rule covers, so that of a topic with one key for each
-    camera or instance some would never pass; those are left alone.
-
-    Args:
-        interfaces: Names of the network interfaces of slow links.
-        highest_hz: Most messages that may pass in a second, of each topic.
-    """
-    rules = [
-        {"key_expr": topic.key_expression("*"), "freq": highest_hz}
-        for topic in TOPICS
-        if topic.rate_hz > highest_hz and "{" not in topic.key
-    ]
-    if not rules:
-        return []
-    slow = {"interfaces": list(interfaces), "messages": ["put"], "flows": ["egress"]}
-    return [{**slow, "rules": rules}]
-
-
 def _topic_rules(role: str, topic: Topic, privacy: bool) -> Iterator[Rule]:
     """Yield the rules of one role on one topic; the router forwards all of them."""
     leaves_host = topic.leaves_host and not (privacy and has_pixels(topic))
@@ -170,7 +149,7 @@ def _rules(name: str, sent: Traffic, received: Traffic) -> Iterator[Rule]:
 
 
 def _keys(topic: Topic, service: str) -> list[str]:
-    """Return a topic's keys on any robot, only those of a service if one is named; and its cache's.
+    """Return the keys of a topic and its cache on any robot, of one service if it is named.
 
     Zenoh keeps the last message of a latched topic for late joiners below @adv.
     """

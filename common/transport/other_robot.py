@@ -19,8 +19,8 @@ def topic_of(
     Args:
         robot: Name of the robot, or of an area of a site.
         kind: Kind of its messages.
-        accept: Returns what the node gets for a message, or raises DecodeError.
-        given: Kind of what the node gets; None: the messages themselves.
+        accept: Returns the input of the node for a message, or raises DecodeError.
+        given: Kind of the input of the node; None: kind.
     """
     own = BY_MESSAGE[kind]
 
@@ -39,5 +39,6 @@ def topic_of(
         delivery=own.delivery,
         depth=own.depth,
         producer=own.producer,
+        numbered=own.numbered,
         decode=decoded,
     )

@@ -3,7 +3,6 @@
 import contextlib
 import json
 import os
-import re
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
@@ -15,28 +14,27 @@ import msgspec
 import zenoh
 import zenoh.ext
 
-from common.transport.access import LOCAL_INTERFACES, access_control, downsampling, privacy_control
+from common.transport.access import LOCAL_INTERFACES, access_control, privacy_control
 from common.transport.exchange import Exchange
 from common.transport.zenoh_publisher import Publisher
 from people4d import session
 from people4d.codec import encode
 from people4d.credentials import uses_certificates
 from people4d.errors import ConfigError
-from people4d.messages import Health, Message, RgbdFrame, Span
+from people4d.messages import Message, Span
 from people4d.ownership import FOREIGN
 from people4d.session import ZenohSession, check_chunk
 from people4d.subscription import ZenohSubscription, session_of
 from people4d.topics import BY_MESSAGE, Topic, prefix, query_key
 
-SLOW_HZ = "10"  # of each topic through $PEOPLE4D_SLOW_LINKS
-QUERIES_MAX = 64  # that may wait for a reply
-REPEAT_S = 2.0  # between two repetitions of a latched message by its owner
+QUERIES_MAX = 64  # maximum number of waiting queries
+REPEAT_S = 2.0  # period of the repetitions of a latched message [s]
 
 
 def read_config(
     file: Path | None, default: str, environment: Mapping[str, str] | None = None, role: str = ""
 ) -> zenoh.Config:
-    """Read the Zenoh configuration of a service, with access rules and limits of slow links.
+    """Read the Zenoh configuration of a service, with its access rules.
 
     Args:
         file: The file, or a folder of one for each mode; None for $PEOPLE4D_ZENOH, else the
@@ -55,12 +53,6 @@ def read_config(
         rules = _access_rules(mode, environment)
         if rules:
             config.insert_json5("access_control", json.dumps(rules))
-    slow = environment.get("PEOPLE4D_SLOW_LINKS")
-    if slow and mode == "router":
-        most = environment.get("PEOPLE4D_SLOW_HZ") or SLOW_HZ
-        if not re.fullmatch(r"\d+(\.\d+)?", most):
-            raise ConfigError(f"PEOPLE4D_SLOW_HZ: expected a number, got {most!r}")
-        config.insert_json5("downsampling", json.dumps(downsampling(slow.split(","), float(most))))
     return config
 
 
@@ -77,15 +69,15 @@ def is_private(environment: Mapping[str, str]) -> bool:
 
 
 def _access_rules(mode: str, environment: Mapping[str, str]) -> dict[str, Any] | None:
-    """Return the rules that a process enforces, None if it cannot or need not."""
+    """Return the rules that a process enforces, None if there are none."""
     names = environment.get("PEOPLE4D_LOCAL_INTERFACES", "").split(",")
     local = [name for name in names if name] or list(LOCAL_INTERFACES)
     private, keys = is_private(environment), environment.get("PEOPLE4D_KEYS")
     if keys and uses_certificates(Path(keys)) and mode != "client":
-        # Both ends prove their role, so peers let in only those that may use their topics.
+        # Both ends prove their role, so peers admit only roles that may use their topics.
         return access_control("cert_common_names", local, private)
     if keys and not uses_certificates(Path(keys)) and mode == "router":
-        # Only the end that connects proves its role by a password, so only the router can enforce.
+        # Only the connecting end proves its role by a password, so only the router enforces rules.
         return access_control("usernames", local, private)
     return privacy_control(local) if private else None
 
@@ -122,8 +114,8 @@ class ZenohBus(ZenohSession):
         config: Zenoh configuration.
         robot: Name of the robot, third chunk of every key.
         connect_timeout_s: Longest wait for a router in client mode.
-        exchange: Of the services that share this session: it hands messages between them, and
-            Zenoh only to others; None: Zenoh also delivers to the subscriptions of this session.
+        exchange: Exchange between the services of this session, with Zenoh for other processes
+            only; None: Zenoh delivers to this session, too.
 
     Raises:
         ConfigError: The name of the robot cannot be part of a key.
@@ -144,20 +136,20 @@ class ZenohBus(ZenohSession):
         self._lock = threading.Lock()
         self._closing = threading.Event()
         self._guarded: list[Topic] = []
-        self.counters: Counter[str] = Counter()  # messages in the name of this session
+        self.counters: Counter[str] = Counter()  # forged messages in the name of this session
 
     def publish(self, message: Message, publishing: Callable[[], Span] | None = None) -> None:
         """Send a message on the key that the topic table gives it.
 
         Args:
             message: The message.
-            publishing: Gives the last stage of its trace, called when it is encoded.
+            publishing: Returns the last stage of its trace, called when it is encoded.
         """
         self.hand_over(message, publishing)
         self.send(message, publishing)
 
     def hand_over(self, message: Message, publishing: Callable[[], Span] | None) -> None:
-        """Give a message to the subscribers in this process, if services share it."""
+        """Hand a message to the subscribers of this process, if services share it."""
         if not self.exchange:
             return
         topic = BY_MESSAGE[type(message)]
@@ -166,25 +158,20 @@ class ZenohBus(ZenohSession):
         self.exchange.publish(topic, key, msgspec.structs.replace(message, trace=trace))
 
     def send(self, message: Message, publishing: Callable[[], Span] | None) -> None:
-        """Send a message to other processes; among shared services only if one subscribes."""
+        """Send a message to other processes; with an exchange only if one subscribes."""
         topic = BY_MESSAGE[type(message)]
-        lossless = (isinstance(message, RgbdFrame) and message.lockstep) or (
-            isinstance(message, Health) and message.state == "stopping"
-        )
-        publisher = self._publisher(topic, topic.key_of(message, self.robot), lossless)
+        key = topic.key_of(message, self.robot)
+        publisher = self._publisher(topic, key, topic.is_lossless(message))
         if not self.exchange or publisher.is_wanted():
             payload = encode(message, publishing)
             if topic.owned and self.exchange:
-                self._announcements.own[topic.key_of(message, self.robot)] = (
-                    self.identity,
-                    payload,
-                )
+                self._announcements.own[key] = (self.identity, payload)
             publisher.put(payload)
 
     def subscribe(self, topic: Topic, own: bool = True) -> ZenohSubscription:
-        """Receive a topic as `ZenohSession.subscribe` does; through Zenoh only what others send.
+        """Receive a topic as `ZenohSession.subscribe` does.
 
-        What this session publishes comes through the exchange, if there is one.
+        With an exchange, messages of this session come through it, not through Zenoh.
         """
         return super().subscribe(topic, own and self.exchange is None)
 
@@ -197,7 +184,7 @@ class ZenohBus(ZenohSession):
         self._announcements.note(session, is_present=True)
 
     def withdraw(self, service: str) -> None:
-        """Take the liveliness tokens of a service back."""
+        """Withdraw the liveliness tokens of a service."""
         for token in self._tokens.pop(service, ()):
             token.undeclare()
 
@@ -209,7 +196,7 @@ class ZenohBus(ZenohSession):
     def members(self, service: str) -> ZenohMembers:
         """Receive the liveliness tokens of a service."""
         key = f"{prefix(self.robot)}/alive/{service}/*"
-        # A queue that is read at once: a ring would lose members.
+        # A FIFO that is read immediately: a ring would lose members.
         channel: Any = zenoh.handlers.FifoChannel(256)
         subscriber = self._session.liveliness().declare_subscriber(key, channel, history=True)
         return ZenohMembers(self._keep(subscriber))
@@ -241,7 +228,7 @@ class ZenohBus(ZenohSession):
             return self._publishers[name]
 
     def _repeat(self) -> None:
-        """Send latched messages periodically, for subscribers that read another's meanwhile."""
+        """Repeat latched messages, for subscribers that read a forged message meanwhile."""
         while not self._closing.wait(REPEAT_S):
             with self._lock:
                 publishers = list(self._publishers.values()) if self._tokens else []
@@ -250,7 +237,7 @@ class ZenohBus(ZenohSession):
                     publisher.repeat()
 
     def _guard(self, topic: Topic) -> None:
-        """Note messages of other sessions in the name of this one."""
+        """Count messages of other sessions in the name of this session."""
         channel: Any = zenoh.handlers.RingChannel(QUERIES_MAX)
         key, origin = topic.key_expression(self.robot), zenoh.Locality.REMOTE
         with contextlib.suppress(zenoh.ZError):  # the session was closed

@@ -6,10 +6,9 @@ from typing import Any
 import zenoh
 import zenoh.ext
 
-from people4d.messages import Health
 from people4d.topics import Topic
 
-UNSURE_S = 1.0  # from the first message of a key, in which its subscribers may not all be known
+UNSURE_S = 1.0  # time from the first message of a key until its subscribers are known [s]
 
 
 class Publisher:
@@ -19,8 +18,8 @@ class Publisher:
         session: Session of Zenoh.
         topic: Topic of the key.
         key: Full key.
-        lossless: A subscriber that is slow holds up the publisher.
-        to: Subscribers that get the messages.
+        lossless: A slow subscriber holds up the publisher.
+        to: Locality of the subscribers.
     """
 
     def __init__(
@@ -31,7 +30,7 @@ class Publisher:
         self._declared = self._declare()
         self._since_s = time.monotonic()
         self._sent = 0
-        self._last = b""  # message of a latched topic
+        self._last = b""  # last message of a latched topic
         self.is_copied = False  # another session sends in the name of this publisher
 
     def is_wanted(self) -> bool:
@@ -43,7 +42,7 @@ class Publisher:
         return matching
 
     def put(self, payload: bytes) -> None:
-        """Send."""
+        """Send a payload."""
         self._sent += 1
         if self.topic.delivery == "latched":
             self._last = payload
@@ -55,9 +54,10 @@ class Publisher:
             self._declared.put(payload)
 
     def repeat(self) -> None:
-        """Send the last message of a latched topic once more.
+        """Repeat the last message of a latched topic.
 
-        Subscribers skip what has a lower number than a copied name, so a new name is taken.
+        After a forged message in its name the publisher takes a new name: subscribers skip lower
+        numbers of the old name.
         """
         if self.is_copied:
             self.is_copied = False
@@ -67,10 +67,10 @@ class Publisher:
             self._declared.put(self._last)
 
     def _declare(self) -> Any:
-        # A slow link must not hold up live frames, nor a subscriber that hangs the heartbeat;
-        # latched messages are repeated; everything else is small enough to wait for.
+        # A slow link must not hold up live frames, nor a hung subscriber the heartbeat; latched
+        # messages are repeated; all others are small enough to wait for.
         topic = self.topic
-        wait = self._lossless or (topic.delivery == "queue" and topic.message is not Health)
+        wait = self._lossless or (topic.delivery == "queue" and topic.waits)
         control = zenoh.CongestionControl.BLOCK if wait else zenoh.CongestionControl.DROP
         if topic.delivery == "latched":
             return zenoh.ext.declare_advanced_publisher(

@@ -103,8 +103,7 @@ def test_services_of_hosts_equal_those_of_compose_yaml(file: Path) -> None:
         name = number.removesuffix("_2")  # a second camera
         for field in ("command", "healthcheck", "init", "restart", "stop_grace_period", "user"):
             assert service[field] == shipped[name][field], f"{name}.{field}"
-        added = {"PEOPLE4D_KEYS", "PEOPLE4D_MODE", "PEOPLE4D_SLOW_LINKS", "PEOPLE4D_SLOW_HZ"}
-        added |= {"PEOPLE4D_PRIVACY"}
+        added = {"PEOPLE4D_KEYS", "PEOPLE4D_MODE", "PEOPLE4D_PRIVACY"}
         assert service["environment"].keys() - added <= shipped[name]["environment"].keys()
 
 

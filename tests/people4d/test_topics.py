@@ -25,9 +25,12 @@ def test_images_and_only_images_are_under_raw() -> None:
         assert topic.key.startswith("raw/") == (topic.message.__name__ in IMAGES), topic.name
 
 
-def test_braces_in_keys_are_fields_of_the_message() -> None:
+def test_named_fields_are_fields_of_the_message() -> None:
     for topic in TOPICS:
-        for name in re.findall(r"{([^}]*)}", topic.key):
+        named = [*re.findall(r"{([^}]*)}", topic.key), *(topic.lossless or ())[:1]]
+        if topic.numbered != "key":
+            named += [topic.numbered] if topic.numbered else []
+        for name in named:
             assert name in topic.message.__struct_fields__, topic.name
         assert topic.depth >= 1
 
