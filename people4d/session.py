@@ -20,6 +20,7 @@ from people4d.topics import IMAGE_MAX_BYTES, KEYS_MAX, LOCKSTEP_MAX, Topic, pref
 
 BUILD_PATH = re.compile(r"( at)? ?[^ ]*\.rs:\d+(:\d+)?\.?")  # of Zenoh's sources
 NO_ANSWER = re.compile(r"Unable to connect to any of .*Timeout!")
+SILENT = "it does not answer"
 
 CONFIGS = Path(__file__).parent / "zenoh"
 ANSWER_S = 2.0
@@ -101,7 +102,7 @@ def _insert_credentials(config: zenoh.Config, folder: Path, mode: str, role: str
 def problem_of(error: zenoh.ZError) -> str:
     """Return what an error of Zenoh says, without its source files."""
     text = " ".join(BUILD_PATH.sub("", str(error)).split())
-    text = NO_ANSWER.sub("it does not answer", text)
+    text = NO_ANSWER.sub(SILENT, text)
     inner = re.search(r'Message { msg: "(.*)", location', text)
     return inner[1] if inner else text
 

@@ -12,8 +12,8 @@ from common.runtime.threads import THREADS
 from deploy.cli.terminal import Command, CommandGroup, shown
 from people4d.errors import People4dError
 
-# Command, its module below this package, its line in the help. A module is imported on use, so
-# that help and completion stay fast.
+# Command, its module below this package, its line in the help. A module is imported on use, which
+# keeps help and completion fast.
 COMMANDS = (
     ("up", "system.up", "Start the system and supervise it; Ctrl-C stops it."),
     ("demo", "system.demo", "Run the pipeline on the shipped recording and write a report."),
@@ -29,7 +29,7 @@ COMMANDS = (
     ("open", "live.page", "Open the page of people4d up --dashboard in the browser."),
     ("score", "live.views", "Show the errors of the tracks against the ground truth, live."),
     ("calibrate", "live.calibrate", "Find poses and clocks of several cameras by walking."),
-    ("info", "data.info", "Show the content of a recording, bag or folder."),
+    ("info", "data.info", "Show the content of a recording, bag or folder; check it."),
     ("lab", "lab.simulate", "Simulate people: list scenarios, render, preview, export."),
     ("evaluate", "lab.evaluate", "Score methods on recordings with ground truth; write a report."),
     ("gait", "lab.gait", "Track heads, hands and feet in a recording; measure gait."),
@@ -48,16 +48,16 @@ COMMANDS = (
 
 
 class LazyCommand(typer.core.TyperCommand):
-    """Stands for a command in the help; the real one is imported when it is used."""
+    """Placeholder of a command, which is imported on use."""
 
     def __init__(self, name: str, module: str, line: str) -> None:
         super().__init__(name, help=line, short_help=line)
         self._module = module
 
     def make_context(self, *args: Any, **kwargs: Any) -> Any:
-        """Make the context of the real command, which then runs."""
+        """Create the context of the real command."""
         module = importlib.import_module(f"deploy.cli.{self._module}")
-        if hasattr(module, "group"):  # it has commands of its own
+        if hasattr(module, "group"):  # sub-commands
             return typer.main.get_command(module.group()).make_context(*args, **kwargs)
         app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
         settings = getattr(module, "CONTEXT_SETTINGS", {}).get(self.name)
@@ -67,7 +67,7 @@ class LazyCommand(typer.core.TyperCommand):
 
 
 class Commands(CommandGroup):
-    """All commands; People4dError is printed in one sentence."""
+    """All commands; a People4dError is printed as one sentence."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
@@ -94,7 +94,7 @@ app = typer.Typer(
 
 
 def print_error(error: People4dError) -> None:
-    """Print an error to stderr, and the end of a log that belongs to it."""
+    """Print an error to stderr, after the end of its log."""
     console = Console(stderr=True, soft_wrap=True)
     log = getattr(error, "tail", "")
     if log:

@@ -1,6 +1,8 @@
 """Options that several commands share."""
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Annotated, Literal
 
 import typer
@@ -8,20 +10,20 @@ import typer
 from common.transport.zenoh_bus import ZenohBus, read_config
 from deploy.launcher.state import State, running_robots
 from people4d.client import Client
-from people4d.errors import ConfigError
+from people4d.errors import ConfigError, People4dError
 from people4d.messages import Message
-from people4d.session import endpoints_of
+from people4d.session import SILENT, endpoints_of
 from people4d.topics import BY_NAME
 from services.presets import PRESETS
 
 CONNECT_S = 3.0
 NETWORK = "Network"  # panel of the help
 
-SILENCE_S = 2.0  # without any message, after which the robots and services found are printed
+SILENCE_S = 2.0  # silence after which the robots and services found are printed [s]
 
 
 def _running_robot(context: typer.Context, value: str) -> str:
-    """Return the robot that is named, else the one that runs on this machine if it is alone."""
+    """Return the named robot, else the only robot that runs on this host."""
     source = context.get_parameter_source("robot")
     if context.params.get("connect") or (source and source.name != "DEFAULT"):
         return value
@@ -57,7 +59,7 @@ Connect = Annotated[
         envvar="PEOPLE4D_CONNECT",
         metavar="ENDPOINT",
         callback=_endpoints,
-        is_eager=True,  # before the robot, whose default is of this machine
+        is_eager=True,  # before --robot, whose default depends on it
         help="Router, for example tcp/192.168.1.7:7447; default: the one on this machine.",
         rich_help_panel=NETWORK,
     ),
@@ -97,22 +99,26 @@ Jobs = Annotated[
 
 
 def open_client(connect: str, robot: str) -> Client:
-    """Connect to the named router, else to the one that people4d up started here.
+    """Connect to the named router, else to the router that people4d up started here.
 
     Silence is explained on the terminal: another robot is there, or no service runs.
+
+    Raises:
+        People4dError: No router answers.
     """
-    return Client(_endpoint(connect, robot), robot, CONNECT_S, SILENCE_S)
+    with _router(connect, robot) as endpoint:
+        return Client(endpoint, robot, CONNECT_S, SILENCE_S)
 
 
 def open_bus(connect: str, robot: str) -> ZenohBus:
-    """Connect likewise, to publish."""
-    endpoint = _endpoint(connect, robot)
-    environment = dict(os.environ) | ({"PEOPLE4D_CONNECT": endpoint} if endpoint else {})
-    return ZenohBus(read_config(None, "client", environment), robot, CONNECT_S)
+    """Connect as `open_client` does, to publish."""
+    with _router(connect, robot) as endpoint:
+        environment = dict(os.environ) | ({"PEOPLE4D_CONNECT": endpoint} if endpoint else {})
+        return ZenohBus(read_config(None, "client", environment), robot, CONNECT_S)
 
 
 def kinds_of(topics: str) -> tuple[type[Message], ...]:
-    """Return the message types of topics named with commas between."""
+    """Return the message types of comma-separated topics."""
     names = [name.strip() for name in topics.split(",") if name.strip()]
     for name in names:
         if name not in BY_NAME:
@@ -120,6 +126,17 @@ def kinds_of(topics: str) -> tuple[type[Message], ...]:
     return tuple(BY_NAME[name].message for name in names)
 
 
-def _endpoint(connect: str, robot: str) -> str:
+@contextmanager
+def _router(connect: str, robot: str) -> Iterator[str]:
+    """Yield the endpoint of the router to connect to; empty for the usual one of this machine."""
     running = None if connect else State.of_robot(robot).read()
-    return running.connect if running else connect
+    endpoint = running.connect if running else connect
+    try:
+        yield endpoint
+    except People4dError as error:
+        if endpoint or SILENT not in error.problem:
+            raise
+        raise People4dError(
+            f"no system of robot {robot} runs here",
+            "people4d up starts one; --connect ENDPOINT names the router of another machine.",
+        ) from error

@@ -1,4 +1,4 @@
-"""Tables, JSON and progress bars in the terminal, and the end of long work on Ctrl-C."""
+"""Tables, JSON and progress bars in the terminal, and interruption by Ctrl-C."""
 
 import os
 import signal
@@ -20,11 +20,11 @@ COLOURS = {"ready": "green", "degraded": "yellow", "starting": "cyan", "exited":
 
 console = Console(highlight=False, soft_wrap=True)
 
-Report = Callable[[str, float], None]  # takes the name of a piece of work, and the share done
+Report = Callable[[str, float], None]  # reports the name of a task and its progress
 
 
 class _UntypedFlags:
-    """Shows an option that takes no value without a type."""
+    """Shows flags without a type in the help."""
 
     def get_params(self, ctx: Any) -> list[Any]:
         """Return the parameters for the help."""
@@ -44,7 +44,7 @@ class CommandGroup(_UntypedFlags, typer.core.TyperGroup):
 
 
 def plain_table(*titles: str, title: str | None = None, **column: Any) -> Table:
-    """Make a table without lines; columns whose title begins with ">" are aligned right."""
+    """Create a table without lines; a title with ">" aligns its column right."""
     table = Table(title=title, title_justify="left", box=None, header_style="bold", pad_edge=False)
     for name in titles:
         justify: Literal["left", "right"] = "right" if name.startswith(">") else "left"
@@ -53,17 +53,16 @@ def plain_table(*titles: str, title: str | None = None, **column: Any) -> Table:
 
 
 def print_table(table: Table) -> None:
-    """Print a table, entire where the terminal is narrower: no column of figures is cut off."""
+    """Print a complete table, also in a narrower terminal."""
     widest = console.options.update(max_width=1000)
     width = max(console.width, console.measure(table, options=widest).maximum)
     Console(width=width, highlight=False).print(table)
 
 
 def shown(text: object) -> str:
-    """Return text of others as markup that shows it as it is.
+    """Return untrusted text as markup that shows it literally.
 
-    What a terminal takes for a command, line breaks among them, becomes a space; square brackets
-    are no markup.
+    Control characters become spaces; square brackets are escaped.
     """
     return escape("".join(c if c.isprintable() else " " for c in str(text)))
 
@@ -79,12 +78,12 @@ def print_json(value: object) -> None:
 
 
 def print_progress(name: str, what: str) -> None:
-    """Print what happened to a service or process."""
+    """Print an event of a service or process."""
     console.print(f"  [bold]{shown(name):<12}[/] {shown(what)}")
 
 
 def can_draw_figures() -> bool:
-    """Return True if matplotlib is installed; say so otherwise."""
+    """Check that matplotlib is installed; print a remedy otherwise."""
     if not missing("evaluate"):
         return True
     typer.echo(f"No figures: matplotlib is not installed. {install('evaluate')}")
@@ -92,13 +91,13 @@ def can_draw_figures() -> bool:
 
 
 def cores() -> int:
-    """Return the number of cores that may be used."""
+    """Return the number of usable cores."""
     return len(os.sched_getaffinity(0))
 
 
 @contextmanager
 def progress() -> Iterator[Report]:
-    """Show a bar for each thing that is being done; call what it gives with its share."""
+    """Show a progress bar for each task; yield the function that reports progress."""
     with Progress(
         *Progress.get_default_columns(), TimeElapsedColumn(), console=Console(stderr=True)
     ) as bars:
@@ -114,11 +113,11 @@ def progress() -> Iterator[Report]:
 
 @contextmanager
 def signals_interrupt() -> Iterator[None]:
-    """Let SIGTERM and a closed terminal end the block as Ctrl-C does, with KeyboardInterrupt."""
+    """Raise KeyboardInterrupt also for SIGTERM and a closed terminal."""
     numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
     def interrupt(*_: object) -> None:
-        for number in numbers:  # once is enough: what follows is the stop, which must not break off
+        for number in numbers:  # a second signal must not interrupt the stop
             signal.signal(number, signal.SIG_IGN)
         raise KeyboardInterrupt
 

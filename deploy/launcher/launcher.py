@@ -18,20 +18,20 @@ from people4d.errors import People4dError
 
 POLL_S = 0.1
 STOP_TIMEOUT_S = 120.0
-STOP_S = 5.0
-LONGEST_GRACE_S = 10.0  # [s] of a service that writes no files
-QUIET_S = 2.0
-# What comes from frames. Health never rests, and predictions go on after the last frame.
+STOP_S = 5.0  # time until a process that does not stop is killed [s]
+LONGEST_GRACE_S = 10.0  # maximum stop grace period of a service without files [s]
+QUIET_S = 2.0  # time without a message after which all frames are processed [s]
+# Counters of messages from frames. Health and predictions continue after the last frame.
 FROM_FRAMES = ("received_frames", "received_detections", "received_crops", "received_embeddings")
 TAIL_LINES = 12
 WATCHDOG = "watchdog"
-FAILURE = "failure.log"  # in the state folder: why the last run failed
+FAILURE = "failure.log"  # file with the failure of the last run, in the state folder
 
-Progress = Callable[[str, str], None]  # takes the name of a service or process, and what happened
+Progress = Callable[[str, str], None]  # reports the name of a service or process, and an event
 
 
 class LaunchError(People4dError):
-    """A service does not come up or does not stay up; carries the end of its log."""
+    """A service does not start or does not stay up; holds the end of its log."""
 
     def __init__(self, state: State, instance: str, problem: str) -> None:
         log = state.log_of(instance)
@@ -40,7 +40,7 @@ class LaunchError(People4dError):
 
 
 class Launcher:
-    """One system on this machine; its services are given in an order of start."""
+    """One system on this host; its services are in the order of their start."""
 
     def __init__(
         self,
@@ -65,10 +65,10 @@ class Launcher:
         self._finished: set[str] = set()
 
     def start(self, robot: str, connect: str, timeout_s: float) -> None:
-        """Start every service once those it waits for are healthy.
+        """Start every service once its dependencies are healthy.
 
-        Each has `timeout_s` from its start until it is healthy; `connect`, the endpoint of the
-        router, is noted in the state.
+        Each service has `timeout_s` from its start until it is healthy; `connect`, the endpoint of
+        the router, is written to the state.
 
         Raises:
             LaunchError: A service fails or is not healthy in time; everything is stopped again.
@@ -94,12 +94,7 @@ class Launcher:
             raise
 
     def _spawn(self, robot: str, connect: str) -> None:
-        running = self.state.read()
-        if running:
-            raise People4dError(
-                f"people4d runs already for {robot} (supervisord has process number {running.pid})",
-                "Stop it with people4d down, or name another robot with --robot and --port.",
-            )
+        check_stopped(self.state, robot)
         swept = self.state.sweep()
         self.state.tidy()
         if swept:
@@ -138,10 +133,10 @@ class Launcher:
         return reached is not None
 
     def _follow(self, service: Service, processes: list[Process], timeout_s: float) -> None:
-        """Note how far a started service has come."""
+        """Follow a service from its start until it is healthy or finished."""
         starting = service.name not in self._reached
         for process in processes if starting else ():
-            # What ends before it was ever ready is set up wrongly: give up at once.
+            # A process that ends before it was ready is misconfigured: give up.
             if process.state == "BACKOFF" or process.name in self._restarted:
                 raise self._failure(process.name, "ended before it was ready")
         elapsed_s = time.monotonic() - self._started_s[service.name]
@@ -170,13 +165,13 @@ class Launcher:
         return error
 
     def processes(self) -> dict[str, Process]:
-        """Return all processes by name, and report those that ended or came back.
+        """Return all processes by name, and report ends and restarts.
 
         Raises:
-            LaunchError: A process failed and is not started again.
+            LaunchError: A process failed and is not restarted.
         """
         processes = self.supervisor.processes()
-        self._reasons.add(self.heartbeats.all())
+        self._reasons.add_heartbeats(self.heartbeats.all())
         for name, process in processes.items():
             if process.gave_up or (process.ended_badly and name in self._never_again):
                 problem = process.problem or f"exit status {process.exit_status}"
@@ -200,7 +195,7 @@ class Launcher:
         return health.reason if health else ""
 
     def wait_finished(self, service: str) -> None:
-        """Wait until every process of a service has ended by itself.
+        """Wait until every process of a service has finished.
 
         Raises:
             LaunchError: A process of the system failed.
@@ -212,7 +207,7 @@ class Launcher:
             time.sleep(POLL_S)
 
     def drain(self, timeout_s: float) -> None:
-        """Wait until no service receives any more of what comes from frames."""
+        """Wait until no service receives messages from frames any more."""
         deadline_s = time.monotonic() + timeout_s
         before, since_s = self._counts(), time.monotonic()
         while time.monotonic() < min(deadline_s, since_s + QUIET_S):
@@ -230,8 +225,22 @@ class Launcher:
         }
 
 
+def check_stopped(state: State, robot: str) -> None:
+    """Check that no system of a robot runs here.
+
+    Raises:
+        People4dError: One does.
+    """
+    running = state.read()
+    if running:
+        raise People4dError(
+            f"people4d runs already for {robot} (supervisord has process number {running.pid})",
+            "Stop it with people4d down, or name another robot with --robot and --port.",
+        )
+
+
 def read_plan(state: State) -> tuple[Service, ...]:
-    """Return the services that a system was started with.
+    """Return the services of a running system.
 
     Raises:
         People4dError: The plan of the run is missing or damaged.
@@ -246,10 +255,10 @@ def read_plan(state: State) -> tuple[Service, ...]:
 
 
 def stop(state: State) -> bool:
-    """Stop a system, last started first; return False if nothing ran.
+    """Stop a system, the last started service first; return False if nothing ran.
 
-    Supervisord waits for one process after the other; those that do not end, however many, are
-    killed together after STOP_S. A process that writes files has the time that its service states.
+    Supervisord waits for one process after the other; processes that do not end are killed together
+    after STOP_S. A process that writes files has the stop grace period of its service.
     """
     with state.locked(STOP_TIMEOUT_S):
         running = state.read()
@@ -270,7 +279,7 @@ def stop(state: State) -> bool:
 
 
 def _writing(state: State) -> dict[int, float]:
-    """Return the processes that have longer than STOP_S to end, with that time [s]."""
+    """Return the stop grace period [s] of processes that have longer than STOP_S."""
     with contextlib.suppress(People4dError):
         slow = [s for s in read_plan(state) if s.stop_grace_s > LONGEST_GRACE_S]
         processes = Supervisor(state).processes()

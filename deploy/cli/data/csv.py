@@ -23,7 +23,7 @@ from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.sources.registry import open_truth
 
 PARQUET = ".parquet"
-BATCH = 50_000  # rows that are written to Parquet at once
+BATCH = 50_000  # number of rows of a Parquet batch
 M = TypeVar("M", bound=Message)
 Row: TypeAlias = Mapping[str, Cell]
 
@@ -74,7 +74,7 @@ def write(file: Path, messages: Iterable[Truth | Tracks]) -> int:
     if file.suffix not in writers:
         raise ConfigError(f"{file} is of no known kind", f"Write {' or '.join(writers)}.")
     start_ns, count = None, 0
-    part = file.with_name(f".{file.name}.{os.getpid()}.part")  # a table is never there by half
+    part = file.with_name(f".{file.name}.{os.getpid()}.part")  # no table is incomplete
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         with writers[file.suffix](part) as put:
@@ -124,7 +124,7 @@ def _open_parquet(file: Path) -> Iterator[Callable[[Row], None]]:
 
 
 def interpolated(truths: Iterable[Truth], tracks: Iterable[Tracks]) -> Iterator[Truth]:
-    """Yield the truth at the stamps of tracks, as far as it is known; both by rising stamp."""
+    """Yield the truth interpolated to the stamps of tracks; both by rising stamp."""
     buffer, waiting = TruthBuffer(), iter(truths)
     for message in tracks:
         while buffer.newest_ns is None or buffer.newest_ns < message.stamp_ns:

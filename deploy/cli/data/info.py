@@ -16,7 +16,7 @@ from services.camera.describe import Description, describe
 
 
 class Info(Description, frozen=True, kw_only=True):
-    """Contents of a recording, and the simulation that made it."""
+    """Contents of a recording, with the simulation of a simulated one."""
 
     lab: SimulationMetadata | None = None  # None if it is not simulated
 
@@ -25,11 +25,17 @@ def info(
     recording: Annotated[Path, typer.Argument(help="Recording, ROS bag or folder of images.")],
     json: Json = False,
 ) -> None:
-    """Show the content of a recording, bag or folder of images, and whether it can be played."""
+    """Show the content of a recording, bag or folder; exit with 1 if it cannot be played."""
     found = read_info(recording)
     if json:
         print_json(found)
-        return
+    else:
+        _show(found)
+    if found.problem:
+        raise typer.Exit(1)
+
+
+def _show(found: Info) -> None:
     console.print(_facts(found))
     if found.topics:
         table = plain_table("topic", "type", ">messages")
@@ -77,7 +83,7 @@ def _simulated(note: SimulationMetadata) -> str:
 
 
 def odometry_text(description: Description) -> str:
-    """Return whether there is odometry, and what it needs to be used."""
+    """Describe odometry, and the setting that uses it."""
     frame = description.unlinked_odometry
     if frame and description.mounted_in:
         return (
@@ -94,7 +100,7 @@ def _playable(description: Description) -> str:
 
 
 def camera_text(description: Description) -> str:
-    """Return size and lens of the camera, and what is done with its images."""
+    """Describe size and lens of the camera, and changes of its images."""
     info = description.calibration
     if not info:
         return "unknown"

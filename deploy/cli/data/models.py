@@ -53,7 +53,7 @@ def list_(verify_: Verify = False) -> None:
 
 
 def state_of(model: ModelFile, folders_: tuple[Path, ...], check: bool) -> State:
-    """Return whether a model is here, and with `check` whether it is the right one."""
+    """Return the presence of a model, and with `check` the state of its file."""
     try:
         path = find(model, folders_)
     except ModelError:

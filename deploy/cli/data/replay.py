@@ -74,7 +74,7 @@ def replay(
                 if isinstance(message, CompressedRgbdFrame):
                     pixels = not kinds or RgbdFrame in kinds
                     message = frame_of(message, sensors.get(message.camera), pixels)
-                # The times of its trace were those of the recording.
+                # Its trace has times of the recording.
                 bus.publish(msgspec.structs.replace(message, trace=()))
                 sent += 1
         time.sleep(hold_s)
@@ -82,13 +82,13 @@ def replay(
 
 
 def recorded_kinds(recording: Recording) -> set[type[Message]]:
-    """Return the types of the messages of a recording, by its index: nothing is decoded."""
+    """Return the message types of a recording, from its index."""
     topics = (topic_of_key(f"{prefix('*')}/{name}") for name in recording.summary.topics)
     return {topic.message for topic in topics if topic}
 
 
 def check_publishers(bus: ZenohBus, robot: str, kinds: set[type[Message]]) -> None:
-    """Check that no live service publishes what is to be replayed."""
+    """Check that no live service publishes the replayed topics."""
     topics = [BY_MESSAGE[kind] for kind in kinds]
     if CompressedRgbdFrame in kinds:
         topics.append(BY_MESSAGE[RgbdFrame])
@@ -112,9 +112,9 @@ def clean_cameras(recording: Recording) -> dict[str, CleanDepthSensor]:
 
 
 def frame_of(message: CompressedRgbdFrame, clean: CleanDepthSensor | None, pixels: bool) -> Message:
-    """Return a recorded frame as it is published: with its pixels, or compressed.
+    """Return a recorded frame for publication: with its pixels, or compressed.
 
-    `clean` reads depth as a sensor would; it is None if depth is as a sensor read it.
+    `clean` adds the errors of a sensor to simulated depth; None for measured depth.
     """
     frame = decompress(message) if pixels or clean else None
     if frame is None or clean is None:
@@ -126,7 +126,7 @@ def frame_of(message: CompressedRgbdFrame, clean: CleanDepthSensor | None, pixel
 
 
 def paced(messages: Iterable[tuple[int, Message]], rate: float) -> Iterator[tuple[int, Message]]:
-    """Yield messages with their log times [ns] when they are due, at a multiple of that rate."""
+    """Yield messages with their log times [ns] when they are due, at a multiple of the rate."""
     start_ns, begin_s = None, time.monotonic()
     for log_ns, message in messages:
         start_ns = log_ns if start_ns is None else start_ns

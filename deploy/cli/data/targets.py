@@ -1,4 +1,4 @@
-"""File that a command writes from a recording, from its argument and the option --force."""
+"""Output file of a command, with the option --force."""
 
 from pathlib import Path
 from typing import Annotated
@@ -11,10 +11,10 @@ Force = Annotated[bool, typer.Option("--force", help="Overwrite the file.")]
 
 
 def check_target(target: Path, source: Path | None, force: bool) -> None:
-    """Check that a file may be written; `source` is the recording that it is written from.
+    """Check that a file may be written; `source` is the input recording.
 
     Raises:
-        ConfigError: It is the recording, or exists and may not be overwritten.
+        ConfigError: It is the input, or exists and may not be overwritten.
     """
     if source and target.exists() and target.samefile(source):
         raise ConfigError(f"{target} is the recording itself", "Name another file.")

@@ -33,8 +33,8 @@ from people4d.messages import (
 )
 from people4d.queue import Arrival
 
-EVERY_NS = 10_000_000_000  # between two attempts
-# Compressed frames are for the floor. All raw ones are a load that only tags are worth.
+EVERY_NS = 10_000_000_000  # period of the attempts [ns]
+# Compressed frames are for the floor. Only tags are worth the load of all raw frames.
 KINDS: tuple[type[Message], ...] = (CameraInfo, StaticTransform, Detections, CompressedRgbdFrame)
 RAW: tuple[type[Message], ...] = (RgbdFrame,)
 
@@ -130,7 +130,7 @@ def _arrivals(
 
 
 class CalibrationSession:
-    """Received observations, and the attempts to calibrate by it."""
+    """Received observations, and the calibration from them."""
 
     def __init__(
         self, cameras: set[str], reference: str, offset_s: float, tags: TagObserver | None = None
@@ -141,7 +141,7 @@ class CalibrationSession:
         self._transforms: dict[str, StaticTransform] = {}
 
     def copy(self) -> "CalibrationSession":
-        """Return the session as it is now, which later messages do not change."""
+        """Return a copy that later messages do not change."""
         tags = self._tags.copy() if self._tags else None
         other = CalibrationSession(self._cameras, self._reference, self._offset_s, tags)
         other._collector = self._collector.copy()
@@ -149,7 +149,7 @@ class CalibrationSession:
         return other
 
     def add(self, message: Message, arrived_ns: int) -> None:
-        """Take a message; those of other cameras are left out."""
+        """Add a message; messages of other cameras are ignored."""
         if isinstance(message, StaticTransform):
             self._transforms[message.child] = message
         elif isinstance(message, CameraInfo | Detections) and (
@@ -191,7 +191,7 @@ class CalibrationSession:
         return move_to_map(found, by_tags)
 
     def summary(self) -> str:
-        """Return how often each camera saw people, and a map of where."""
+        """Return the number of people in each camera, and a map of their positions in the image."""
         lines = ["people in frames, and where in view (left to right; far, middle, near):"]
         for c in self._collector.cameras:
             rows = ["".join("#" if cell else "." for cell in row) for row in c.coverage()]
@@ -202,15 +202,15 @@ class CalibrationSession:
 def listen(
     session: CalibrationSession, arrivals: Iterable[Arrival], seconds: float
 ) -> CalibrationResult:
-    """Return a calibration as soon as one is sure, by attempts beside the messages that come.
+    """Return a calibration as soon as it is certain, by attempts while messages arrive.
 
     Args:
-        session: What takes the messages.
-        arrivals: Messages as they come; Ctrl-C ends them.
-        seconds: Longest time by their clock.
+        session: Session of the messages.
+        arrivals: Messages in order; Ctrl-C ends them.
+        seconds: Maximum duration by their clock.
 
     Raises:
-        CalibrationError: At the end something is still missing.
+        CalibrationError: The observations are not sufficient at the end.
     """
     start_ns = last_ns = 0
     attempt: Future[CalibrationResult] | None = None

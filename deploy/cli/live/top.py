@@ -28,10 +28,10 @@ from people4d.client import Client
 from people4d.errors import People4dError
 from people4d.topics import TOPICS
 
-STREAMS = tuple(topic.name for topic in TOPICS if topic.rate_hz)  # all but what is sent once
-WIDTH = 120  # where there is no terminal
+STREAMS = tuple(topic.name for topic in TOPICS if topic.rate_hz)  # periodic topics
+WIDTH = 120  # width without a terminal [characters]
 HERE = "here"  # service of this command, in the table
-FIRST_S = 3.0  # how long --once listens at least: heartbeats come twice a second
+FIRST_S = 3.0  # minimum duration of --once: heartbeats come twice a second [s]
 
 
 def top(
@@ -97,7 +97,7 @@ def _snapshots(client: Client, seconds: float) -> Iterator[Callable[[], SystemSn
 
 
 def _wait(snapshot: Callable[[], SystemSnapshot], seconds: float) -> None:
-    """Listen for a time, and longer if nothing came yet."""
+    """Listen for a time, and twice as long if nothing arrives."""
     end_s = time.monotonic() + seconds
     while time.monotonic() < end_s or not snapshot().processes:
         if time.monotonic() > end_s + seconds:
@@ -179,7 +179,7 @@ def _stages(snapshot: SystemSnapshot) -> Table:
 
 
 def _error(durations: Durations) -> str:
-    """Format the error that clocks bring into a duration; empty on one host."""
+    """Format the clock error of a duration; empty on one host."""
     if durations.error_ms is None:
         return " (clocks not compared)"
     return f" ± {durations.error_ms:.2f}" if durations.error_ms else ""

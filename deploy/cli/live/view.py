@@ -33,7 +33,7 @@ class ViewerOutput(Protocol):
     """Destination of messages to be viewed."""
 
     def write(self, message: Message, log_time_ns: int) -> None:
-        """Take a message, received at this time."""
+        """Write a message with its time of arrival."""
         ...
 
     def close(self) -> None:
@@ -100,7 +100,7 @@ def view(
 def recorded(
     path: Path, span: RecordingSpan, rate: float | None, loop: bool
 ) -> Iterator[tuple[int, Message]]:
-    """Return messages of a recording with their log times [ns], when due if there is a rate."""
+    """Return messages of a recording with their log times [ns], paced if there is a rate."""
     recording = open_recording(path)
     span.check(recording)  # before an output is opened
 
@@ -146,9 +146,9 @@ def foxglove_output(images: bool, file: Path | None, address: str, port: int) ->
 
 
 class ImageRate:
-    """Lets through so many frames a second of each camera, and all other messages.
+    """Limits the rate of the frames of each camera; other messages pass.
 
-    Of a camera whose frames come as they are, those that come compressed are left out.
+    Compressed frames of a camera with uncompressed frames do not pass.
     """
 
     def __init__(self, rate_hz: float) -> None:
@@ -157,7 +157,7 @@ class ImageRate:
         self._uncompressed: set[str] = set()
 
     def passes(self, message: Message, now_ns: int) -> bool:
-        """Check a message that comes now."""
+        """Check that a message of this time passes."""
         if not isinstance(message, RgbdFrame | CompressedRgbdFrame):
             return True
         if isinstance(message, RgbdFrame):

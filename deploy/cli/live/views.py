@@ -62,7 +62,7 @@ def score(
 def _show(
     messages: Iterator[M], draw: Callable[[M], RenderableType], once: bool, json: bool
 ) -> bool:
-    """Show messages as they come, until Ctrl-C; return False if none came before the timeout."""
+    """Show messages until Ctrl-C; return False if none arrived before the timeout."""
     message, drawn_s, console = None, 0.0, Console()
     with suppress(KeyboardInterrupt):
         if once or json:
@@ -73,7 +73,7 @@ def _show(
             return message is not None
         with Live("waiting ...", console=console, auto_refresh=False) as live:
             for message in messages:
-                # A terminal that is slower than the camera must not hold up reading.
+                # A terminal that is slower than the camera must not delay reading.
                 if time.monotonic() - drawn_s > REDRAW_S:
                     live.update(draw(message), refresh=True)
                     drawn_s = time.monotonic()
@@ -114,14 +114,14 @@ def table_of(tracks: Tracks, now_ns: int) -> Table:
 def latency_ms(tracks: Tracks, now_ns: int) -> float | None:
     """Return the time since the first traced stage [ms]; None if it is unknown.
 
-    A message without a trace has none, nor has one that is replayed with its old trace.
+    A message without a trace has no latency, nor a replayed message with its old trace.
     """
     age_ns = now_ns - tracks.trace[0].start_ns if tracks.trace else LATE_MAX_NS
     return age_ns / 1e6 if age_ns < LATE_MAX_NS else None
 
 
 def render_score(message: Score) -> Group:
-    """Render one message: all people now, then the last seconds and all frames."""
+    """Render one message: present people, the last seconds, and all frames."""
     notes = [Text("") if message.alignment is None else _alignment(message.alignment)]
     if any(person.view == "unknown" for person in message.people):
         notes.append(Text(NO_VIEW, style="yellow"))

@@ -1,4 +1,4 @@
-"""Launch of a system from the terminal: started, attended to its end, summed up."""
+"""Launch of a system from the terminal: start, supervision and summary."""
 
 import time
 from contextlib import ExitStack, closing
@@ -10,7 +10,7 @@ import typer
 from deploy.cli.live.page import page_address
 from deploy.cli.terminal import console, print_progress, signals_interrupt
 from deploy.launcher.health import Heartbeats
-from deploy.launcher.launcher import Launcher, LaunchError, stop
+from deploy.launcher.launcher import Launcher, LaunchError, check_stopped, stop
 from deploy.launcher.plan import (
     CAMERA,
     REPORT,
@@ -30,8 +30,8 @@ SIMULATED = (
     "The room, the people and their depth images are simulated, with exact ground truth. "
     "Detection, tracking and all times are real."
 )
-TOO_SLOW = "too slow: "  # in the reason of a service that skips frames
-LIMITED = 3  # exit code of a complete report on a run whose services were degraded
+TOO_SLOW = "too slow: "  # part of the reason of a service that skips frames
+LIMITED = 3  # exit code of a complete report with degraded services
 DRAIN_TIMEOUT_S = 120.0
 GONE_TIMEOUT_S = 3.0
 POLL_S = 0.5
@@ -39,11 +39,12 @@ START_TIMEOUT_S = 60.0
 
 
 def launch(request: LaunchRequest, timeout_s: float, detach: bool) -> None:
-    """Start a system, and supervise it until it is stopped or its source ends, unless detached."""
+    """Start a system, and supervise it until its stop or the end of its source, unless detached."""
+    state = State.of_robot(request.robot)
+    check_stopped(state, request.robot)  # settings take seconds to check
     services = plan(request)
     check_settings(services, request)
     connect = router_of(services, request)
-    state = State.of_robot(request.robot)
     with (
         signals_interrupt(),
         closing(Heartbeats(connect, request.robot)) as heartbeats,
@@ -70,10 +71,10 @@ def _print_page(state: State) -> None:
 
 
 def _attend_to_end(launcher: Launcher, request: LaunchRequest) -> None:
-    """Attend to a system, and stop it at the end.
+    """Supervise a system, and stop it at the end.
 
     Raises:
-        People4dError: A process failed; or supervisord was killed, so that the others run on.
+        People4dError: A process failed, or supervisord was killed while the services run on.
     """
     state = launcher.state
     with ExitStack() as end:

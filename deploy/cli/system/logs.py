@@ -64,7 +64,7 @@ def _files(folder: Path, service: str) -> list[Path]:
 
 
 def _new_lines(files: Sequence[Path]) -> Iterator[tuple[Path, str]]:
-    """Yield lines as they are written; a log that was begun anew is read from its start."""
+    """Yield new lines; a rotated log is read from its start."""
     offsets = {file: file.stat().st_size for file in files}
     while True:
         for file in files:

@@ -24,9 +24,9 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
     """One process."""
 
     instance: str  # its name
-    process: str  # state in supervisord; empty if it runs elsewhere
-    health: str  # state in its heartbeat; empty if it sends none
-    reason: str  # why it is not ready
+    process: str  # state in supervisord; empty for another host
+    health: str  # state in its heartbeat; empty without a heartbeat
+    reason: str  # reason of another state than ready
     host: str  # machine
     pid: int  # process number, 0 if it does not run
     uptime_s: float  # [s] since its start, 0 if unknown
@@ -52,7 +52,7 @@ def ps(
             f"nothing runs here for {robot}",
             "Start it with people4d up, or name the router of a system elsewhere with --connect.",
         )
-    # Both ends may be named: what runs here is shown with its processes.
+    # --connect may name the router of this host.
     own = running if running and connect in ("", running.connect) else None
     processes = Supervisor(state).processes() if own else {}
     healths = _heartbeats(connect or (running.connect if running else ""), robot, bool(own))
@@ -75,7 +75,7 @@ def ps(
 
 
 def _heartbeats(connect: str, robot: str, optional: bool) -> list[Health]:
-    """Listen for two heartbeats; without a router, own processes are shown without any."""
+    """Return heartbeats; none without a router if they are optional."""
     try:
         with closing(Heartbeats(connect, robot)) as heartbeats:
             heartbeats.connect(timeout_s=2.0)
@@ -112,7 +112,7 @@ def _table(rows: list[Row]) -> Table:
     table = plain_table(*columns, no_wrap=True)
     count = Counter(row.instance for row in rows)
     for row in rows:
-        # State in supervisord of a process that does not run, else the one in its heartbeat.
+        # State in supervisord unless the process runs, else the state in its heartbeat.
         state = row.process.lower() if row.process not in ("", "RUNNING") else row.health
         table.add_row(
             shown(row.instance if count[row.instance] == 1 else f"{row.instance} ({row.host})"),
@@ -136,7 +136,7 @@ def _rates(rates_hz: dict[str, float], direction: str) -> str:
 
 
 def duration(seconds: float) -> str:
-    """Write a time as 12s, 3m05s or 2h03m."""
+    """Format a time as 12s, 3m05s or 2h03m."""
     minutes, seconds = divmod(int(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     if hours:

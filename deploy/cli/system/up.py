@@ -18,8 +18,8 @@ from services.camera.sources import ROS2
 from services.gt_bridge.sources.registry import is_live
 from services.presets import preset_settings
 
-# A camera whose place its source does not know hangs on the base, not in the map.
 PUSHED = "push"  # source of frames that programs give, see people4d_robot.Camera
+# A camera without a pose in its source is mounted on the base, not in the map.
 ON_BASE = f"{CAMERA}.mount_parent=base_link"
 # Panels of the help, with NETWORK
 SOURCE, METHODS, EXTRAS = "Source", "Methods", "Extras"
@@ -236,7 +236,7 @@ def _is_demo(source: str) -> bool:
 
 
 def _resolve(source: str) -> str:
-    """Make a path absolute; a scenario by name and a camera of one's own stay as they are."""
+    """Return an absolute path; scenarios and plug-in cameras do not change."""
     if scenarios.is_scenario(source):
         return scenarios.resolve(source)
     if _is_demo(source):

@@ -11,8 +11,9 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
+from common.io.recording import RecordingWriter
 from common.io.weights import ModelFile
-from deploy.cli import COMMANDS, app
+from deploy.cli import COMMANDS, app, options
 from deploy.cli.data.models import state_of
 from deploy.cli.live.views import latency_ms, table_of
 from deploy.cli.options import kinds_of
@@ -21,7 +22,7 @@ from deploy.launcher.health import works
 from deploy.launcher.launcher import tail
 from people4d.errors import ConfigError
 from people4d.messages import Health, Span, Tracks
-from tests import builders
+from tests import DEMO, builders
 
 pytestmark = [pytest.mark.processes, pytest.mark.network]
 
@@ -65,17 +66,30 @@ def test_version_is_printed() -> None:
         (["record", "/tmp/x.mcap", "--topics", "peeple"], "there is no topic 'peeple'"),
         (["info", "/none"], "'/none' does not exist"),
         (["listen", "--connect", "tcp/127.0.0.1:1"], "no Zenoh session"),
+        (["listen"], "no system of robot robot runs here. people4d up starts one"),
+        (["replay", str(DEMO)], "no system of robot robot runs here. people4d up starts one"),
     ],
 )
 def test_error_is_one_sentence_with_a_hint(
-    arguments: list[str], message: str, tmp_path: Path
+    arguments: list[str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(options, "CONNECT_S", 0.2)
     status, output, errors = run(*arguments, state=tmp_path)
     assert status == 1
     assert output == ""
     assert message in errors
     assert errors.startswith("error: ")
     assert "Traceback" not in errors
+
+
+def test_info_of_what_cannot_be_played_exits_with_1(tmp_path: Path) -> None:
+    file = tmp_path / "tracks.mcap"
+    with RecordingWriter(file) as writer:
+        writer.write(builders.tracks(), 0)
+    for more in ([], ["--json"]):
+        status, output, _ = run("info", str(file), *more)
+        assert (status, "Record camera_info too." in " ".join(output.split())) == (1, True)
+    assert run("info", str(DEMO))[0] == 0
 
 
 def test_debug_shows_the_trace() -> None:
