@@ -1,6 +1,6 @@
 """Processes that hang, found by their heartbeats."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from common.config import Config
@@ -10,22 +10,21 @@ from people4d.messages.base import Positive, PositiveInt
 
 ROUTER = "router"
 PERIOD_NS = 250_000_000  # supervisord, too, sees what ended when it is asked
-HEARD_MAX = 1024  # processes, a bound against invented ones
-FORGET_S = 2.0  # after which heartbeats of another process number are forgotten
+HEARD_MAX = 1024  # maximum number of processes, a bound against invented names
+FORGET_S = 2.0  # age at which heartbeats of another process number are forgotten [s]
 
 
 class WatchdogConfig(Config, frozen=True, kw_only=True):
-    """Limits above which a process hangs. All values are this project's."""
+    """Limits above which a process hangs. All values are chosen by this project."""
 
-    silent_s: Positive = 2.25  # [s] without a heartbeat, of which two come in a second
-    # [s] in which a process says that it is stalled, which it does 2 s after it took a message that
-    # it is still busy with
+    silent_s: Positive = 2.25  # [s] longest silence; heartbeats come twice a second
+    # [s] longest time in state stalled, which begins after 2 s with one message
     stalled_s: Positive = 8.0
-    # [s] from its start to the first heartbeat of a process that is to come back: it may load a
-    # model. Before it was ever heard of, `people4d up --timeout` counts.
+    # [s] longest time from a restart to the first heartbeat, with the loading of a model; the first
+    # start has the limit of `people4d up --timeout`
     start_s: Positive = 120.0
-    restarts_max: PositiveInt = 5  # of one process within restarts_window_s; then it is left alone
-    restarts_window_s: Positive = 300.0  # [s]
+    restarts_max: PositiveInt = 5  # restarts of one process in restarts_window_s
+    restarts_window_s: Positive = 300.0  # [s] period of restarts_max
 
 
 @dataclass(slots=True)
@@ -40,25 +39,18 @@ class _Heard:
 class HangDetector:
     """Processes that hang, found by their heartbeats; without a clock or side effects.
 
-    A process that gets too little of the processor has so many times longer. Heartbeats in the name
-    of a process, but of another process number, say nothing about it.
-
-    Args:
-        config: Limits.
-        slowdown: Returns how many times longer a process takes for want of a processor.
+    Heartbeats with the name of a process, but another process number, are ignored.
     """
 
-    def __init__(
-        self, config: WatchdogConfig, slowdown: Callable[[int], float] = lambda _: 1.0
-    ) -> None:
-        self._config, self._slowdown = config, slowdown
+    def __init__(self, config: WatchdogConfig) -> None:
+        self._config = config
         self._heard: dict[tuple[str, int], _Heard] = {}  # by name and process number
-        self.names: set[str] = set()  # processes heard of since this one runs
-        self.unannounced = 0  # heartbeats in the name of processes that are not supervised here
+        self.names: set[str] = set()  # processes that sent a heartbeat
+        self.unannounced = 0  # number of heartbeats of processes that are not supervised here
         self._checked_s: float | None = None
 
-    def hear(self, health: Health, now_s: float) -> None:
-        """Note a heartbeat."""
+    def add_heartbeat(self, health: Health, now_s: float) -> None:
+        """Add a heartbeat."""
         key = health.instance, health.pid
         if key not in self._heard and len(self._heard) >= HEARD_MAX:
             return
@@ -70,7 +62,7 @@ class HangDetector:
         self._heard[key] = _Heard(now_s, health.state, stalled_s)
 
     def hung(self, processes: Mapping[str, Process], now_s: float) -> dict[str, str]:
-        """Return the processes of those that run which hang, by name, each with the reason."""
+        """Return the running processes that hang, by name, each with the reason."""
         self._excuse(now_s)
         self._forget(processes, now_s)
         running = [p for p in processes.values() if p.state == "RUNNING"]
@@ -83,7 +75,7 @@ class HangDetector:
         return found
 
     def _forget(self, processes: Mapping[str, Process], now_s: float) -> None:
-        """Forget heartbeats of process numbers that are not, or no longer, of our processes."""
+        """Forget heartbeats of process numbers that are not those of our processes."""
         pids = {p.name: p.pid for p in processes.values()}
         self.names |= {name for name, pid in self._heard if pids.get(name) == pid}
         self.unannounced += len({name for name, _ in self._heard} - pids.keys())
@@ -104,24 +96,23 @@ class HangDetector:
 
     def _why(self, process: Process, now_s: float) -> str:
         heard, config = self._heard.get((process.name, process.pid)), self._config
-        if heard is None:  # started anew, and not heard of since
-            late = process.uptime_s > config.start_s * self._slowdown(process.pid)
+        if heard is None:  # restarted, without a heartbeat since
+            late = process.uptime_s > config.start_s
             return f"no heartbeat within {config.start_s:.0f} s of its start" if late else ""
         if self._is_silent(process, now_s):
             return f"no heartbeat for {now_s - heard.last_s:.0f} s"
-        stalled_s = config.stalled_s * self._slowdown(process.pid)
-        if heard.stalled_s is not None and now_s - heard.stalled_s > stalled_s:
+        if heard.stalled_s is not None and now_s - heard.stalled_s > config.stalled_s:
             return f"stalled for {now_s - heard.stalled_s:.0f} s"
         return ""
 
     def was_heard(self, process: Process) -> bool:
-        """Check that this very process, not one before it of its name, sent a heartbeat."""
+        """Check that this process, not a predecessor of its name, sent a heartbeat."""
         return (process.name, process.pid) in self._heard
 
     def _is_silent(self, process: Process, now_s: float) -> bool:
         heard = self._heard.get((process.name, process.pid))
         if heard is None:
             return False
-        # Who stops may close files for a while.
+        # A process that stops may close files for a while.
         limit_s = self._config.start_s if heard.state == "stopping" else self._config.silent_s
-        return now_s - heard.last_s > limit_s * self._slowdown(process.pid)
+        return now_s - heard.last_s > limit_s

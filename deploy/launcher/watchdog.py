@@ -1,7 +1,6 @@
-"""Finds processes that hang, and has them started again: `python -m deploy.launcher.watchdog`.
+"""Watchdog that restarts processes that hang: `python -m deploy.launcher.watchdog`.
 
-supervisord starts again what dies; whether a process that lives still does anything, only its
-heartbeat shows.
+supervisord restarts processes that end; only heartbeats show that a process hangs.
 """
 
 import math
@@ -16,7 +15,6 @@ from pathlib import Path
 from common.runtime import process
 from common.runtime.node import Node, Status
 from deploy.launcher.hangs import PERIOD_NS, ROUTER, HangDetector, WatchdogConfig
-from deploy.launcher.starvation import Starvation
 from deploy.launcher.state import MARK, State
 from deploy.launcher.supervisor import Process, Supervisor, SupervisorGoneError
 from people4d.errors import ConfigError
@@ -25,23 +23,19 @@ from people4d.messages import Health, Message
 SERVICE = "watchdog"
 REPORT_S = 60.0
 DEAD_S = 10.0
-ROOM_BYTES = 2**20  # on the disk of the state folder, below which it counts as full
+ROOM_BYTES = 2**20  # minimum room on the disk of the state folder
 FULL = "the disk of the state folder is full: logs, events and states of services may be lost"
-# After a restart; where several hang, or one that lacks a processor, each doubles it, up to ...
-PAUSE_S = 2.0
-PAUSE_MAX_S = 60.0
-CALM_S = 3.0  # ... until for so long no process hung and none lacked a processor
-STRAINED = (
-    2.0  # times longer that a process takes for want of a processor, above which it lacks one
-)
+PAUSE_S = 2.0  # pause after a restart; doubled by each restart while several processes hang [s]
+PAUSE_MAX_S = 60.0  # maximum pause [s]
+CALM_S = 3.0  # time without a hung process that resets the pause [s]
 
 
 class WatchdogNode(Node):
-    """Ends processes of this host that hang, and reports a full disk.
+    """Restarts processes of this host that hang, and reports a full disk.
 
     Args:
         config: Limits.
-        supervisor: Supervisord, which starts again what was ended.
+        supervisor: Supervisord, which restarts a killed process.
         host: Name of this host.
         free_bytes: Returns the room on the disk of the state folder.
     """
@@ -59,12 +53,11 @@ class WatchdogNode(Node):
         self._config = config
         self._host = host
         self._supervisor = supervisor
-        self._starvation = Starvation()
-        self._watch = HangDetector(config, self._starvation.slowdown)
+        self._watch = HangDetector(config)
         self._due_ns = 0
         self._next_s = 0.0  # monotonic, before which nothing is started again
         self._streak = 0  # restarts since the last calm
-        self._strained = False  # several hang, or one that lacks a processor
+        self._strained = False  # several processes hang
         self._calm_since_s: float | None = None  # monotonic
         self._ended_s: dict[str, deque[float]] = {}  # monotonic, by process
         self._killed: dict[str, tuple[int, float]] = {}  # process number and monotonic time
@@ -75,16 +68,16 @@ class WatchdogNode(Node):
         self._gone = ""
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
-        """Take a heartbeat."""
+        """Add a heartbeat of this host."""
         if isinstance(message, Health) and message.host == self._host:
-            self._watch.hear(message, now_ns / 1e9)
+            self._watch.add_heartbeat(message, now_ns / 1e9)
         return ()
 
     def tick(self, now_ns: int) -> Sequence[Message]:
         """Check four times a second whether a process hangs."""
         self._now_s = now_ns / 1e9
         if now_ns >= self._due_ns:
-            # When this process itself is late, heartbeats wait that it has not read yet.
+            # A late watchdog has unread heartbeats.
             late = 0 < self._due_ns < now_ns - PERIOD_NS
             self._due_ns = now_ns + PERIOD_NS
             if not late:
@@ -92,11 +85,11 @@ class WatchdogNode(Node):
         return ()
 
     def wake_ns(self) -> int | None:
-        """Return when to look again."""
+        """Return the time of the next check."""
         return self._due_ns
 
     def status(self) -> Status:
-        """Return the processes that were ended lately, and those left alone."""
+        """Return recent restarts, and the processes that are not restarted any more."""
         full = FULL if self._free_bytes() < ROOM_BYTES else ""
         problems = [*self._left_alone.values(), *filter(None, [self._gone, full])]
         when_s, what = self._last
@@ -110,12 +103,11 @@ class WatchdogNode(Node):
     def _check(self, now_s: float) -> None:
         try:
             processes = self._supervisor.processes()
-            self._starvation.update([p.pid for p in processes.values() if p.pid], now_s)
             hung = self._watch.hung(processes, now_s)
             self._note_calm(processes, now_s, hung)
-            # The router first: others may be silent for want of it.
+            # The router first: without it the others are silent, too.
             for name in sorted(hung, key=lambda name: not name.startswith(f"{ROUTER}-")):
-                # supervisord notices within a second that a process is gone.
+                # supervisord notices within a second that a process ended.
                 pid, when_s = self._killed.get(name, (0, 0.0))
                 gone = processes[name].pid == pid and now_s - when_s <= DEAD_S
                 if not gone and now_s >= self._next_s:
@@ -129,13 +121,10 @@ class WatchdogNode(Node):
     def _note_calm(
         self, processes: Mapping[str, Process], now_s: float, hung: Mapping[str, str]
     ) -> None:
-        """Begin the pauses between restarts anew once all processes have been well for a while."""
+        """Reset the pause between restarts once all processes have worked for a while."""
         watched = [p for p in processes.values() if p.name in self._watch.names]
-        lacking = {p.name for p in watched if self._starvation.slowdown(p.pid) >= STRAINED}
-        # One that hangs for itself is started again soon, however slow the others are.
-        self._strained = len(hung) > 1 or not lacking.isdisjoint(hung)
-        lack = bool(lacking - hung.keys())
-        well = not hung and not lack and all(map(self._watch.was_heard, watched))
+        self._strained = len(hung) > 1
+        well = not hung and all(map(self._watch.was_heard, watched))
         if not well:
             self._calm_since_s = None
         elif self._calm_since_s is None:
@@ -155,7 +144,7 @@ class WatchdogNode(Node):
         process.log.warning("%s hangs (%s) and is started again", name, why)
         # Before its first heartbeat a process may not have the handler that writes a trace.
         self._supervisor.kill(name, trace=self._watch.was_heard(ended))
-        # Each restart adds load, which makes others slow where the machine is.
+        # Each restart adds load, which slows the other processes of an overloaded machine.
         self._streak = self._streak if self._strained else 0
         self._next_s = now_s + min(PAUSE_S * 2**self._streak, PAUSE_MAX_S)
         self._streak += self._strained

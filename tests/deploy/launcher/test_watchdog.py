@@ -1,15 +1,12 @@
 """Processes that hang, by their heartbeats, and how often they are restarted."""
 
 import dataclasses
-import os
-from pathlib import Path
 
 import pytest
 
 from deploy.launcher.hangs import HangDetector, WatchdogConfig
-from deploy.launcher.starvation import Starvation
 from deploy.launcher.supervisor import Process, Supervisor, SupervisorGoneError
-from deploy.launcher.watchdog import ROOM_BYTES, STRAINED, WatchdogNode
+from deploy.launcher.watchdog import ROOM_BYTES, WatchdogNode
 from people4d.messages import Health
 from people4d.messages.status import State
 from tests import builders
@@ -31,7 +28,7 @@ def process(name: str, pid: int = PID, state: str = "RUNNING", uptime_s: float =
 
 
 class Machine:
-    """Processes and their heartbeats, twice a second; who is in `hanging` sends none."""
+    """Processes and their heartbeats, twice a second; those in `hanging` send none."""
 
     def __init__(self, *names: str) -> None:
         self.watch = HangDetector(CONFIG)
@@ -41,13 +38,15 @@ class Machine:
         self.now_s = 1000.0
 
     def run(self, seconds: float) -> dict[str, str]:
-        """Let time pass; return who hangs at its end."""
+        """Let time pass; return the processes that hang at its end."""
         found: dict[str, str] = {}
         for _ in range(int(2 * seconds)):
             self.now_s += 0.5
             for name, state in self.states.items():
                 if name not in self.hanging:
-                    self.watch.hear(health(name, self.processes[name].pid, state), self.now_s)
+                    self.watch.add_heartbeat(
+                        health(name, self.processes[name].pid, state), self.now_s
+                    )
             found = self.watch.hung(self.processes, self.now_s)
         return found
 
@@ -74,14 +73,14 @@ def test_stalled_process_hangs_after_8_s(machine: Machine) -> None:
 def test_forged_heartbeats_of_another_process_number_change_nothing(machine: Machine) -> None:
     for number in range(200):
         for state in ("stalled", "stopping", "ready"):
-            machine.watch.hear(health("tracker-1", 7000 + number, state), machine.now_s)
-        machine.watch.hear(health(f"invented-{number}"), machine.now_s)
+            machine.watch.add_heartbeat(health("tracker-1", 7000 + number, state), machine.now_s)
+        machine.watch.add_heartbeat(health(f"invented-{number}"), machine.now_s)
         assert machine.run(0.5) == {}
     assert len(machine.watch._heard) < 50
     assert machine.watch.unannounced == 200  # the invented ones, each at one look
     machine.hanging.add("tracker-1")  # nor do they hide a hung process
     for number in range(10):
-        machine.watch.hear(health("tracker-1", 7000 + number), machine.now_s)
+        machine.watch.add_heartbeat(health("tracker-1", 7000 + number), machine.now_s)
         found = machine.run(0.5)
     assert list(found) == ["tracker-1"]
 
@@ -226,11 +225,10 @@ def test_hung_processes_are_restarted_one_after_the_other_in_growing_intervals()
     assert "router-1" not in supervised.killed
 
 
-def test_a_process_that_hangs_after_calm_is_restarted_at_once(tmp_path: Path) -> None:
+def test_a_process_that_hangs_after_calm_is_restarted_at_once() -> None:
     names = ["router-1", "camera-1", "detector-1", "reid-1", "tracker-1", "gait-1"]
     supervised = Supervised(*names)
     node = WatchdogNode(CONFIG, supervised, "here")
-    node._starvation = Starvation(tmp_path)  # of no process
     run(node, 0, 2, *map(health, names))
     for number, hung in enumerate(names[1:]):  # each hangs, is started again, and all are well
         begin_s = 2 + 12 * number
@@ -240,13 +238,10 @@ def test_a_process_that_hangs_after_calm_is_restarted_at_once(tmp_path: Path) ->
         run(node, begin_s + 6, begin_s + 12, *others, health(hung, supervised.all[hung].pid))
 
 
-def test_processes_that_hang_one_at_a_time_without_calm_are_restarted_without_delay(
-    tmp_path: Path,
-) -> None:
+def test_processes_that_hang_one_at_a_time_without_calm_are_restarted_without_delay() -> None:
     names = ["router-1", "camera-1", "detector-1", "reid-1", "tracker-1", "gait-1"]
     supervised = Supervised(*names)
     node = WatchdogNode(CONFIG, supervised, "here")
-    node._starvation = Starvation(tmp_path)  # of no process
     run(node, 0, 2, *map(health, names))
     for number, hung in enumerate(names[1:]):  # the next one hangs as soon as the last is heard of
         begin_s = 2 + 6 * number
@@ -254,29 +249,6 @@ def test_processes_that_hang_one_at_a_time_without_calm_are_restarted_without_de
         run(node, begin_s, begin_s + 5, *others)
         assert supervised.killed == names[1 : number + 2]
         run(node, begin_s + 5, begin_s + 6, *others, health(hung, supervised.all[hung].pid))
-
-
-@pytest.mark.parametrize("slow", ["router-1", "hung"])
-def test_pause_grows_only_if_what_hangs_lacks_a_processor(slow: str) -> None:
-    names = ["router-1", "camera-1", "detector-1", "reid-1", "tracker-1", "gait-1"]
-    supervised = Supervised(*names)
-    supervised.all = {name: process(name, 100 * i) for i, name in enumerate(names, start=1)}
-    node = WatchdogNode(CONFIG, supervised, "here")
-    slow_pids: set[int] = set()
-
-    class Slow(Starvation):
-        def slowdown(self, pid: int) -> float:
-            return STRAINED if pid in slow_pids else 1.0
-
-    node._starvation = Slow()
-    run(node, 0, 2, *(health(name, p.pid) for name, p in supervised.all.items()))
-    for number, hung in enumerate(names[1:]):
-        slow_pids = {supervised.all[hung if slow == "hung" else slow].pid}
-        begin_s = 2 + 10 * number
-        others = [health(name, p.pid) for name, p in supervised.all.items() if name != hung]
-        run(node, begin_s, begin_s + 9, *others)
-        run(node, begin_s + 9, begin_s + 10, *others, health(hung, supervised.all[hung].pid))
-    assert (supervised.killed == names[1:]) == (slow == "router-1")
 
 
 def test_process_that_was_not_heard_of_is_not_asked_for_a_trace() -> None:
@@ -296,44 +268,6 @@ def test_late_watchdog_reads_what_waits_before_it_judges() -> None:
         node.handle(health(name), 10 * S + half)
         node.tick(10 * S + half)
     assert supervised.killed == []
-
-
-def test_process_without_a_processor_is_slow_but_does_not_hang() -> None:
-    watch = HangDetector(CONFIG, slowdown=lambda pid: 5.0 if pid == 1 else 1.0)
-    processes = {"router-1": process("router-1", 1), "tracker-1": process("tracker-1", 2)}
-    for name, each in processes.items():
-        watch.hear(health(name, each.pid), 0.0)
-    watch.hear(health("camera-1", 3), 0.0)
-    processes["camera-1"] = process("camera-1", 3)
-    for half in range(1, 13):
-        watch.hear(health("camera-1", 3), half / 2)
-        hung = watch.hung(processes, half / 2)
-    assert hung == {"tracker-1": "no heartbeat for 6 s"}
-
-
-def test_starvation_is_time_in_the_run_queue(tmp_path: Path) -> None:
-    starvation = Starvation(tmp_path)
-    for pid in (1, 2):
-        (tmp_path / str(pid) / "task" / "1").mkdir(parents=True)
-
-    def ran(pid: int, ran_ns: int, waited_ns: int) -> None:
-        file = tmp_path / str(pid) / "task" / "1" / "schedstat"
-        file.write_text(f"{ran_ns} {waited_ns} 7\n")
-
-    for second in (0, 1):
-        ran(1, second * S // 10, second * 9 * S // 10)
-        ran(2, 0, 0)  # stopped
-        starvation.update([1, 2, 3], float(second))
-    assert starvation.slowdown(1) == pytest.approx(10.0)
-    assert starvation.slowdown(2) == 1.0
-    assert starvation.slowdown(3) == 1.0
-
-
-def test_busy_process_on_a_free_processor_is_not_starved() -> None:
-    starvation = Starvation()
-    starvation.update([os.getpid()], 0.0)
-    starvation.update([os.getpid()], 0.1)
-    assert 1.0 <= starvation.slowdown(os.getpid()) <= 10.0
 
 
 def test_processes_of_other_hosts_are_ignored() -> None:
