@@ -1,4 +1,4 @@
-"""Checks of a camera: frames as declared, their rate and stamps, and images that make sense."""
+"""Checks of a camera: the rate of its source, its calibration and its orientation."""
 
 from collections.abc import Iterator
 
@@ -7,33 +7,11 @@ import numpy as np
 from common.diagnosis.evidence import Diagnostic, Evidence, problem, warning
 from people4d.messages import CameraInfo, Detection, Detections
 
-REJECTED = {  # counter of rejected frames: what to do
-    "wrong_type": "Convert it in the source; for float metres set depth_in_metres = True there.",
-    "wrong_size": "Calibrate at the size that is streamed, or stream at the size calibrated.",
-    "wrong_unit": "Depth is uint16 millimetres, or float metres with depth_in_metres = True.",
-    "wrong_stamp": "Give the acquisition time as an int: round(seconds * 1e9).",
-}
-STAMPS_MAX_S = 60.0  # by which stamps of a live camera may differ from its host's clock
-OFF_CENTRE = 0.2  # largest distance of the principal point from the centre, share of the side
-HEIGHTS_M = (0.9, 2.3)  # median apparent heights of people that can be
-FEWEST = 10  # people for a median
-MIN_CONFIDENCE = 0.5  # confidence of a keypoint
-SHOULDERS, HIPS = [5, 6], [11, 12]  # of COCO
-
-
-def rejected_frames(evidence: Evidence) -> Iterator[Diagnostic]:
-    """Report cameras whose frames are not as declared."""
-    for vitals in evidence.of("camera"):
-        cause = next((name for name in REJECTED if vitals.since(name)), "")
-        if cause:
-            name = vitals.last.instance
-            what = f"frames of {name} are rejected: {vitals.fault or cause}"
-            yield problem("frames", what, REJECTED[cause], name)
-
-
-def rejects_frames(evidence: Evidence) -> bool:
-    """Check whether a camera rejects what its source gives."""
-    return any(True for _ in rejected_frames(evidence))
+OFF_CENTRE = 0.2  # maximum distance of the principal point from the centre, share of the side
+HEIGHTS_M = (0.9, 2.3)  # plausible median apparent heights of people [m]
+FEWEST = 10  # minimum number of people for a median
+MIN_CONFIDENCE = 0.5  # minimum confidence of a keypoint
+SHOULDERS, HIPS = [5, 6], [11, 12]  # COCO keypoints
 
 
 def source_rate(evidence: Evidence) -> Iterator[Diagnostic]:
@@ -51,19 +29,8 @@ def source_rate(evidence: Evidence) -> Iterator[Diagnostic]:
         yield warning("rate", what, hint, vitals.last.instance)
 
 
-def live_stamps(evidence: Evidence) -> Iterator[Diagnostic]:
-    """Check that stamps of live cameras are by the clock of their host."""
-    for vitals in evidence.of("camera"):
-        behind_s = vitals.last.gauges.get("stamps_behind_s", 0.0)
-        if abs(behind_s) > STAMPS_MAX_S:
-            where = "behind" if behind_s > 0 else "ahead of"
-            what = f"stamps of {vitals.last.instance} are {abs(behind_s):.0f} s {where} its host"
-            hint = "Give nanoseconds since 1970 (UTC) by the clock of the host, time.time_ns()."
-            yield warning("clocks", what, hint)
-
-
 def principal_points(evidence: Evidence) -> Iterator[Diagnostic]:
-    """Check that calibrations are of the size of the images."""
+    """Check that calibrations fit the size of the images."""
     for info in evidence.infos.values():
         if off := off_centre(info):
             what = f"calibration of {info.camera}: {off}"
@@ -72,7 +39,7 @@ def principal_points(evidence: Evidence) -> Iterator[Diagnostic]:
 
 
 def off_centre(info: CameraInfo) -> str:
-    """Return what is wrong with a principal point far from the centre; empty: nothing."""
+    """Describe a principal point far from the centre; empty if it is near."""
     parts = info.cx / info.width - 0.5, info.cy / info.height - 0.5
     if max(map(abs, parts)) <= OFF_CENTRE:
         return ""
@@ -81,7 +48,7 @@ def off_centre(info: CameraInfo) -> str:
 
 
 def body_heights(evidence: Evidence) -> Iterator[Diagnostic]:
-    """Check that people have heights that can be, else calibration or depth is wrong."""
+    """Check that people have plausible heights: calibration and depth agree."""
     for camera, info in evidence.infos.items():
         heights_m = [
             height_m
@@ -100,7 +67,7 @@ def body_heights(evidence: Evidence) -> Iterator[Diagnostic]:
 
 
 def _height_m(detection: Detection, message: Detections, info: CameraInfo) -> float | None:
-    """Return the apparent height of a person who is in the image from head to foot."""
+    """Return the apparent height of a person; None unless head and feet are in the image."""
     _, top, _, bottom = detection.box_xyxy_px.tolist()
     if detection.position_m is None or top < 2 or bottom > message.height - 2:
         return None
@@ -127,7 +94,4 @@ def upside_down(evidence: Evidence) -> Iterator[Diagnostic]:
             yield problem("mount", what, hint)
 
 
-CAMERA_CHECKS = (
-    *(rejected_frames, source_rate, live_stamps),
-    *(principal_points, body_heights, upside_down),
-)
+CAMERA_CHECKS = (source_rate, principal_points, body_heights, upside_down)

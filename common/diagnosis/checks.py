@@ -2,16 +2,16 @@
 
 from collections.abc import Callable, Iterator, Sequence
 
-from common.diagnosis.camera_checks import CAMERA_CHECKS, rejects_frames
-from common.diagnosis.clock_checks import clocks, outward_stamps
-from common.diagnosis.event_table import EVENTS
+from common.diagnosis.camera_checks import CAMERA_CHECKS
+from common.diagnosis.clock_checks import clocks, stamps
+from common.diagnosis.event_table import EVENTS, REJECTED
 from common.diagnosis.evidence import Diagnostic, Evidence, Vitals, ok, problem, warning
 from common.diagnosis.owner_checks import owners
 from common.text import listed
 
 NEEDED = ("camera", "detector", "tracker")
-SITE = "site"  # runs under a name of its own, without those
-MOST = 0.5  # share of frames from which on a fault is one of all of them
+SITE = "site"  # service that runs under its own robot name, without the others
+MOST = 0.5  # minimum share of faulty frames that is a problem
 SAME_RELEASE = "Run the same people4d release on all machines."
 
 
@@ -43,7 +43,7 @@ def services(evidence: Evidence) -> Iterator[Diagnostic]:
 
 
 def names(evidence: Evidence) -> Iterator[Diagnostic]:
-    """Check that nothing runs twice that must not."""
+    """Check that each name is used once, and that one tracker runs."""
     twice = sorted(name for name, v in evidence.vitals.items() if len(v.pids) > 1)
     trackers = [v.last for v in evidence.of("tracker")]
     if twice:
@@ -56,7 +56,7 @@ def names(evidence: Evidence) -> Iterator[Diagnostic]:
 
 
 def unannounced(evidence: Evidence) -> Iterator[Diagnostic]:
-    """Check that everyone who sends heartbeats has a token, which vanishes with its process."""
+    """Check that each process with heartbeats has a token, which vanishes with the process."""
     present = {name for robot, _, name in evidence.present if robot == evidence.robot}
     absent = sorted(set(evidence.vitals) - present)
     if present and absent:
@@ -86,9 +86,7 @@ def frames(evidence: Evidence) -> Iterator[Diagnostic]:
     cameras, detectors = evidence.of("camera"), evidence.of("detector")
     sent = [v.since("sent_frames", "sent_compressed") for v in cameras]
     about = [v.last.instance for v in detectors]
-    if not cameras:
-        return
-    if rejects_frames(evidence):
+    if not cameras or any(v.since(*REJECTED) for v in cameras):
         return
     if not all(sent):
         quiet = cameras[sent.index(0)]
@@ -124,8 +122,9 @@ def events(evidence: Evidence) -> Iterator[Diagnostic]:
     for check, level, service, counter, what, hint in EVENTS:
         for vitals in evidence.of(service):
             if vitals.since(counter):
-                text, about = what.format(fault=vitals.fault), (vitals.last.instance,)
-                yield Diagnostic(check=check, level=level, what=text, hint=hint, about=about)
+                name = vitals.last.instance
+                text = what.format(name=name, fault=vitals.fault or counter)
+                yield Diagnostic(check=check, level=level, what=text, hint=hint, about=(name,))
 
 
 def exceptions(evidence: Evidence) -> Iterator[Diagnostic]:
@@ -160,10 +159,10 @@ def calibration(evidence: Evidence) -> Iterator[Diagnostic]:
 
 
 def depth(evidence: Evidence) -> Iterator[Diagnostic]:
-    """Check that depth images hold anything."""
+    """Check that depth images are not empty."""
     for vitals in evidence.of("detector"):
         empty = vitals.since("no_depth")
-        came = max(vitals.since("frames"), empty)  # one frame may be between the two counts
+        came = max(vitals.since("frames"), empty)  # a heartbeat may lie between the two counts
         if empty and empty >= MOST * came:
             what = f"depth is all zero in {empty} of {came} frames: people have no positions"
             hint = (
@@ -188,7 +187,7 @@ def load(evidence: Evidence) -> Iterator[Diagnostic]:
 
 
 def _slowness(vitals: Vitals) -> str:
-    """Return what a process reports of input that comes too fast, empty if nothing."""
+    """Return the report of a process on input that is too fast; empty if there is none."""
     parts = vitals.last.reason.split("; ")
     return next((p for p in parts if "too slow" in p or "overflows" in p), "")
 
@@ -247,7 +246,7 @@ def output(evidence: Evidence) -> Iterator[Diagnostic]:
 
 
 def others(diagnostics: Sequence[Diagnostic], evidence: Evidence) -> Iterator[Diagnostic]:
-    """Report what processes say of themselves and no check explains."""
+    """Report reasons in heartbeats that no check explains."""
     explained = {name for diagnostic in diagnostics for name in diagnostic.about}
     for name, vitals in sorted(evidence.vitals.items()):
         if vitals.fault and name not in explained and vitals.last.state != "starting":
@@ -257,22 +256,8 @@ def others(diagnostics: Sequence[Diagnostic], evidence: Evidence) -> Iterator[Di
 
 
 CHECKS: tuple[Callable[[Evidence], Iterator[Diagnostic]], ...] = (
-    *(
-        services,
-        names,
-        unannounced,
-        owners,
-        releases,
-        clocks,
-        exceptions,
-        frames,
-        pairs,
-        *CAMERA_CHECKS,
-        events,
-        calibration,
-        depth,
-    ),
-    *(load, hanging, people, output, outward_stamps),
+    *(services, names, unannounced, owners, releases, clocks, stamps, exceptions, frames, pairs),
+    *(*CAMERA_CHECKS, events, calibration, depth, load, hanging, people, output),
 )
 
 

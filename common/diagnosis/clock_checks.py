@@ -7,10 +7,21 @@ from common.diagnosis.evidence import Diagnostic, Evidence, Vitals, ok, problem,
 
 CAMERA_OFFSET = re.compile(r"camera_offset_(.+)_ms")
 CAMERA_DELAY = re.compile(r"camera_delay_(.+)_ms")
-DELAYED_MS = 150.0  # by which messages of a camera may come later than those of another
-APART_NS = 50_000_000  # [ns] by which clocks may differ before people are published too late
-LATE_NS = 1_000_000_000  # [ns] heartbeats are never so long in transit
-STAMPS_MAX_S = 1.0  # by which stamps sent to ROS 2 may differ from the wall clock
+DELAYED_MS = 150.0  # maximum delay of a camera's messages behind another camera's [ms]
+APART_NS = 50_000_000  # maximum difference of two clocks [ns]
+LATE_NS = 1_000_000_000  # maximum time of a heartbeat in transit [ns]
+# Stamps to compare with a clock: service, maximum difference [s], check, stamps, clock, hint
+STAMPS = (
+    (
+        *("camera", 60.0, "clocks", "stamps of {}", "its host"),
+        "Give nanoseconds since 1970 (UTC) by the clock of the host, time.time_ns().",
+    ),
+    (
+        *("ros2_bridge", 1.0, "ros2", "stamps sent to ROS 2", "this machine's clock"),
+        "Nodes drop such messages: --set ros2_bridge.stamps=sent for a recording, or publish clock "
+        "and set use_sim_time.",
+    ),
+)
 
 
 def clocks(evidence: Evidence) -> Iterator[Diagnostic]:
@@ -29,28 +40,24 @@ def clocks(evidence: Evidence) -> Iterator[Diagnostic]:
     yield from cameras
     if not (behind_ms or stepped or cameras) and jumps:
         what = f"stamps of frames jumped {jumps} times since the start: people got new numbers"
-        hint = "A recording that is repeated does so; of a live camera, look at its host's clock."
+        hint = "Expected when a recording loops; with a live camera, check the clock of its host."
         yield warning("clocks", what, hint)
     elif processes and not (behind_ms or stepped or cameras):
         yield ok("clocks", "all clocks agree")
 
 
-def outward_stamps(evidence: Evidence) -> Iterator[Diagnostic]:
-    """Check that nodes of ROS 2 can use the stamps of a recording."""
-    for vitals in evidence.of("ros2_bridge"):
-        behind_s = vitals.last.gauges.get("stamps_behind_s", 0.0)
-        if abs(behind_s) > STAMPS_MAX_S:
-            where = "behind" if behind_s > 0 else "ahead of"
-            what = f"stamps sent to ROS 2 are {abs(behind_s):.0f} s {where} this machine's clock"
-            hint = (
-                "Nodes drop such messages: --set ros2_bridge.stamps=sent for a recording, or "
-                "publish clock and set use_sim_time."
-            )
-            yield warning("ros2", what, hint)
+def stamps(evidence: Evidence) -> Iterator[Diagnostic]:
+    """Check that stamps are near the clock of the host."""
+    for service, max_s, check, what, clock, hint in STAMPS:
+        for vitals in evidence.of(service):
+            behind_s = vitals.last.gauges.get("stamps_behind_s", 0.0)
+            if abs(behind_s) > max_s:
+                where = f"{abs(behind_s):.0f} s {'behind' if behind_s > 0 else 'ahead of'} {clock}"
+                yield warning(check, f"{what.format(vitals.last.instance)} are {where}", hint)
 
 
 def _camera_clocks(evidence: Evidence) -> Iterator[Diagnostic]:
-    """Report cameras whose stamps are of another clock."""
+    """Report cameras whose stamps come from another clock."""
     for vitals in evidence.of("tracker"):
         gauges = vitals.last.gauges
         found = ((CAMERA_OFFSET.fullmatch(gauge), ms) for gauge, ms in gauges.items())
@@ -78,7 +85,7 @@ def _listing(behind_ms: Mapping[str, float]) -> str:
 
 
 def _behind_ns(vitals: Vitals) -> float:
-    """Return how far the clock of a host is surely behind, 0 if that is within bounds."""
+    """Return the certain delay of a host's clock, 0 if it is within bounds."""
     gauges = vitals.last.gauges
     if "clock_offset_ms" in gauges:
         ahead_ns, error_ns = gauges["clock_offset_ms"] * 1e6, gauges["clock_error_ms"] * 1e6

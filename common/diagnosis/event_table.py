@@ -1,4 +1,4 @@
-"""Events that say by themselves what is wrong."""
+"""Events of which the counter alone shows the cause."""
 
 from common.diagnosis.evidence import Level
 
@@ -19,8 +19,16 @@ UNREADABLE = (
     ),
 )
 
-# Check, level, service, counter of the event, what is wrong (with {fault}, the reason that the
-# process gives), and hint.
+# Frames that do not have the declared form: counter and hint.
+REJECTED = {
+    "wrong_type": "Convert it in the source; for float metres set depth_in_metres = True there.",
+    "wrong_size": "Calibrate at the size that is streamed, or stream at the size calibrated.",
+    "wrong_unit": "Depth is uint16 millimetres, or float metres with depth_in_metres = True.",
+    "wrong_stamp": "Give the acquisition time as an int: round(seconds * 1e9).",
+}
+
+# Check, level, service, counter of the event, diagnosis (with {name}, the process, and {fault}, its
+# reason), and hint.
 EVENTS: tuple[tuple[str, Level, str, str, str, str], ...] = (
     (
         *("calibration", "problem", "detector", "no_calibration"),
@@ -30,7 +38,7 @@ EVENTS: tuple[tuple[str, Level, str, str, str, str], ...] = (
     (
         *("calibration", "problem", "detector", "wrong_size"),
         "frames are not of the size of CameraInfo: {fault}",
-        "Calibrate at the size that is streamed, or stream at the size calibrated.",
+        REJECTED["wrong_size"],
     ),
     (
         *("frames", "warning", "tracker", "people_unknown"),
@@ -83,6 +91,10 @@ EVENTS: tuple[tuple[str, Level, str, str, str, str], ...] = (
         *("ros2", "problem", "ros2_bridge", "send_errors"),
         "messages cannot be sent to ROS 2",
         "Start the service again, and see people4d logs ros2_bridge.",
+    ),
+    *(
+        ("frames", "problem", "camera", counter, "frames of {name} are rejected: {fault}", hint)
+        for counter, hint in REJECTED.items()
     ),
     *(
         ("ros2", "warning", service, counter, what, hint)

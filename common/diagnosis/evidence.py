@@ -13,7 +13,7 @@ from people4d.client import Client
 from people4d.messages import CameraInfo, Detections, Health, Message, StaticTransform, Tracks
 
 Level = Literal["ok", "warning", "problem"]
-NAMES_MAX = 256  # cameras and frames, each; the page keeps them over all its diagnoses
+NAMES_MAX = 256  # maximum number of cameras, and of frames
 HEARD = (Health, CameraInfo, StaticTransform, Detections, Tracks)
 
 
@@ -21,24 +21,24 @@ class Diagnostic(msgspec.Struct, frozen=True, kw_only=True):
     """The result of one check."""
 
     check: str  # its name, one word
-    level: Level = "ok"  # warning: it works, but not as it could
-    what: str  # what was found, one sentence
-    hint: str = ""  # what to do about it, one sentence; empty if nothing need be done
+    level: Level = "ok"  # warning: people are published, with limits
+    what: str  # finding, one sentence
+    hint: str = ""  # remedy, one sentence; empty if none is needed
     about: tuple[str, ...] = ()  # processes that this explains
 
 
 def ok(check: str, what: str) -> Diagnostic:
-    """Make a diagnostic that nothing is wrong."""
+    """Make a diagnostic without a fault."""
     return Diagnostic(check=check, what=what)
 
 
 def warning(check: str, what: str, hint: str, *about: str) -> Diagnostic:
-    """Make a diagnostic of something that limits."""
+    """Make a diagnostic of a limit."""
     return Diagnostic(check=check, level="warning", what=what, hint=hint, about=about)
 
 
 def problem(check: str, what: str, hint: str, *about: str) -> Diagnostic:
-    """Make a diagnostic of something that keeps people from being published."""
+    """Make a diagnostic of a fault that prevents people from being published."""
     return Diagnostic(check=check, level="problem", what=what, hint=hint, about=about)
 
 
@@ -46,10 +46,10 @@ def problem(check: str, what: str, hint: str, *about: str) -> Diagnostic:
 class Vitals:
     """The heartbeats of one process."""
 
-    first: Health  # the first one heard
-    last: Health  # the last one heard
-    late_ns: int  # least time from the stamp of a heartbeat to its arrival, by this machine's clock
-    # process numbers and hosts that used its name
+    first: Health  # first heartbeat
+    last: Health  # last heartbeat
+    late_ns: int  # minimum time from the stamp of a heartbeat to its arrival, by this host's clock
+    # hosts and process numbers with this name
     pids: set[tuple[str, int]] = field(default_factory=set)
 
     @property
@@ -58,23 +58,23 @@ class Vitals:
         return "" if self.last.state == "ready" else self.last.reason or f"it is {self.last.state}"
 
     def total(self, *names: str) -> int:
-        """Return how often events were counted since the process began."""
+        """Return the number of events since the start of the process."""
         return sum(self.last.counters.get(name, 0) for name in names)
 
     def since(self, *names: str) -> int:
-        """Return how often events were counted while this was heard."""
+        """Return the number of events while the doctor listened."""
         return self.total(*names) - sum(self.first.counters.get(name, 0) for name in names)
 
 
 @dataclass(slots=True)
 class Evidence:
-    """All that was heard."""
+    """Messages of a system, received over a few seconds."""
 
     robot: str  # name of the robot listened to
     release: str = field(default_factory=release)  # release of people4d here
-    elapsed_s: float = 0.0  # how long was listened
+    elapsed_s: float = 0.0  # duration [s]
     vitals: dict[str, Vitals] = field(default_factory=dict)  # processes by name
-    # robot, service and process of everyone whose token is there, of all robots
+    # robot, service and process of all liveliness tokens, of all robots
     present: list[tuple[str, str, str]] = field(default_factory=list)
     infos: dict[str, CameraInfo] = field(default_factory=dict)  # calibrations by camera
     # transforms by their child
@@ -90,7 +90,7 @@ class Evidence:
         return [v for v in self.vitals.values() if v.last.service == service]
 
     def hear(self, message: Message, now_ns: int) -> None:
-        """Take a message; `now_ns` is this machine's wall clock."""
+        """Add a message; `now_ns` is the wall clock of this host."""
         if isinstance(message, Health):
             self._hear_health(message, now_ns - message.stamp_ns)
         elif isinstance(message, CameraInfo):

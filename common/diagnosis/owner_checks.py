@@ -1,4 +1,4 @@
-"""Checks of messages in the name of processes that did not send them."""
+"""Checks of messages that another process than their owner sent."""
 
 from collections.abc import Iterator
 
@@ -8,7 +8,7 @@ from people4d.ownership import FOREIGN
 
 
 def owners(evidence: Evidence) -> Iterator[Diagnostic]:
-    """Check that nothing but its owner sends a calibration, transform, zone or truth."""
+    """Check that calibrations, transforms, zones and truth come from their owners only."""
     found: dict[str, set[str]] = {}
     for name, vitals in evidence.vitals.items():
         for counter, count in vitals.last.counters.items():
@@ -23,5 +23,5 @@ def owners(evidence: Evidence) -> Iterator[Diagnostic]:
 
 
 def _is_explained(fault: str) -> bool:
-    """Check that a process has no fault but messages that it refused."""
+    """Check that refused messages are the only fault of a process."""
     return all("another process sends" in part for part in fault.split("; "))

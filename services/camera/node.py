@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 import msgspec
 
 from common.calibration.transforms_file import MAP, read_pose
-from common.diagnosis.camera_checks import REJECTED
+from common.diagnosis.event_table import REJECTED
 from common.io.images import compress
 from common.ros2.frame_names import OPTICAL_FRAME
 from common.runtime.node import LoopCallbacks, Node, Status
