@@ -15,19 +15,19 @@ from tests.network import Network
 
 pytestmark = [pytest.mark.processes, pytest.mark.network]
 
-COMMANDS = (
-    ["listen", "--once", "--timeout", "3"],
-    ["score", "--once", "--timeout", "3"],
-    ["record", "--seconds", "3", "FILE"],
-    ["trace", "--seconds", "3"],
-    ["health", "tracker"],
-    ["view", "--foxglove", "--port", "0"],
-    ["top", "--once"],
+COMMANDS = (  # that end by themselves
+    ["listen", "--once", "--timeout", "0.5"],
+    ["score", "--once", "--timeout", "0.5"],
+    ["record", "--seconds", "0.5", "FILE"],
+    ["trace", "--seconds", "0.5"],
+    ["health", "tracker", "--timeout", "0.5"],
+    ["top", "--once", "--window", "1"],
     ["ps"],
 )
+WARNING = "no robot 'robot' is there, but 'newcomer'; add --robot 'newcomer'"
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def network() -> Iterator[Network]:
     """A router of its own: other tests announce robots."""
     own = Network()
@@ -37,14 +37,28 @@ def network() -> Iterator[Network]:
 
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command[0])
 def test_wrong_robot_is_reported_with_the_one_that_is_there(
-    command: list[str], network: Network, tmp_path: Path
+    command: list[str],
+    network: Network,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
+    monkeypatch.setattr("deploy.cli.options.SILENCE_S", 0.1)
     network.open("newcomer").announce("tracker", "tracker-1")
     arguments = [str(tmp_path / "out.mcap") if part == "FILE" else part for part in command]
     endpoint = network.endpoint.removeprefix("tcp/")
     full = [*arguments, "--robot", "robot", "--connect", endpoint]
+    result = CliRunner().invoke(app, full)
+    assert WARNING in caplog.text + result.stderr
+
+
+def test_view_that_waits_reports_the_robot_that_is_there(network: Network) -> None:
+    network.open("newcomer").announce("tracker", "tracker-1")
+    command = ["view", "--foxglove", "--port", "0", "--robot", "robot"]
     process = subprocess.Popen(
-        [sys.executable, "-m", "deploy.cli", *full], stderr=subprocess.PIPE, text=True
+        [sys.executable, "-m", "deploy.cli", *command, "--connect", network.endpoint],
+        stderr=subprocess.PIPE,
+        text=True,
     )
     assert process.stderr
     try:
@@ -53,7 +67,7 @@ def test_wrong_robot_is_reported_with_the_one_that_is_there(
     finally:
         process.kill()
         process.communicate()
-    assert "no robot 'robot' is there, but 'newcomer'; add --robot 'newcomer'" in line
+    assert WARNING in line
 
 
 @pytest.fixture

@@ -72,40 +72,33 @@ def test_failed_alignment_is_reported_with_its_reason() -> None:
     assert "shift +1.00 +2.00 +0.00 m, turn +90.0°" in " ".join(lines[-1])
 
 
-def test_late_joiner_gets_the_totals() -> None:
-    network = Network()
+def test_late_joiner_gets_the_totals(network: Network) -> None:
+    robot, done = network.robot(), threading.Event()
+    bus = network.open(robot)
+
+    def publish() -> None:  # as the bridge does, one message for each frame
+        while not done.wait(0.05):
+            bus.publish(FULL)
+
+    thread = threading.Thread(target=publish)
+    thread.start()
+    arguments = ["score", "--once", "--timeout", str(WAIT_S), "--robot", robot]
     try:
-        bus, done = network.open("robot"), threading.Event()
-
-        def publish() -> None:  # as the bridge does, one for each frame, until somebody looked
-            while not done.wait(0.05):
-                bus.publish(FULL)
-
-        thread = threading.Thread(target=publish)
-        thread.start()
-        try:
-            arguments = ["score", "--once", "--timeout", str(WAIT_S)]
-            shown, plain = (
-                CliRunner().invoke(app, [*arguments, *more, "--connect", network.endpoint])
-                for more in ([], ["--json"])
-            )
-        finally:
-            done.set()
-            thread.join()
+        shown, plain = (
+            CliRunner().invoke(app, [*arguments, *more, "--connect", network.endpoint])
+            for more in ([], ["--json"])
+        )
     finally:
-        network.close()
+        done.set()
+        thread.join()
     assert shown.exit_code == plain.exit_code == 0
     assert "in all" in shown.stdout
     assert msgspec.json.decode(plain.stdout)["total"]["matched"] == 3
 
 
 @pytest.mark.parametrize("more", [[], ["--once"], ["--json"]])
-def test_absent_score_is_reported_with_a_hint(more: list[str]) -> None:
-    network = Network()
-    try:
-        arguments = ["score", "--timeout", "0.3", "--connect", network.endpoint, *more]
-        result = CliRunner().invoke(app, arguments)
-    finally:
-        network.close()
+def test_absent_score_is_reported_with_a_hint(network: Network, more: list[str]) -> None:
+    arguments = ["score", "--timeout", "0.3", "--connect", network.endpoint, *more]
+    result = CliRunner().invoke(app, [*arguments, "--robot", network.robot()])
     assert result.exit_code == 1
     assert "no score came within 0.3 s. It needs people and truth" in result.stderr

@@ -143,10 +143,10 @@ def test_table_shows_all_stages() -> None:
 
 
 @pytest.fixture
-def talking() -> Iterator[str]:
-    """Endpoint of a system that tells its people and its health again and again."""
-    network, stop = Network(), threading.Event()
-    bus = network.open("robot")
+def talking(network: Network) -> Iterator[str]:
+    """Name of a robot that publishes tracks and health periodically."""
+    robot, stop = network.robot(), threading.Event()
+    bus = network.open(robot)
 
     def talk() -> None:
         while not stop.wait(0.02):
@@ -155,14 +155,14 @@ def talking() -> Iterator[str]:
 
     thread = threading.Thread(target=talk)
     thread.start()
-    yield network.endpoint
+    yield robot
     stop.set()
     thread.join()
-    network.close()
 
 
-def test_once_prints_text_or_json(talking: str) -> None:
-    arguments = ["top", "--once", "--window", "1", "--connect", talking]
+def test_once_prints_text_or_json(network: Network, talking: str) -> None:
+    arguments = ["top", "--once", "--window", "1"]
+    arguments += ["--connect", network.endpoint, "--robot", talking]
     shown, plain = (CliRunner().invoke(app, [*arguments, *more]) for more in ([], ["--json"]))
     assert (shown.exit_code, plain.exit_code) == (0, 0), shown.output + plain.output
     assert "association" in shown.stdout
@@ -171,12 +171,8 @@ def test_once_prints_text_or_json(talking: str) -> None:
     assert snapshot["end_to_end"]["count"] > 0
 
 
-def test_silence_is_reported_with_a_hint() -> None:
-    network = Network()
-    try:
-        arguments = ["top", "--once", "--window", "1", "--connect", network.endpoint]
-        result = CliRunner().invoke(app, arguments)
-    finally:
-        network.close()
+def test_silence_is_reported_with_a_hint(network: Network) -> None:
+    arguments = ["top", "--once", "--window", "1", "--connect", network.endpoint]
+    result = CliRunner().invoke(app, [*arguments, "--robot", network.robot()])
     assert result.exit_code == 1
     assert "no heartbeat came within 2 s. See what runs with people4d ps." in result.stderr

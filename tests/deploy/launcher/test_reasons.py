@@ -19,7 +19,7 @@ def printed(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, str]]:
 def report(printed: list[tuple[str, str]], *rounds: list[Health]) -> None:
     reported = Reasons(lambda name, what: printed.append((name, what)))
     for healths in rounds:
-        reported.add(healths)
+        reported.add_heartbeats(healths)
 
 
 def camera(reason: str, cpu_percent: float = 10.0) -> Health:

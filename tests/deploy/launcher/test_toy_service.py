@@ -1,21 +1,15 @@
-"""A new service is one folder and one block of compose.yaml: shown on a copy of the project."""
+"""A new service is one folder and one block of compose.yaml."""
 
-import os
-import shutil
-import subprocess
-import sys
+import importlib
 from pathlib import Path
 
 import pytest
 
-from common.transport.ports import free_port
-from people4d.client import Client
-from people4d.messages import Health
-from tests import DEMO, ROOT
+import services
+from common.transport.memory_bus import MemoryBus
+from deploy.launcher.plan import COMPOSE_FILE, CONFIG_FILE, LaunchRequest, plan, read_settings
+from tests import builders
 
-pytestmark = [pytest.mark.processes, pytest.mark.network]
-
-PACKAGES = ("people4d", "common", "services", "lab", "evaluation", "deploy", "models")
 BLOCK = """
   toy: # counts people
     <<: *service
@@ -76,58 +70,24 @@ def build(config: ToyConfig) -> ToyNode:
     """Build the node."""
     return ToyNode(config)
 ''',
-    "__main__.py": '''"""The toy as a process."""
-
-import sys
-
-from common.runtime import process
-from services.toy.build import build
-from services.toy.config import ToyConfig
-
-if __name__ == "__main__":
-    sys.exit(process.main("toy", ToyConfig, build))
-''',
 }
-COMMAND = (sys.executable, "-c", "from people4d_command import main; main()")
 
 
-@pytest.fixture
-def project(tmp_path: Path) -> Path:
-    """A copy of the project with a further service."""
-    for name in PACKAGES:
-        ignore = shutil.ignore_patterns("__pycache__", "*.mcap")
-        shutil.copytree(ROOT / name, tmp_path / name, ignore=ignore)
-    shutil.copy(ROOT / "people4d_command.py", tmp_path)
-    (tmp_path / "services" / "toy").mkdir()
+def test_service_is_a_folder_and_a_block_of_compose_yaml(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, compose = tmp_path / "services" / "toy", tmp_path / "compose.yaml"
+    folder.mkdir(parents=True)
     for name, text in FILES.items():
-        (tmp_path / "services" / "toy" / name).write_text(text)
-    with (tmp_path / "deploy" / "compose.yaml").open("a") as compose:
-        compose.write(BLOCK)
-    return tmp_path
+        (folder / name).write_text(text)
+    compose.write_text(COMPOSE_FILE.read_text(encoding="utf-8") + BLOCK, encoding="utf-8")
+    monkeypatch.setattr(services, "__path__", [*services.__path__, str(folder.parent)])
 
-
-def test_service_is_a_folder_and_a_block_of_compose_yaml(project: Path, state_folder: Path) -> None:
-    environment = {**os.environ, "PYTHONPATH": str(project), "PEOPLE4D_STATE": str(state_folder)}
-    port = free_port()
-
-    def people4d(*arguments: str) -> None:
-        done = subprocess.run(
-            [*COMMAND, *arguments],
-            check=False,
-            capture_output=True,
-            text=True,
-            env=environment,
-            cwd=project,
-        )
-        assert done.returncode == 0, done.stdout + done.stderr
-
-    options = ("--set", "toy.step=2", "--source", str(DEMO), "--loop", "--port", str(port), "-d")
-    people4d("up", *options)
-    try:
-        with Client(f"tcp/127.0.0.1:{port}") as client:
-            toys = (h for h in client.messages(Health, timeout_s=30) if h.service == "toy")
-            counted = next(health for health in toys if health.counters["tracks"] > 0)
-        assert counted.instance == "toy-1"
-        assert counted.counters["tracks"] % 2 == 0
-    finally:
-        people4d("down")
+    planned = plan(LaunchRequest(compose=compose, settings=["toy.step=2"], environment={}))
+    (toy,) = (service for service in planned if service.name == "toy")
+    assert toy.command == ("python", "-m", "services.toy", "--set", "step=2")
+    assert toy.has_healthcheck
+    settings = read_settings(toy, CONFIG_FILE, {}, toy.command[-1:])
+    node = importlib.import_module("services.toy.build").build(settings)
+    MemoryBus([node]).publish(builders.tracks(builders.track()))
+    assert node.status().counters == {"tracks": 2}
