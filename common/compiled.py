@@ -26,7 +26,7 @@ def compiled(function: F) -> F:
 
 
 def _keyed(function: FunctionType) -> FunctionType:
-    """Return a function whose cached code is used only with the sources it was made from.
+    """Return a function whose cached code is invalidated by a change of its sources.
 
     Cached code contains the functions called, but Numba checks only the file of the caller for
     changes. It distinguishes functions by the variables they enclose, too, so this one encloses a

@@ -139,6 +139,6 @@ def _check_names(kind: type[msgspec.Struct], section: str, values: Mapping[str, 
 
 
 def setting(name: str, text: str) -> str:
-    """Write a setting whose value is text, whatever it looks like."""
+    """Write a setting whose value stays text even if it resembles a number."""
     # A JSON string without escapes above ASCII is a TOML string.
     return f"{name}={json.dumps(text, ensure_ascii=False)}"

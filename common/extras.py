@@ -1,4 +1,4 @@
-"""Packages that extras of people4d-robot install, checked before any work that needs them."""
+"""Packages of the extras of people4d-robot, checked before the work that needs them."""
 
 import importlib.util
 import sys
@@ -33,7 +33,7 @@ def need(what: str, extra: str) -> None:
 
 
 def missing(extra: str) -> str:
-    """Return a module of an extra that is not installed; empty if all are."""
+    """Return a missing module of an extra; empty if all are installed."""
     return next((name for name in MODULES[extra] if importlib.util.find_spec(name) is None), "")
 
 

@@ -1,7 +1,7 @@
-"""The part of a compose file that says what runs: read, checked, frozen.
+"""Services of a compose file, for local processes.
 
-The file stays valid for docker compose. Fields that only shape a container are passed over here;
-a field that would change what runs, and that is not known, is an error.
+The file is valid for docker compose. Fields of containers are ignored here; an unknown field is an
+error.
 """
 
 import re
@@ -47,11 +47,11 @@ Table = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Dependency:
-    """Condition that another service must meet before a service is started."""
+    """Condition of another service for the start of a service."""
 
     service: str  # name of the other service
     condition: str  # one of CONDITIONS
-    required: bool  # false: without effect where the other service is not part of the run
+    required: bool  # False: ignored if the other service is not part of the run
 
 
 @dataclass(frozen=True)
@@ -60,18 +60,18 @@ class Service:
 
     name: str  # its name
     command: tuple[str, ...]  # command, one string per argument
-    environment: Mapping[str, str]  # environment variables beside the caller's own
-    depends_on: tuple[Dependency, ...]  # what it waits for
-    has_healthcheck: bool  # it is healthy once its heartbeat reports so, else while it runs
+    environment: Mapping[str, str]  # environment variables, added to the caller's environment
+    depends_on: tuple[Dependency, ...]  # dependencies
+    has_healthcheck: bool  # health by its heartbeat; False: it is healthy while it runs
     restart: str  # one of RESTARTS
-    retries: int  # failed starts in a row after which it is given up
+    retries: int  # maximum number of failed starts in a row
     replicas: Annotated[int, Meta(ge=0, le=REPLICAS_MAX)]  # number of equal processes
     stop_grace_s: float  # time between SIGTERM and SIGKILL
-    profiles: frozenset[str]  # it runs only with one of these profiles; empty: always
-    # further facts: `people4d.scalable` (its replicas share their work), `people4d.option` (how it
-    # is asked for), `people4d.model` (loader of its model)
+    profiles: frozenset[str]  # profiles with this service; empty: all
+    # `people4d.scalable` (replicas share the work), `people4d.option` (command-line option),
+    # `people4d.check` (check of its settings), `people4d.model` (loader of its model)
     labels: Mapping[str, str] = field(default_factory=dict)
-    # services whose first processes are one, this one among them; empty: each has its own
+    # services that share its first process, itself included; empty: it has its own process
     partners: tuple[str, ...] = ()
 
     @property
@@ -88,7 +88,7 @@ class Service:
 
     @property
     def option(self) -> str:
-        """Command-line option that asks for it; empty if it always runs."""
+        """Command-line option of the service; empty if it always runs."""
         named = self.labels.get("people4d.option", "")
         return named or (f"--profile {min(self.profiles)}" if self.profiles else "")
 
@@ -99,10 +99,10 @@ class Service:
 
 
 def read(file: Path, variables: Mapping[str, str]) -> tuple[Service, ...]:
-    """Read the services of a compose file, those of every profile, and fill in variables.
+    """Read the services of a compose file, of all profiles, and expand variables.
 
     Raises:
-        ConfigError: The file cannot be read, or says what only a container could do.
+        ConfigError: The file cannot be read, or has a field without meaning for local processes.
     """
     try:
         top = _fields(compose_file.load(file), frozenset({"services"}), CONTAINER_ONLY_TOP, "")

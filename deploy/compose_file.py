@@ -1,7 +1,7 @@
 """Compose files as documents: YAML with `extends`, `!reset`, `!override` and variables.
 
-Docker compose reads the same files; merges follow its rules: maps field by field, lists one after
-the other, but for commands, which the later one replaces.
+Docker compose reads the same files. Merges follow its rules: maps are merged by field, lists are
+appended, and commands are replaced.
 """
 
 import re
@@ -18,13 +18,13 @@ from people4d.errors import ConfigError
 VARIABLE = re.compile(
     r"\$(?:(?P<escaped>\$)|\{(?P<name>[A-Za-z_]\w*)(?::(?P<rule>[-?])(?P<word>[^${}]*))?\}|(?P<bad>))"
 )
-REPLACED = ("command", "entrypoint", "test")  # lists that are not appended to
-MAX_DEPTH = 8  # files that extend one another
+REPLACED = ("command", "entrypoint", "test")  # lists that are replaced
+MAX_DEPTH = 8  # maximum length of a chain of extensions
 
 
 @dataclass(frozen=True)
 class _Override:
-    """Value that replaces the one it extends, in place of being merged; None removes the field."""
+    """Value that replaces the extended value; None removes the field."""
 
     value: Any
 
@@ -46,7 +46,7 @@ _Loader.add_constructor("!reset", lambda *_: _Override(None))
 
 
 def load(file: Path) -> Any:
-    """Load a compose file; services that extend those of another file are merged with them.
+    """Load a compose file, with extended services merged.
 
     Raises:
         ConfigError: A file cannot be read or is not YAML.
@@ -61,10 +61,10 @@ def load(file: Path) -> Any:
 
 
 def interpolate(value: Any, variables: Mapping[str, str]) -> Any:
-    """Fill ${VAR}, ${VAR:-default}, ${VAR:?error} and $$ into all strings of a value.
+    """Expand ${VAR}, ${VAR:-default}, ${VAR:?error} and $$ in all strings of a value.
 
     Raises:
-        ValueError: A required variable is missing or an expression is not understood.
+        ValueError: A required variable is missing or an expression is invalid.
     """
     if isinstance(value, str):
         return VARIABLE.sub(lambda match: _fill(match, variables), value)
@@ -76,7 +76,7 @@ def interpolate(value: Any, variables: Mapping[str, str]) -> Any:
 
 
 def merge(base: Any, own: Any, field: str = "") -> Any:
-    """Merge a value with that of the extended service, over which it wins."""
+    """Merge a value into the value of the extended service."""
     if isinstance(own, _Override):
         return own.value
     if isinstance(base, dict) and isinstance(own, dict):

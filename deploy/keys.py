@@ -1,8 +1,8 @@
-"""A small certificate authority, and what each host needs of it.
+"""A small certificate authority, and the credentials of each host.
 
 A root key that never leaves the folder signs one certificate for each role. The name in a
-certificate is the role; access rules go by it. Only certificates of processes that others connect
-to may be used by a server, and only the router's is good for the names of its host.
+certificate is the role, by which access rules are chosen. Only processes that accept connections
+have server certificates, and only the router has one for the names of its host.
 """
 
 import ipaddress
@@ -26,7 +26,7 @@ from people4d.errors import ConfigError
 AUTHORITY_KEY = "ca.key"
 AUTHORITY_DAYS = 3650
 LOCAL = ("localhost", "127.0.0.1", "::1")
-SLACK = timedelta(hours=1)  # clocks of hosts differ
+SLACK = timedelta(hours=1)  # maximum difference between the clocks of hosts
 SECRET, PUBLIC = 0o600, 0o644
 PASSWORD_BYTES = 24
 
@@ -47,20 +47,20 @@ class CredentialCheck:
 
     file: Path  # the file
     role: str  # role that it proves
-    ends: datetime | None  # when it ends; None for a password
-    problem: str  # what is wrong with it; empty if nothing
+    ends: datetime | None  # end of validity; None for a password
+    problem: str  # fault; empty if there is none
 
 
 def write_certificates(folder: Path, hosts: Hosts, addresses: Sequence[str], days: int) -> None:
     """Write an authority and a folder of certificates for each host.
 
-    An authority that is in the folder already signs the new ones too.
+    An existing authority in the folder signs the new certificates.
 
     Args:
-        folder: Where the authority is or shall be.
+        folder: Folder of the authority.
         hosts: Roles of each host by its name.
         addresses: Names and addresses by which other hosts reach the router.
-        days: How long the certificates are good.
+        days: Validity of the certificates.
 
     Raises:
         ConfigError: A role is not known, or the authority in the folder cannot be read.
@@ -94,7 +94,7 @@ def write_passwords(folder: Path, hosts: Hosts) -> None:
 
 
 def check(folder: Path, now: datetime) -> list[CredentialCheck]:
-    """Check that all credentials below a folder, of each host or of one, are good at a time."""
+    """Check that all credentials below a folder are valid at a time."""
     certificates = sorted(f for f in folder.rglob("*.pem") if f.name != AUTHORITY)
     passwords = sorted(folder.rglob("*.password"))
     return [
@@ -202,7 +202,7 @@ def _open_to_others(file: Path) -> str:
 
 
 def _write(file: Path, data: bytes, mode: int) -> None:
-    """Write a file at once, readable by its owner only from its creation on."""
+    """Write a file atomically, with its permissions from its creation on."""
     fresh = file.with_name(f".{file.name}.new")
     fresh.unlink(missing_ok=True)
     with os.fdopen(os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as stream:

@@ -1,8 +1,7 @@
-"""Assignment of messages to the replicas of a service, and take-over from those that fail.
+"""Assignment of messages to the replicas of a service, and take-over from failed replicas.
 
-Every replica receives every message. Those of the others are not decoded, only pending until an
-answer to them is received, so that the work of a replica that fails is taken over without being
-sent again.
+Every replica receives every message. Messages of another replica stay encoded and pending until
+their answer is received, so that the work of a failed replica is taken over without a repetition.
 """
 
 import threading
@@ -17,17 +16,15 @@ from common.runtime.node import Sharing
 from people4d.messages import Message
 from people4d.topics import BY_MESSAGE, Topic
 
-SILENT_S = 1.2  # [s] without a heartbeat, two of which come in a second, that means: it hangs
-REPLICAS_MAX = 16  # names, a bound against invented ones
-# A replica that answers none of so many messages in so many seconds does not work, whatever its
-# heartbeats say, and gets no more for a while
-UNANSWERED_MIN = 3
-UNANSWERED_S = 5.0
-EXCLUDED_S = 60.0
-# Replicas that have answered nothing yet are tried so many at a time, each for so long, so that
-# invented ones leave most frames to the others
-TRIED_MAX = 2
-TRIED_S = 3.0
+SILENT_S = 1.2  # silence after which a replica hangs; heartbeats come twice a second [s]
+REPLICAS_MAX = 16  # maximum number of replicas, a bound against invented names
+# A replica that answers none of its messages is excluded, whatever its heartbeats report
+UNANSWERED_MIN = 3  # minimum number of unanswered messages
+UNANSWERED_S = 5.0  # minimum time since the first of them [s]
+EXCLUDED_S = 60.0  # duration of the exclusion [s]
+# Replicas without any answer yet are tried a few at a time, so that invented ones cost few frames
+TRIED_MAX = 2  # maximum number of replicas on trial
+TRIED_S = 3.0  # maximum time until their first answer [s]
 
 
 class MessageHeader(msgspec.Struct, frozen=True):
@@ -78,8 +75,8 @@ def assigned_replica(replicas: Sequence[str], camera: str, sequence: int) -> str
 
     Args:
         replicas: Names of the live replicas, sorted.
-        camera: Name of the camera. Each begins elsewhere, so that of several cameras in step not
-            all frames of one time go to one replica.
+        camera: Name of the camera. Each camera begins with another replica, so that frames of
+            synchronised cameras are spread over the replicas.
         sequence: Number of the message.
     """
     if not replicas:
@@ -91,9 +88,9 @@ class Membership:
     """Live replicas, by liveliness tokens and heartbeats.
 
     A token vanishes with its process, in milliseconds. A process that hangs keeps its token for
-    seconds, but sends no heartbeats. One that has both, but answers nothing, is excluded for a
-    while; of those that have never answered only some are tried at a time. This process itself
-    counts as live while it has a token.
+    seconds, but sends no heartbeats. A replica with both that answers nothing is excluded for a
+    while; only a few replicas without any answer yet are tried at a time. This process itself is
+    live while it has a token.
 
     Args:
         own_name: Name of this replica.
@@ -107,7 +104,7 @@ class Membership:
         self._stalled: set[str] = set()
         self._unanswered: dict[str, tuple[int, float]] = {}  # messages, time of the first
         self._excluded_s: dict[str, float] = {}  # time since which
-        self._proven: set[str] = set()  # those that have answered
+        self._proven: set[str] = set()  # replicas with an answer
 
     def add(self, name: str, now_s: float) -> None:
         """Note that a replica has a token."""
@@ -155,7 +152,7 @@ class Membership:
         (self._stalled.add if stalled else self._stalled.discard)(name)
 
     def extend_deadlines(self, duration_s: float) -> None:
-        """Forgive the silence of all for a time in which this process itself did not run."""
+        """Extend all deadlines by a time in which this process did not run."""
         self._heartbeats_s = {name: s + duration_s for name, s in self._heartbeats_s.items()}
 
     def update(self, now_s: float) -> bool:
@@ -241,7 +238,7 @@ class Assignment:
 
         Args:
             now_s: Monotonic time in seconds.
-            paused_s: Time of late in which this process did not run, so received no heartbeats.
+            paused_s: Recent time in which this process did not run and received no heartbeats.
         """
         with self._lock:
             self._membership.extend_deadlines(paused_s)
@@ -258,7 +255,7 @@ class Assignment:
             pending.popleft()
 
     def _reassigned(self, now_s: float) -> list[PendingMessage]:
-        """Return the pending messages that are ours now; ours stay ours if a replica joins."""
+        """Return the pending messages that are now ours."""
         if not self._membership.update(now_s):
             return []
         ours = []
@@ -271,7 +268,7 @@ class Assignment:
     def _is_taken_over(self, message: PendingMessage) -> bool:
         if self._assigned(message) != self._own_name:
             return False
-        # Of messages that may be skipped only those newer than the last are worth it.
+        # A message that may be skipped is taken over only if it is newer than our last one.
         newest = self._newest.get(message.key, -1)
         return not self._may_skip(message) or message.header.sequence > newest
 

@@ -1,6 +1,6 @@
-"""Checkpoints: state of a node in files, from which the next process of its name goes on.
+"""Checkpoints: state of a node in files, from which the next process of its name continues.
 
-Only the end of a process is provided for, not that of the machine: nothing is forced onto the disk.
+A checkpoint survives the end of a process, not of the machine: nothing is forced onto the disk.
 """
 
 import errno
@@ -23,7 +23,7 @@ SUFFIX = ".checkpoint"
 NUMBER = re.compile(rb"\d{15}")
 HEADER = struct.Struct("<IQQ")  # checksum, count of states written, length
 PERIOD_NS = 250_000_000
-PAUSES = 50  # times the duration of a save that are left to the node after it
+PAUSES = 50  # minimum pause after a save, in durations of the save
 
 log = logging.getLogger("people4d")
 
@@ -43,7 +43,7 @@ class SavedState:
 
 
 class CheckpointStore:
-    """Files of one process: the next number that it gives, and its state in two files by turns.
+    """Files of one process: its next number, and its state in two files, written alternately.
 
     A process that is killed while it writes leaves the other file intact. Files are written in
     place, because replacing one by a new one waits for the disk, 4 ms on ext4.
@@ -60,7 +60,7 @@ class CheckpointStore:
         self._count = 0  # of states written
 
     def read(self) -> SavedState:
-        """Return the newest state; if its number is lost, one that cannot have been given yet."""
+        """Return the newest state; a lost number is replaced by one that is certainly unused."""
         number, contents = _read(self._number_file), [_read(file) for file in self._state_files]
         states = [found for content in contents if content and (found := _unpack(content))]
         self._count, state = max(states, default=(0, b""))
@@ -68,7 +68,7 @@ class CheckpointStore:
             return SavedState(state, int(number))
         if number is None and all(content is None for content in contents):
             return SavedState(b"", 0)
-        # People do not come at one a second for years, so the time in seconds is above all numbers.
+        # The time in seconds is above all numbers: people do not come at one a second for years.
         return SavedState(state, int(time.time()))
 
     def write_number(self, number: int) -> None:
@@ -92,14 +92,14 @@ class CheckpointStore:
 
 
 class Checkpoint:
-    """Saves the state of a node while it runs; made, it restores what another process saved.
+    """Saves the state of a node while it runs, and restores the state of its predecessor.
 
     A number is saved before anything is published that holds it, the state four times a second.
 
     Args:
         node: The node.
         store: Files of the state.
-        activity: Takes as its problem that the state cannot be saved.
+        activity: Reports that the state cannot be saved.
     """
 
     def __init__(self, node: StatefulNode, store: CheckpointStore, activity: Activity) -> None:
@@ -113,7 +113,7 @@ class Checkpoint:
             node.restore(saved.state, saved.next_number)
         except DecodeError as error:
             log.warning("%s: it begins anew", error)
-        except Exception:  # damaged where no check finds it; a restart must not fail for ever
+        except Exception:  # damage that no check finds; a restart must not fail for ever
             log.exception("the saved state is damaged: it begins anew")
             node.restore(b"", saved.next_number)
         self.save_number()
@@ -135,7 +135,7 @@ class Checkpoint:
 
         Args:
             now_ns: Monotonic time in nanoseconds.
-            has_outputs: Outputs wait to be published: they go first, unless there always are some.
+            has_outputs: Outputs are published first, unless there are always some.
         """
         self.save_number()
         if self._changed and now_ns >= self._due_ns + (PERIOD_NS if has_outputs else 0):
@@ -152,7 +152,7 @@ class Checkpoint:
             self._try("state", lambda: self._store.write_state(state))
 
     def _try(self, what: str, write: Callable[[], None]) -> None:
-        self._problems.pop(what, None)  # a number may find room where a state does not
+        self._problems.pop(what, None)  # a full disk may have room for a number, not for a state
         try:
             write()
         except OSError as error:

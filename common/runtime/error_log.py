@@ -8,9 +8,9 @@ from collections import Counter
 from pathlib import Path
 from traceback import extract_tb
 
-FRESH_S = 5.0  # [s] for which an exception degrades the process
-KINDS_MAX = 256  # kinds that are counted separately; others count as one
-TEXT_MAX = 200  # characters of an exception's own text
+FRESH_S = 5.0  # time in which an exception degrades the process [s]
+KINDS_MAX = 256  # maximum number of kinds that are counted separately
+TEXT_MAX = 200  # maximum length of the text of an exception [characters]
 
 log = logging.getLogger("people4d")
 
@@ -18,9 +18,8 @@ log = logging.getLogger("people4d")
 class ErrorLog:
     """Exceptions by their kind: type, file and line.
 
-    The first of a kind is logged with its traceback, then only its 10th, 100th, ... in one line, so
-    that an exception in every message neither hides the log nor fills the disk. Used by several
-    threads.
+    The first exception of a kind is logged with its traceback, the 10th, 100th, ... in one line: an
+    exception in every message neither hides the log nor fills the disk. Safe for several threads.
     """
 
     def __init__(self) -> None:
@@ -50,7 +49,7 @@ class ErrorLog:
             log.error("%s: %d times by now", text, count)
 
     def reason(self) -> str:
-        """Return the last exception and its count, one sentence; empty if it is seconds ago."""
+        """Return the last exception and its count, one sentence; empty if it is too old."""
         with self._lock:
             return self._last if time.monotonic() - self._last_s < FRESH_S else ""
 

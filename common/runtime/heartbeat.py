@@ -38,11 +38,11 @@ def release() -> str:
 
 
 class Activity:
-    """Present work of the threads of a loop, and counters of what they did."""
+    """Present work of the threads of a loop, and counters of their past work."""
 
     def __init__(self) -> None:
         self.counters: Counter[str] = Counter()
-        self.problem = ""  # of the process beside its node, one sentence
+        self.problem = ""  # problem of the process, not of its node, one sentence
         self.errors = ErrorLog()
         self._since: dict[int, float] = {}
         self._lock = threading.Lock()
@@ -83,7 +83,7 @@ class Activity:
             del self._since[own_id]
 
     def longest_busy_s(self) -> float:
-        """Return for how long the slowest thread has been at its present work."""
+        """Return the duration of the slowest present work of a thread."""
         started = list(self._since.values())
         return time.monotonic() - min(started) if started else 0.0
 
@@ -91,15 +91,15 @@ class Activity:
 class Heartbeat:
     """Publishes Health until closed.
 
-    A process is `ready`; `degraded` while it works with limits, or would if its inputs arrived;
-    `stalled` while it does not go on itself. The reason is one that a user understands.
+    A process is `ready`; `degraded` while it works with limits or lacks inputs; `stalled` while its
+    own work makes no progress. The reason is for a user.
 
     Args:
         node: Node of the process.
         bus: ZenohBus to publish on.
         process_id: Identity of the process.
         inbox: Gives counters.
-        activity: Gives counters, and shows that the process hangs.
+        activity: Gives counters, and the duration of the present work.
     """
 
     def __init__(
@@ -119,7 +119,7 @@ class Heartbeat:
         self._thread.start()
 
     def close(self) -> None:
-        """Publish that the process stops, and end."""
+        """Publish a last heartbeat and end."""
         self._closed.set()
         self._thread.join()
         self._publish("stopping")
@@ -133,12 +133,12 @@ class Heartbeat:
     def _publish(self, state: State | None = None) -> None:
         try:
             self._bus.publish(self._health(state))
-        except Exception:  # the heartbeat must outlive all that it reports on
+        except Exception:  # the heartbeat must outlive the faults that it reports
             log.exception("no heartbeat")
 
     def _health(self, state: State | None) -> Health:
         status = self._node.status()
-        # Copies, because other threads count on; zeros stay, they show what is counted.
+        # Copies: other threads keep counting. Zeros are published too.
         counters = Counter(dict(status.counters))
         counters.update(dict(self._inbox.counters))
         counters.update(dict(self._activity.counters))
@@ -155,7 +155,7 @@ class Heartbeat:
             pid=os.getpid(),
             release=release(),
             state="stopping" if now == "finished" else now,
-            # It may quote an error of other code, of many lines and any length.
+            # It may quote an error of other code, with many lines and any length.
             reason="".join(c if c.isprintable() else " " for c in reason[:REASON_MAX]),
             counters=dict(counters),
             gauges=self._gauges(counters) | status.gauges,
@@ -164,9 +164,9 @@ class Heartbeat:
     def _assess(
         self, status: Status, counters: Counter[str]
     ) -> tuple[State | Literal["finished"], str]:
-        """Return state and reason: the node's own, or what only the process can find."""
+        """Return state and reason: the node's own, and problems that only the process knows."""
         now_s, stuck_s = time.monotonic(), self._activity.longest_busy_s()
-        # Called always: they compare with the counters before.
+        # Called every time: both compare with the previous counters.
         missing = self._throughput.missing(counters, now_s)
         losing = self._throughput.losing(counters, now_s)
         if stuck_s > STALLED_AFTER_S:
@@ -182,7 +182,7 @@ class Heartbeat:
         return ("degraded" if degraded else "ready"), "; ".join(reasons)
 
     def _gauges(self, counters: Counter[str]) -> dict[str, float]:
-        """Return rates of messages, processor share, memory, ages of inputs, and the clock's."""
+        """Return message rates, processor share, memory, ages of inputs, and clock offsets."""
         now = time.monotonic()
         then, before = self._before
         self._before = (now, counters)

@@ -1,4 +1,4 @@
-"""Queue of messages that wait for a busy node, or for the answers of its replicas."""
+"""Queue of messages for a busy node, without the messages of its replicas."""
 
 import threading
 import time
@@ -17,7 +17,7 @@ class Inbox(MessageQueue):
     Args:
         assignment: Divides messages between replicas; None: there is one replica.
         frames_waiting: Length of the queue of a "newest" topic.
-        admits: Checks that a payload is of use; None: all are.
+        admits: Checks that a payload is useful; None: all payloads are.
     """
 
     def __init__(
@@ -47,12 +47,12 @@ class Inbox(MessageQueue):
         self._put(topic, key, payload, received_ns)
 
     def take(self, topic: Topic, key: str, message: Message) -> None:
-        """Add a message of another service of this process unless it is another replica's.
+        """Add a message of a service in this process unless it is assigned to another replica.
 
         Args:
             topic: Its topic.
             key: Full key that it would have on the network.
-            message: The message as a receiver would decode it.
+            message: The message in its decoded form.
         """
         now_ns = time.time_ns()
         if self._shares(topic):
@@ -90,9 +90,9 @@ class Inbox(MessageQueue):
 class Turnstile:
     """Admits one thread at a time to the heavy part of a node, before it takes a message.
 
-    Else a second thread would take a frame while the first still runs the network, and hold it
-    until that is done: an old one by then. Before the turnstile the frame waits in the inbox,
-    where a newer one replaces it.
+    Without it, a second thread would take a frame while the first one runs the network, and the
+    frame would age meanwhile. Before the turnstile the frame waits in the inbox, where a newer one
+    replaces it.
     """
 
     def __init__(self) -> None:
@@ -100,14 +100,14 @@ class Turnstile:
         self._holder: int | None = None
 
     def acquire(self, timeout_s: float) -> bool:
-        """Wait for admission; return False if it did not come in time."""
+        """Wait for admission; return False after the timeout."""
         if not self._lock.acquire(timeout=timeout_s):
             return False
         self._holder = threading.get_ident()
         return True
 
     def release(self) -> None:
-        """Admit the next thread; does nothing if this thread is not the one admitted."""
+        """Admit the next thread; does nothing unless this thread was admitted."""
         if self._holder == threading.get_ident():
             self._holder = None
             self._lock.release()

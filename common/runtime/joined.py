@@ -1,8 +1,8 @@
 """Several services in one process, joined in memory.
 
-Each has its own loop, thread, heartbeat, replicas and checkpoint, under its own name, as it has in
-a process of its own. They share one Zenoh session; what one publishes and another subscribes to is
-handed over as it is, and encoded only if another process subscribes to it, too.
+Each service has its own loop, thread, heartbeat, replicas and checkpoint under its own name. All
+services share one Zenoh session. A message between two of them is handed over as it is, and encoded
+only if another process subscribes to it.
 """
 
 import logging
@@ -52,7 +52,7 @@ def main(
 ) -> int:
     """Run several services until one is finished or the process is stopped (SIGTERM, SIGINT).
 
-    Then all end, the producers first, so that what they sent is still handled.
+    Then all end, the producers first, so that their last messages are still handled.
 
     Args:
         module: Module that the process runs.
@@ -106,7 +106,7 @@ def _loops(
 
 
 def _rank(service: str) -> int:
-    """Return where a service stands in the flow of data, by the first topic that it publishes."""
+    """Return the position of a service in the flow of data, by its first published topic."""
     ranks = (rank for rank, topic in enumerate(TOPICS) if service in topic.producers)
     return next(ranks, len(TOPICS))
 

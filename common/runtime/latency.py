@@ -17,13 +17,12 @@ ARRIVALS = ("queue", "capture")  # after these a message may wait for others, or
 class TraceSegment:
     """One segment of a message's path, on the reference clock where the clocks are known."""
 
-    service: str  # service that did the work, or that received the message
+    service: str  # service of the work, or receiver of the message
     process: str  # its process, "<instance>@<host>"
     stage: str  # one of `common.transport.trace.STAGES`, or a service's own
     start_ns: int  # when it began
     end_ns: int  # when it ended; before `start_ns` if the offset of the clocks is wrong
-    # bound of the error that clocks bring into its duration: 0 on one host; None: between hosts
-    # whose clocks were not compared
+    # bound of the clock error in the duration: 0 on one host; None: clocks were not compared
     error_ns: float | None = 0.0
 
     @property
@@ -38,7 +37,7 @@ class TraceSegment:
 
     @property
     def ms(self) -> float:
-        """Duration in milliseconds, negative if the clocks say so."""
+        """Duration in milliseconds, negative if the clocks disagree."""
         return (self.end_ns - self.start_ns) / 1e6
 
 
@@ -62,9 +61,9 @@ def segments(
 
 
 def merge_stages(path: Sequence[TraceSegment]) -> list[TraceSegment]:
-    """Return the segments of a path with those of one process and stage merged.
+    """Merge the segments of each process and stage.
 
-    A merged segment begins with the first of them and lasts as long as all of them.
+    A merged segment begins with its first part and lasts as long as the sum of its parts.
     """
     found: dict[tuple[str, str], TraceSegment] = {}
     for segment in path:
@@ -105,7 +104,7 @@ class SlidingWindow:
         self._samples: deque[tuple[float, float]] = deque(maxlen=max_count)
 
     def add(self, now_s: float, value: float) -> None:
-        """Take a value."""
+        """Add a value."""
         self._samples.append((now_s, value))
 
     def values(self, now_s: float) -> list[float]:
@@ -122,7 +121,7 @@ def percentiles(values: Sequence[float]) -> tuple[float, float, float]:
 
 
 def host_of(span: Span) -> str:
-    """Return the host on whose clock a span is."""
+    """Return the host whose clock timed a span."""
     return span.process.partition("@")[2]
 
 

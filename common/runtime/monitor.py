@@ -22,11 +22,11 @@ from people4d.client import Client
 from people4d.messages import Detections, Health, Span, Tracks
 from people4d.queue import Arrival
 
-FRESH_S = 3.0  # a process that has been silent for longer is gone
+FRESH_S = 3.0  # maximum silence of a process [s]
 MAX_PROCESSES = 256
 MAX_STAGES = 2048
 FORGET_PERIOD_S = 1.0
-MAX_WAITING = 256  # frames whose detections came and tracks did not
+MAX_WAITING = 256  # maximum number of frames with detections and without tracks
 
 
 class Durations(msgspec.Struct, frozen=True, kw_only=True):
@@ -37,10 +37,9 @@ class Durations(msgspec.Struct, frozen=True, kw_only=True):
     p95_ms: float  # [ms]
     p99_ms: float  # [ms]
     count: int  # messages measured
-    # [ms] bound of what clocks bring into it: 0 on one host; null: between hosts whose clocks were
-    # not compared, so that the figures hold their difference
+    # [ms] bound of the clock error: 0 on one host; null: clocks of two hosts were not compared
     error_ms: float | None
-    beside: bool = False  # done for the same frames, but nothing on their path had to wait for it
+    beside: bool = False  # parallel work for the same frames, which does not delay them
 
 
 class ProcessSnapshot(msgspec.Struct, frozen=True, kw_only=True):
@@ -70,30 +69,30 @@ class ClockSnapshot(msgspec.Struct, frozen=True, kw_only=True):
 class SystemSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     """State of a system at one time."""
 
-    seconds: float  # [s] how long figures of stages go back
+    seconds: float  # [s] period of the figures of stages
     # from the first stage of a frame to the arrival of its tracks; null: no frames
     end_to_end: Durations | None
-    clocks: list[ClockSnapshot]  # of all hosts that were heard of
-    processes: list[ProcessSnapshot]  # those on the path in its order, then the others
+    clocks: list[ClockSnapshot]  # clocks of all known hosts
+    processes: list[ProcessSnapshot]  # processes on the path in its order, then the others
 
 
 @dataclass(frozen=True)
 class FramePath:
     """The path of one frame."""
 
-    tracks: Tracks  # what it ended in
-    parts: list[TraceSegment]  # its pieces, to the one who listens
-    beside: list[TraceSegment]  # what was done for the frame while its path went on elsewhere
+    tracks: Tracks  # end of the path
+    parts: list[TraceSegment]  # segments up to this listener
+    beside: list[TraceSegment]  # parallel work for the frame
     end_to_end: TraceSegment  # from the first stage to the last
 
     @property
     def stages(self) -> list[TraceSegment]:
-        """Stages of all processes, each once, those beside the path last."""
+        """Stages of all processes, each once, parallel work last."""
         return merge_stages(self.parts) + merge_stages(self.beside)
 
 
 class Monitor:
-    """Adds up messages of some seconds, in bounded memory, where the path of frames ends."""
+    """Statistics of the last seconds, in bounded memory, at the end of the path of frames."""
 
     def __init__(self, process_id: ProcessId, seconds: float) -> None:
         self._process_id = process_id
@@ -108,7 +107,7 @@ class Monitor:
         self.clocks: dict[str, HostOffset] = {}
 
     def follow(self, client: Client) -> Iterator[tuple[Arrival, FramePath | None]]:
-        """Take the messages of a system as they come; yield each with the path that it ends."""
+        """Receive the messages of a system; yield each with the path that it ends."""
         clock = ClockMonitor(client.session)
         for arrival in client.arrivals(Health, Tracks, Detections):
             clock.query()
@@ -120,10 +119,10 @@ class Monitor:
             yield arrival, path
 
     def add(self, arrival: Arrival, now_ns: int, now_s: float) -> FramePath | None:
-        """Take a message; return the path of a frame, once its Tracks come.
+        """Add a message; return the path of a frame once its Tracks arrive.
 
-        Of Health, Tracks and Detections the last show the work on a frame beside its path;
-        others are passed over. `now_ns` is the wall clock, `now_s` the monotonic clock.
+        Health, Tracks and Detections are used, other messages ignored. `now_ns` is the wall clock,
+        `now_s` the monotonic clock.
         """
         message = arrival.message
         if isinstance(message, Health):
@@ -149,7 +148,7 @@ class Monitor:
         self.clocks = clocks if len(self.clocks) > MAX_PROCESSES else self.clocks | clocks
 
     def _forget(self, now_s: float) -> None:
-        """Make room in place of processes and stages that are silent, once a second at most."""
+        """Forget silent processes and stages, at most once a second."""
         if now_s - self._forgot_s < FORGET_PERIOD_S:
             return
         self._forgot_s = now_s
@@ -214,19 +213,19 @@ class Monitor:
 
 
 class _Stage:
-    """Durations of one stage of one process, on the path of frames or beside it."""
+    """Durations of one stage of one process, on the path of frames or parallel to it."""
 
     def __init__(self, seconds: float, beside: bool = False) -> None:
         self._beside = beside
         self._window = SlidingWindow(seconds)
 
     def add(self, part: TraceSegment, now_s: float, after_ns: int) -> None:
-        """Take a piece of a message's path, which began some time after its first stage."""
+        """Add a segment of a path, which began `after_ns` after the first stage."""
         self.newest, self.after_ns = part, after_ns
         self._window.add(now_s, part.ms)
 
     def durations(self, now_s: float) -> Durations | None:
-        """Return the durations that count now, None if there are none."""
+        """Return the durations in the window, None if there are none."""
         values_ms = self._window.values(now_s)
         if not values_ms:
             return None

@@ -16,7 +16,7 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     """State of a node for its heartbeat."""
 
     state: Literal["starting", "ready", "degraded", "finished"] = "ready"
-    reason: str = ""  # why it is not ready, one sentence; finished: the process may end
+    reason: str = ""  # reason of a state other than ready, one sentence
     counters: dict[str, int] = msgspec.field(default_factory=dict)  # events, drops by cause
     # values of now by name; the suffix is the unit
     gauges: dict[str, float] = msgspec.field(default_factory=dict)
@@ -26,7 +26,7 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
 class Sharing:
     """Work that the replicas of a service share."""
 
-    work: type[Message]  # type of message of which each is handled by one replica
+    work: type[Message]  # type of the messages that are divided between the replicas
     answer: type[Message]  # type that they publish for it, with the same camera and sequence
 
 
@@ -41,12 +41,12 @@ class LoopCallbacks:
     # publishes one output before the others that `handle` returns; None: only what `handle` returns
     # is published
     publish: Callable[[Message], None] | None = None
-    # returns the name of this process, and those of all that share its work
+    # returns the name of this process and the names of all replicas
     replicas: Callable[[], tuple[str, tuple[str, ...]]] = lambda: ("", ())
-    # subscribes to inputs on demand, and ends those before that are not among them
+    # replaces the subscriptions of inputs on demand
     demand: Callable[[Collection[type[Message]]], None] = lambda _: None
     robot: str = ""  # name of the robot
-    # folder of the robot's state; None: what the process writes is not to outlive it
+    # folder of the robot's state; None: no file outlives the process
     state_folder: Path | None = None
 
 
@@ -62,14 +62,14 @@ class Node(ABC):
 
     Attributes:
         inputs: Types of messages that `handle` gets.
-        required_inputs: Those without which the node can do nothing; the heartbeat reports when
-            none arrive.
-        periodic_outputs: Types that the node publishes by itself; the heartbeat reports when none
-            are published.
+        required_inputs: Inputs without which the node cannot work; the heartbeat reports their
+            absence.
+        periodic_outputs: Types that the node publishes by itself; the heartbeat reports their
+            absence.
         sharing: Work that replicas share, None if the node can have none.
         inputs_on_demand: Types that `handle` gets once `LoopCallbacks.demand` asked for them.
         foreign_inputs: Topics of other programs that `handle` gets, too.
-        frames_waiting: Length of the queue of a topic of which only the newest messages count.
+        frames_waiting: Length of the queue of a "newest" topic.
         workers: Threads that call `handle` at once; more than one needs a thread-safe node. Outputs
             have the order of the inputs.
     """
@@ -84,10 +84,10 @@ class Node(ABC):
     workers: int = 1
 
     def attach(self, loop: LoopCallbacks) -> None:  # noqa: B027
-        """Take the callbacks of the loop that runs this node; called once, before all else."""
+        """Set the callbacks of the loop that runs this node; called once, first."""
 
     def admits(self, topic: Topic, payload: bytes) -> bool:  # noqa: ARG002
-        """Check before it is decoded that a message is of use; called by threads that receive.
+        """Check before decoding that a message is useful; called by receiving threads.
 
         A message that is not admitted is not counted, nor is the gap in its sequence.
         """
@@ -95,7 +95,7 @@ class Node(ABC):
 
     @abstractmethod
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
-        """Take one message and return what follows from it.
+        """Handle one message and return the resulting messages.
 
         Args:
             message: One of the types in `inputs` or of the topics in `foreign_inputs`.
@@ -103,7 +103,7 @@ class Node(ABC):
         """
 
     def tick(self, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
-        """Return what is due by now; called after each message and at `wake_ns`."""
+        """Return the messages that are due; called after each message and at `wake_ns`."""
         return ()
 
     def flush(self, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
@@ -134,7 +134,7 @@ class StatefulNode(Node):
 
     @abstractmethod
     def next_number(self) -> int:
-        """Return the next number to be given, for example to a person; none is given twice."""
+        """Return the next unused number, for example of a person."""
 
     @abstractmethod
     def save(self) -> bytes:
@@ -146,7 +146,7 @@ class StatefulNode(Node):
 
         Args:
             saved: From `save`; empty if it is lost.
-            next_number: All numbers below it are taken as given.
+            next_number: All numbers below it are used.
 
         Raises:
             DecodeError: `saved` is damaged; only the number was restored then.

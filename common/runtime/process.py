@@ -31,9 +31,7 @@ from people4d.errors import ConfigError, People4dError
 
 T = TypeVar("T", bound=msgspec.Struct)
 
-# A thread that received a frame, or whose network has run, must not wait 5 ms (the default) until
-# another thread releases the interpreter.
-SWITCH_S = 0.0005
+SWITCH_S = 0.0005  # switch interval of the interpreter; the default delays a frame by 5 ms [s]
 
 log = logging.getLogger("people4d")
 
@@ -106,7 +104,7 @@ def process_ids(services: Sequence[str], instance: str | None) -> list[ProcessId
 
     Args:
         services: Their names.
-        instance: Their names as instances, with + between; None or empty: new ones.
+        instance: Instance names, separated by +; None or empty: new names.
     """
     host = socket.gethostname()
     given = instance.split(JOINED) if instance else [_instance(s, host) for s in services]
@@ -120,7 +118,7 @@ def process_ids(services: Sequence[str], instance: str | None) -> list[ProcessId
 
 def loop_settings(node: Node, flags: argparse.Namespace) -> LoopSettings:
     """Return the settings of a node's loop."""
-    # A name made for this process is that of no later one, unless a container gives it again.
+    # No later process has a generated name, except in a container.
     resumable = flags.instance or os.environ.get(FOLDER)
     return LoopSettings(
         workers=node.workers,
@@ -130,7 +128,7 @@ def loop_settings(node: Node, flags: argparse.Namespace) -> LoopSettings:
 
 
 def release_memory() -> None:
-    """Return what loading left to the system, where it can, and end garbage collection of the rest.
+    """Release the memory of loading, and exclude loaded objects from garbage collection.
 
     A full collection over the objects of all modules takes 60 ms, in the middle of a frame.
     """

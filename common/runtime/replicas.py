@@ -1,4 +1,4 @@
-"""One process of a service that may have several: its contact with the others."""
+"""One replica of a service, and its contact with the other replicas."""
 
 import threading
 import time
@@ -17,11 +17,11 @@ from people4d.messages import Health
 from people4d.subscription import ZenohSubscription
 from people4d.topics import BY_MESSAGE, Topic
 
-SETTLE_S = 0.2  # [s] between subscribing and joining: the others must not count on us too early
-CHECK_PERIOD_S = 0.1  # [s] between two checks for silent replicas
-STUCK_S = 1.0  # [s] at one message after which a replica withdraws
-STUCK_FACTOR = 2.0  # and so many times the longest duration of late
-LONGEST_DECAY = 0.95  # per message, of the longest duration
+SETTLE_S = 0.2  # pause between subscribing and joining: others must not count on us too early [s]
+CHECK_PERIOD_S = 0.1  # period of the checks for silent replicas [s]
+STUCK_S = 1.0  # minimum time with one message after which a replica withdraws [s]
+STUCK_FACTOR = 2.0  # minimum multiple of the longest recent duration after which it withdraws
+LONGEST_DECAY = 0.95  # decay of the longest duration per message
 
 
 class Liveness(msgspec.Struct, frozen=True):
@@ -35,13 +35,13 @@ _LIVENESS = msgspec.msgpack.Decoder(Liveness)
 
 
 class Replica:
-    """Joins the replicas of a service, and takes over the work of those that fail.
+    """Joins the replicas of a service, and takes over the work of failed replicas.
 
     Args:
         bus: Bus to the others.
         process_id: Identity of this process.
         sharing: Types of messages that are shared.
-        activity: Shows that this process is stuck.
+        activity: Gives the duration of the present work.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class Replica:
         self._longest_s = 0.0
 
     def join(self, inbox: Inbox) -> None:
-        """Take part from now on; called when the work is subscribed.
+        """Join the other replicas; called when the work is subscribed.
 
         Args:
             inbox: Gets the messages that are taken over.
@@ -74,7 +74,7 @@ class Replica:
         _start(self._check)
 
     def names(self) -> tuple[str, tuple[str, ...]]:
-        """Return the name of this process, and those of all that share the work now."""
+        """Return the name of this process and the names of all live replicas."""
         return self._name, self.assignment.replicas
 
     def note_duration(self, duration_s: float) -> None:
@@ -93,7 +93,7 @@ class Replica:
             if self._joined or self._left.is_set():
                 return
             self._joined = True
-            # First here, then there: work that is not done is worse than work done twice.
+            # First here, then at the others: a lost message is worse than one handled twice.
             self._take_over(self.assignment.add_replica(self._name, time.monotonic()))
             self._bus.announce(self._service, self._name)
 

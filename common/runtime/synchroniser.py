@@ -10,7 +10,7 @@ FrameParts: TypeAlias = tuple[RgbdFrame, Detections, Tracks]
 
 @dataclass(slots=True)
 class SynchronisedFrame:
-    """One frame with its detections and tracks; None for what did not arrive."""
+    """One frame with its detections and tracks; None for a missing message."""
 
     camera: str
     stamp_ns: int
@@ -31,8 +31,8 @@ class Synchroniser:
     The streams of a camera are in order, so older frames than a complete one stay incomplete.
 
     Args:
-        capacity: Frames that wait at most; the oldest is released for a new one.
-        images_max: Likewise, of those with an image.
+        capacity: Maximum number of waiting frames; the oldest is released for a new one.
+        images_max: Maximum number of waiting frames with an image.
     """
 
     def __init__(self, capacity: int = 32, images_max: int | None = None) -> None:
@@ -41,7 +41,7 @@ class Synchroniser:
         self._waiting: dict[tuple[str, int], SynchronisedFrame] = {}
 
     def add(self, message: RgbdFrame | Detections | Tracks) -> list[SynchronisedFrame]:
-        """Take a message and return the frames that are complete or released, oldest first."""
+        """Add a message and return complete and released frames, oldest first."""
         key = message.camera, message.stamp_ns
         frame = self._waiting.setdefault(key, SynchronisedFrame(*key))
         if isinstance(message, RgbdFrame):

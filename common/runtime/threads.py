@@ -1,11 +1,11 @@
-"""Threads that fail: the process ends, so that it is started again, in place of working in part."""
+"""Threads that fail: the process ends and is restarted, since it must not work in part."""
 
 import logging
 import os
 import signal
 import threading
 
-GRACE_S = 5.0  # from the failure to the end of a process that cannot stop in order without it
+GRACE_S = 5.0  # maximum time from the failure to the end of the process [s]
 
 log = logging.getLogger("people4d")
 
@@ -17,12 +17,12 @@ class ThreadFailures:
         self._failed = False
 
     def watch(self) -> None:
-        """From now on, end this process once a thread fails, as a stop signal would."""
+        """End this process as by a stop signal once a thread fails."""
         threading.excepthook = self._end
 
     @property
     def exit_code(self) -> int:
-        """Exit code of a process that stops: 1 if a thread failed, which has it restarted."""
+        """Exit code of the process: 1 after a failed thread, so that it is restarted."""
         return int(self._failed)
 
     def _end(self, failure: threading.ExceptHookArgs) -> None:

@@ -5,10 +5,10 @@ from collections.abc import Mapping, Sequence
 
 from people4d.topics import BY_NAME, Topic
 
-QUIET_S = 3.0  # [s] without a message after which a stream counts as missing
-WINDOW_S = 3.0  # [s] over which losses are counted
-LOST_RATIO = 0.1  # of the messages received; fewer are only counted
-LOST_MIN = 3  # messages, so that a single one makes no alarm
+QUIET_S = 3.0  # silence after which a stream is missing [s]
+WINDOW_S = 3.0  # period of the losses [s]
+LOST_RATIO = 0.1  # minimum share of lost messages that is reported
+LOST_MIN = 3  # minimum number of lost messages that is reported
 
 # Counters of progress; every other one names a drop or another event by its cause.
 PROGRESS = {
@@ -29,10 +29,10 @@ PROGRESS_PREFIXES = ("received_", "sent_", "left_", "taken_over_")  # left: to a
 
 
 class Throughput:
-    """Reads from the counters of a process, shown periodically, what is missing or lost.
+    """Finds missing streams and losses in the periodic counters of a process.
 
     Args:
-        inputs: Streams without which the process can do nothing.
+        inputs: Streams without which the process cannot work.
         outputs: Streams that it publishes by itself.
         now_s: Monotonic time in seconds.
     """
@@ -44,7 +44,7 @@ class Throughput:
         self._samples: deque[tuple[float, dict[str, int]]] = deque()
 
     def missing(self, counters: Mapping[str, int], now_s: float) -> str:
-        """Return the stream that is missing, one sentence; empty if none is."""
+        """Describe a missing stream in one sentence; empty if there is none."""
         for name, counter, verb in self._streams:
             count, (before, since_s) = counters.get(counter, 0), self._changed[counter]
             if count != before:
@@ -57,7 +57,7 @@ class Throughput:
         return ""
 
     def losing(self, counters: Mapping[str, int], now_s: float) -> str:
-        """Return the stream that comes faster than it is handled, one sentence; empty if none."""
+        """Describe a stream that overruns the process in one sentence; empty if none does."""
         inputs = {n: c for n, c in counters.items() if n.startswith(("received_", "dropped_"))}
         self._samples.append((now_s, inputs))
         while len(self._samples) > 1 and now_s - self._samples[1][0] >= WINDOW_S:

@@ -1,8 +1,7 @@
 """Offsets between the clocks of hosts, each with a bound of its error.
 
 Every process queries the time of the router's host, as NTP does: four stamps give the offset of two
-clocks to within half of the time that query and reply were under way. So all clocks are known
-relative to one.
+clocks to within half of the round-trip time.
 """
 
 import socket
@@ -19,8 +18,8 @@ import msgspec
 CLOCK = "clock"  # name of the query
 BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 EXCHANGES_MAX = 64
-DRIFT = 1e-4  # two quartz clocks part by less than this ratio of the time: 50 ppm each
-ROUNDING_NS = 1.0  # of the stamps
+DRIFT = 1e-4  # maximum relative drift of two quartz clocks, 50 ppm each
+ROUNDING_NS = 1.0  # rounding error of stamps [ns]
 QUERY_PERIOD_S = 1.0
 
 
@@ -28,8 +27,8 @@ QUERY_PERIOD_S = 1.0
 class HostOffset:
     """Offset of a host's clock."""
 
-    offset_ns: float  # its time minus that of the reference
-    error_ns: float  # bound of the error of that
+    offset_ns: float  # time of the host minus time of the reference
+    error_ns: float  # bound of the error of offset_ns
 
 
 NO_OFFSET = HostOffset(0.0, 0.0)
@@ -55,26 +54,26 @@ class TimeExchange:
 
     @property
     def error_ns(self) -> float:
-        """Bound of the error: all of the delay was the query's, or all of it the reply's."""
+        """Bound of the error: the whole delay was in the query, or in the reply."""
         served_ns = self.reply_sent_ns - self.query_received_ns
         return (self.reply_received_ns - self.query_sent_ns - served_ns) / 2
 
     def at(self, now_ns: int) -> HostOffset:
-        """Return the offset at a later time: meanwhile, and before, clocks drift."""
+        """Return the offset at another time, with the drift of the clocks in its error."""
         served_ns = abs(self.reply_sent_ns - self.query_received_ns)
         drifting_ns = abs(now_ns - self.reply_received_ns) + served_ns
         return HostOffset(self.offset_ns, self.error_ns + DRIFT * drifting_ns + ROUNDING_NS)
 
 
 class ClockFilter:
-    """Offset of two clocks from many exchanges, of which the quickest are the most accurate."""
+    """Offset of two clocks from many exchanges; the quickest exchange is the most accurate."""
 
     def __init__(self) -> None:
-        self.steps = 0  # times that one of the clocks was set
+        self.steps = 0  # number of clock steps
         self._exchanges: deque[TimeExchange] = deque(maxlen=EXCHANGES_MAX)
 
     def add(self, exchange: TimeExchange) -> None:
-        """Take an exchange; one that contradicts those before shows that a clock was set."""
+        """Add an exchange; a contradiction with earlier ones shows that a clock was set."""
         new, known = (
             exchange.at(exchange.reply_received_ns),
             self.offset(exchange.reply_received_ns),
@@ -131,7 +130,7 @@ def clock_id() -> str:
 
 
 def serve_time(bus: QueryServer, clock: str = "", now_ns: Callable[[], int] = time.time_ns) -> None:
-    """Be the reference: reply to all queries of the time.
+    """Reply to all queries of the time as the reference.
 
     Args:
         bus: Bus of the queries.
@@ -168,7 +167,7 @@ class ClockMonitor:
         self.bad_replies = 0
 
     def query(self) -> None:
-        """Query the reference, at most once a second; returns at once."""
+        """Query the reference without waiting, at most once a second."""
         if time.monotonic() - self._queried_s < QUERY_PERIOD_S:
             return
         self._queried_s = time.monotonic()
@@ -189,7 +188,7 @@ class ClockMonitor:
         return {"clock_offset_ms": ms[0], "clock_error_ms": ms[1]}
 
     def counters(self) -> dict[str, int]:
-        """Return the number of times a clock was set, and of replies that could not be read."""
+        """Return the number of clock steps and of unreadable replies."""
         return {"clock_steps": self._filter.steps, "bad_clock": self.bad_replies}
 
     def _receive(self, sent_ns: int, payload: bytes, received_ns: int) -> None:

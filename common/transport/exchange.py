@@ -1,4 +1,4 @@
-"""Messages between the services of one process: handed over as they are, without bytes."""
+"""Messages between the services of one process, handed over without encoding."""
 
 import threading
 from collections.abc import Callable
@@ -18,8 +18,8 @@ Taker = Callable[[Topic, str, Message], None]  # gets topic, full key and messag
 class Exchange:
     """Hands each message to all services of this process that subscribe to its topic.
 
-    Every one gets the same object, whose arrays cannot be written to. Of a latched topic a late
-    subscriber gets the last message of each key first, as through Zenoh.
+    All services get the same object, with read-only arrays. A late subscriber of a latched topic
+    gets the last message of each key first, as through Zenoh.
     """
 
     def __init__(self) -> None:
@@ -74,7 +74,7 @@ def as_received(message: M) -> M:
 
 
 def size_of(message: Message) -> int:
-    """Return the bytes of a message's own arrays and blobs; what it holds besides is small."""
+    """Return the size of the arrays and blobs of a message; the rest is small."""
     return sum(
         value.nbytes if isinstance(value, np.ndarray) else len(value)
         for value in msgspec.structs.asdict(message).values()
@@ -90,7 +90,7 @@ def _plain(value: Any) -> Any:
         changed = {
             name: plain
             for name, field in msgspec.structs.asdict(value).items()
-            # The trace is made by the tracer, and long.
+            # The trace comes from the tracer, and is long.
             if name != "trace" and (plain := _plain(field)) is not field
         }
         return msgspec.structs.replace(value, **changed) if changed else value

@@ -9,7 +9,7 @@ from people4d.messages import Message
 
 
 class MemoryBus:
-    """Delivers messages to nodes at once; every message passes the codec, as between processes.
+    """Delivers messages to nodes immediately, through the codec as between processes.
 
     Args:
         nodes: The nodes, called in this order.
@@ -21,7 +21,7 @@ class MemoryBus:
         self.now_ns = 0
 
     def publish(self, *messages: Message) -> list[Message]:
-        """Deliver messages and all that follows from them.
+        """Deliver messages and all resulting messages.
 
         Args:
             messages: Messages in order.
@@ -41,7 +41,7 @@ class MemoryBus:
         return self.log[start:]
 
     def advance(self, duration_ns: int = 0) -> list[Message]:
-        """Let time pass, then tick every node.
+        """Advance the clock, then tick every node.
 
         Args:
             duration_ns: Time that passes.

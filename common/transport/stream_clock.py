@@ -1,8 +1,8 @@
-"""Wall times of a stream's stamps: a recording or simulation is mapped to the time of its playing.
+"""Wall times of the stamps of a stream: a recording or simulation is mapped to its playback.
 
-Stamps near the wall clock are by it: if their messages are late, so are the people in them. All
-others get an offset, from the source's own time of sending where a message's trace has it, else
-from the message's arrival. The offset is held until a recording jumps or is played too slowly.
+Stamps near the wall clock are wall times. All others get an offset, from the time of sending in the
+trace of the message, else from its arrival. The offset is constant until a recording jumps or is
+played too slowly.
 """
 
 import time
@@ -11,11 +11,11 @@ from collections.abc import Callable, Sequence
 from people4d.messages import Detections, Message, Predictions, Span, Tracks
 from people4d.messages.base import MAX_CAMERAS
 
-EXTRAPOLATION_MAX_NS = 500_000_000  # nothing is moved by its velocity over a longer time
-AHEAD_MAX_NS = 1_000_000_000  # stamps from this far ahead of the wall clock ...
-LATE_MAX_NS = 10_000_000_000  # ... to this far behind it are by it
-JITTER_NS = 100_000_000  # of the times at which a source sends
-UNTRACED_NS = 1_000_000_000  # of the times at which messages without a source's trace come
+EXTRAPOLATION_MAX_NS = 500_000_000  # maximum extrapolation by velocity [ns]
+AHEAD_MAX_NS = 1_000_000_000  # maximum lead of a live stamp over the wall clock [ns]
+LATE_MAX_NS = 10_000_000_000  # maximum delay of a live stamp behind the wall clock [ns]
+JITTER_NS = 100_000_000  # jitter of the times of sending [ns]
+UNTRACED_NS = 1_000_000_000  # jitter of the arrivals of messages without a trace [ns]
 OF_CAMERAS = (Tracks, Predictions, Detections)
 SENDING = (".capture", ".release")  # stages of a source
 
@@ -34,7 +34,7 @@ class StreamClock:
         self._offsets_ns: dict[str, int] = {}
 
     def wall_ns(self, message: Message) -> int:
-        """Return the wall time of the stamp of a message that came just now."""
+        """Return the wall time of the stamp of a message that arrives now."""
         camera = message.camera if isinstance(message, OF_CAMERAS) else ""
         now_ns = self._wall_ns()
         sent_ns = _sent_ns(message.trace, now_ns)
@@ -50,14 +50,14 @@ class StreamClock:
         return message.stamp_ns + self._shared_ns(camera)
 
     def _shared_ns(self, camera: str) -> int:
-        """Return the offset of the first camera that nearly agrees with this one."""
+        """Return the offset of the first camera whose offset is similar."""
         offsets_ns = list(self._offsets_ns.values())
         own_ns = self._offsets_ns.get(camera, offsets_ns[0])
         return next(ns for ns in offsets_ns if abs(ns - own_ns) <= UNTRACED_NS)
 
 
 def _sent_ns(trace: Sequence[Span], now_ns: int) -> int | None:
-    """Return the wall time at which a source sent; None without it, or if the trace is replayed."""
+    """Return the wall time of sending; None if it is unknown or the trace is replayed."""
     sending = (span.start_ns for span in trace if span.stage.endswith(SENDING))
     sent_ns = next(sending, None)
     if sent_ns is None or not -AHEAD_MAX_NS <= now_ns - sent_ns <= LATE_MAX_NS:

@@ -16,8 +16,8 @@ M = TypeVar("M", bound=Message)
 
 JOINED = "+"  # between the instances of one process
 
-# Stages in the order in which a frame passes them: "<service>.<stage>". Those marked with * are not
-# measured by a process: they lie between two stages, see common.runtime.latency.
+# Stages in the order of a frame, "<service>.<stage>"; stages with * lie between two measured ones,
+# see common.runtime.latency.
 STAGES = {
     "capture": "a live camera's frame: from its acquisition until it is in memory",
     "release": "a frame that is due is taken from those read ahead and made a message",
@@ -103,7 +103,7 @@ def span(stage: str) -> _Measurement:
 
 
 def record(stage: str, start_ns: int, end_ns: int) -> None:
-    """Record a stage that was measured elsewhere; outside of `collect` this does nothing.
+    """Record a stage that was measured elsewhere; without `collect` this does nothing.
 
     Args:
         stage: One of STAGES, or a stage of your own.
@@ -135,7 +135,7 @@ class Tracer:
 
     Args:
         process_id: The process.
-        on: False: traces stay as they are, and spans cost next to nothing.
+        on: False: traces do not change, and spans are almost free.
     """
 
     def __init__(self, process_id: ProcessId, on: bool = True) -> None:
@@ -154,8 +154,7 @@ class Tracer:
     def taken(self, message: M, received_ns: int, decoded_ns: int, taken_ns: int) -> M:
         """Return a message with the times of its arrival.
 
-        The node copies them with the trace, so that they stay with this message even if another
-        one makes the node answer.
+        The node copies the trace of this message, even if another message triggers the answer.
 
         Args:
             message: The message.
@@ -170,11 +169,11 @@ class Tracer:
         )
 
     def worked(self, message: M, spans: list[Span]) -> M:
-        """Return an answer with the stages of the work behind it."""
+        """Return an answer with the stages of its work."""
         return self._extended(message, *spans)
 
     def handled(self, start_ns: int, spans: list[Span]) -> list[Span]:
-        """Return the stages of the work; those of a node that measures none are one, `handle`."""
+        """Return the stages of the work; the single stage `handle` if the node measured none."""
         return spans or [_span(self._process_id, "handle", start_ns, time.time_ns())]
 
     def publishing(self, message: Message) -> Callable[[], Span] | None:

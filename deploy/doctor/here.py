@@ -1,4 +1,4 @@
-"""Checks of this machine: what needs no running system, and why one does not run."""
+"""Checks of this host: processes, router, settings and models."""
 
 import re
 import socket
@@ -45,7 +45,7 @@ def _listens(host: str, port: int) -> bool:
 
 
 def running(state: State) -> Iterator[Diagnostic]:
-    """Look at the processes that people4d up started on this machine, or why it ended."""
+    """Check the processes of people4d up on this host, or report its last failure."""
     if not state.read():
         if failure := tail(state.folder / FAILURE, TAIL_LINES):
             hint = "Correct it and start people4d up again; people4d logs has the rest."

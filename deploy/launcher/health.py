@@ -11,8 +11,8 @@ from people4d.client import Client
 from people4d.errors import People4dError
 from people4d.messages import Health
 
-FRESH_S = 3.0
-CONNECT_TIMEOUT_S = 0.5
+FRESH_S = 3.0  # maximum age of a heartbeat [s]
+CONNECT_TIMEOUT_S = 0.5  # maximum wait for the router [s]
 
 
 class Heartbeats:
@@ -26,7 +26,7 @@ class Heartbeats:
         self._arrived = threading.Condition()
 
     def connect(self, timeout_s: float = CONNECT_TIMEOUT_S) -> None:
-        """Begin to listen, unless it listens already.
+        """Connect and listen, if not connected yet.
 
         Raises:
             People4dError: No router answers.
@@ -46,7 +46,7 @@ class Heartbeats:
             self._arrived.wait(timeout_s)
 
     def healthy(self, service: Service, processes: Sequence[Process]) -> bool:
-        """Return True if all processes of a service work; without a health check, if they run."""
+        """Check that all processes of a service work; without a health check, that they run."""
         if not service.has_healthcheck:
             return all(process.state == "RUNNING" for process in processes)
         try:
@@ -69,11 +69,10 @@ class Heartbeats:
 
 
 def of_instance(healths: Sequence[Health], instance: str, pid: int = 0) -> Health | None:
-    """Return the heartbeat of a process on this machine, None if there is none.
+    """Return the heartbeat of a process, preferably on this host; None if there is none.
 
-    Each machine has a watchdog-1, and in a container a machine has another name: a process of
-    another machine counts only where none of that name runs here. With a process number another
-    process of that name does not count.
+    Each host has a watchdog-1, and a container has another host name: a process of another host
+    counts only if no process of its name runs here. A process number excludes other processes.
     """
     found = [h for h in healths if h.instance == instance and pid in (0, h.pid)]
     here = socket.gethostname()
@@ -81,5 +80,5 @@ def of_instance(healths: Sequence[Health], instance: str, pid: int = 0) -> Healt
 
 
 def works(health: Health | None) -> bool:
-    """Return True for the heartbeat of a process that does its work, if with limits."""
+    """Check that a process works, with or without limits."""
     return health is not None and health.state in ("ready", "degraded")

@@ -11,11 +11,11 @@ from common.transport.trace import JOINED
 from deploy.compose import CONDITIONS, Dependency, Service
 from people4d.errors import ConfigError
 
-MODULE = "deploy.joined"  # that runs several services
-INSTANCE = "PEOPLE4D_INSTANCE"  # of each process another
+MODULE = "deploy.joined"  # module of a process with several services
+INSTANCE = "PEOPLE4D_INSTANCE"  # variable with the name of a process
 
-# Those that stay apart: the router, through which everything else is reached; the watchdog, which
-# must live when others hang; and what serves others or writes when it ends.
+# Other services have a process of their own: the router, which all others need; the watchdog, which
+# must outlive hung processes; and servers and writers.
 JOINABLE = (
     "camera",
     "detector",
@@ -43,8 +43,7 @@ def check_joinable(services: Sequence[str], environment: Mapping[str, str] = os.
     """Check that services may share a process.
 
     Raises:
-        ConfigError: One may not, one is named twice, there are fewer than two, or each would have
-            to prove its own role.
+        ConfigError: A service may not, is named twice, is alone, or has to prove its role.
     """
     can = f"Those that can are {', '.join(JOINABLE)}."
     for service in services:
@@ -62,7 +61,7 @@ def check_joinable(services: Sequence[str], environment: Mapping[str, str] = os.
 
 
 def join(services: Sequence[Service], names: Sequence[str]) -> tuple[Service, ...]:
-    """Return services of which those named share a process; it waits for what any waits for."""
+    """Return services with partners; the shared process has the dependencies of all partners."""
     waits: dict[str, Dependency] = {}
     for service in services:
         for dependency in service.depends_on if service.name in names else ():
@@ -85,8 +84,8 @@ def joined_command(names: Sequence[str], services: Sequence[Service]) -> tuple[s
     """Return the command of the process that services share, with their settings.
 
     Raises:
-        ConfigError: A service runs something else than its module, or one needs another value of
-            an environment variable than another.
+        ConfigError: A service does not run its module, or two services need different values of an
+            environment variable.
     """
     by_name = {service.name: service for service in services}
     command = ["python", "-m", MODULE, *names]
@@ -105,7 +104,7 @@ def joined_command(names: Sequence[str], services: Sequence[Service]) -> tuple[s
 
 
 def joined_service(service: Service, services: Sequence[Service]) -> tuple[Service, str]:
-    """Return the service as which supervisord runs a process of several, and its name."""
+    """Return the service by which supervisord runs a shared process, and the process name."""
     by_name = {one.name: one for one in services}
     all_of = [by_name[name] for name in service.partners]
     program = replace(

@@ -18,14 +18,14 @@ from people4d.errors import ConfigError
 
 COMPOSE_FILE = Path(__file__).resolve().parents[1] / "compose.yaml"
 CONFIG_FILE = COMPOSE_FILE.parent / "config" / "people4d.toml"
-REPORT = "report"  # profile and service that writes the report
-PROCESSES = "processes"  # profile of what only processes of this machine need
+REPORT = "report"  # profile and service of the report
+PROCESSES = "processes"  # profile of services that containers do not need
 CAMERA = "camera"
 ROUTER = "router"
-NEEDED = (ROUTER, "detector", "tracker")  # without which no people are tracked
+NEEDED = (ROUTER, "detector", "tracker")  # services without which no one is tracked
 HOST = "127.0.0.1"
 PORT = 7447
-REPLICAS_PER_CORE = 4  # of one service at most, so that a typing error starts no storm
+REPLICAS_PER_CORE = 4  # maximum number of replicas of a service, against typing errors
 
 
 @dataclass(frozen=True)
@@ -33,8 +33,8 @@ class LaunchRequest:
     """Launch request: options of `people4d up`."""
 
     robot: str = "robot"  # name of the robot
-    host: str = HOST  # address at which the router listens; 0.0.0.0 lets other machines connect
-    port: int = PORT  # TCP port at which it listens
+    host: str = HOST  # address of the router; 0.0.0.0 lets other hosts connect
+    port: int = PORT  # TCP port of the router
     # TOML file with one table for each service; None for the shipped one
     config: Path | None = None
     compose: Path = COMPOSE_FILE  # compose file
@@ -87,14 +87,14 @@ def plan(request: LaunchRequest) -> tuple[Service, ...]:
 
 
 def router_of(services: Sequence[Service], request: LaunchRequest) -> str:
-    """Return the endpoint of the router that services meet at: their own, or another host's."""
+    """Return the endpoint of the router: their own, or the router of another host."""
     if any(service.name == ROUTER for service in services):
         return request.connect
     return request.environment.get("PEOPLE4D_CONNECT") or request.connect
 
 
 def variables(request: LaunchRequest) -> dict[str, str]:
-    """Return the values that the compose file's variables have on this machine."""
+    """Return the values of the variables of the compose file on this host."""
     config = request.config or Path(request.environment.get("PEOPLE4D_CONFIG") or CONFIG_FILE)
     if not config.is_file():
         raise ConfigError(f"configuration file {config} does not exist", "Check the path.")
@@ -108,16 +108,16 @@ def variables(request: LaunchRequest) -> dict[str, str]:
         "PEOPLE4D_CONNECT_INSIDE": request.connect,
     }
     keys = request.environment.get("PEOPLE4D_KEYS")
-    if keys:  # a container has them elsewhere
+    if keys:  # the path differs in a container
         fixed["PEOPLE4D_KEYS_INSIDE"] = str(Path(keys).absolute())
     return local | dict(request.environment) | fixed
 
 
 def check_settings(services: Sequence[Service], request: LaunchRequest) -> None:
-    """Check the settings of services, and the sources, models and folders that they name.
+    """Check the settings of services, and the sources, models and folders in them.
 
     Raises:
-        People4dError: A setting is wrong, or what it names cannot be used.
+        People4dError: A setting is wrong, or its source, model or folder is unusable.
     """
     file = Path(variables(request)["PEOPLE4D_CONFIG_INSIDE"])
     for service in services:
@@ -134,8 +134,8 @@ def read_settings(
 ) -> msgspec.Struct | None:
     """Read the settings of a service as its process will read them.
 
-    The configuration is None for a program that is no service of this project; overrides,
-    "field=value", win over the environment of the process, and that over the TOML file.
+    The configuration is None for a program that is not a service of this project. Overrides,
+    "field=value", win over the environment of the process, and the environment over the TOML file.
 
     Raises:
         ConfigError: A setting is unknown or out of range, or the file cannot be read.
@@ -147,7 +147,7 @@ def read_settings(
 
 
 def load_model(service: Service, settings: msgspec.Struct) -> str:
-    """Load the model of a service that has one, and return the model's name.
+    """Load the model of a service and return its name.
 
     Raises:
         People4dError: The model is missing, altered or cannot be loaded.
@@ -182,7 +182,7 @@ def replicas_of(
 ) -> dict[str, int]:
     """Return the number of processes of each service.
 
-    The last "service=number" of a service wins, else the number that it has.
+    The last "service=number" of a service wins; the default is its present number.
 
     Raises:
         ConfigError: A request names no service, or several processes of one that runs once.

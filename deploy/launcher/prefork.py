@@ -1,9 +1,8 @@
 """Supervisord that forks services with their modules loaded: `python -m deploy.launcher.prefork`.
 
-What services import (numpy, OpenCV, scipy, Zenoh, ...) is loaded once and shared by all of them: a
-process has less memory of its own, and starts again sooner. Supervisord is as it is but for the
-last step of a start: where it would execute `python -m MODULE` of a loaded module, its fork runs
-the module. All other commands are executed. It also notices sooner that a process ended.
+Libraries of the services (numpy, OpenCV, scipy, Zenoh, ...) are loaded once and shared: a process
+needs less memory and restarts sooner. The fork of supervisord runs the module of `python -m MODULE`
+if it is loaded; all other commands are executed. The end of a process is also detected sooner.
 """
 
 import atexit
@@ -23,9 +22,9 @@ from setproctitle import getproctitle, setproctitle
 from supervisor import supervisord
 from supervisor.options import ServerOptions
 
-POLL_S = 0.1  # between looks at its processes; a second in supervisord
+POLL_S = 0.1  # polling period of processes; 1 s in supervisord [s]
 OWN = ("deploy.launcher.watchdog",)
-HANDLED = ("SIGTERM", "SIGINT", "SIGQUIT", "SIGHUP", "SIGCHLD", "SIGUSR2")  # by supervisord
+HANDLED = ("SIGTERM", "SIGINT", "SIGQUIT", "SIGHUP", "SIGCHLD", "SIGUSR2")  # of supervisord
 
 
 class PreforkOptions(ServerOptions):  # type: ignore[misc]  # supervisor has no types
@@ -47,7 +46,7 @@ class PreforkOptions(ServerOptions):  # type: ignore[misc]  # supervisor has no 
         self._loaded = load(sorted(modules - {""}))
 
     def execve(self, filename: str, argv: Sequence[str], env: Mapping[str, str]) -> None:
-        """Become a program, in a process that was just forked."""
+        """Run a program in a new fork."""
         variables, command = split(argv)
         if module_of(command) in self._loaded:
             become(command, {**env, **variables})
@@ -66,23 +65,23 @@ def module_of(command: Sequence[str]) -> str:
 
 
 def load(modules: Sequence[str]) -> frozenset[str]:
-    """Import what modules need, as far as it can be; return those that may run in a fork.
+    """Import modules as far as possible; return the modules that may run in a fork.
 
-    Of a service that is its module `build`: its module `__main__` may be one that runs at once.
-    No module may run in a fork if one starts a thread when it is imported: forks lack that thread.
+    For a service its module `build` is imported, since `__main__` would run. If an import starts a
+    thread, no module may run in a fork: forks lack that thread.
     """
     loaded = set()
     for module in modules:
-        with suppress(Exception):  # its own process will log why
+        with suppress(Exception):  # its own process logs the reason
             importlib.import_module(module if module in OWN else f"{module}.build")
             loaded.add(module)
     gc.collect()
-    gc.freeze()  # the collector of a fork would write into what it shares
+    gc.freeze()  # the garbage collector of a fork would write to shared memory
     return frozenset(loaded if len(os.listdir("/proc/self/task")) == 1 else ())
 
 
 def become(command: Sequence[str], variables: Mapping[str, str]) -> NoReturn:
-    """Run `python -m MODULE ARGUMENTS` in this fork of supervisord, and end it.
+    """Run `python -m MODULE ARGUMENTS` in this fork of supervisord, then exit.
 
     Args:
         command: The command.
@@ -96,7 +95,7 @@ def become(command: Sequence[str], variables: Mapping[str, str]) -> NoReturn:
     sys.argv = list(command[2:])
     setproctitle(shlex.join(command))
     if command[2] in OWN:
-        del sys.modules[command[2]]  # it is run anew, as __main__
+        del sys.modules[command[2]]  # it runs as __main__
     status = 1
     try:
         runpy.run_module(command[2], run_name="__main__", alter_sys=True)
@@ -108,7 +107,7 @@ def become(command: Sequence[str], variables: Mapping[str, str]) -> NoReturn:
     except BaseException:  # as an interpreter would
         sys.excepthook(*sys.exc_info())
     finally:
-        # What an interpreter does at its end, but for the code of supervisord below on the stack.
+        # The end of an interpreter, without the code of supervisord below on the stack.
         with suppress(Exception):
             threading._shutdown()  # type: ignore[attr-defined]  # as multiprocessing does
             atexit._run_exitfuncs()
@@ -119,7 +118,7 @@ def become(command: Sequence[str], variables: Mapping[str, str]) -> NoReturn:
 
 def main() -> None:
     """Run supervisord."""
-    getproctitle()  # it finds its memory now; once the environment has changed, it cannot
+    getproctitle()  # locates the title in memory, which later changes of the environment prevent
     supervisord.ServerOptions = PreforkOptions
     supervisord.main()
 

@@ -1,4 +1,4 @@
-"""Reasons of processes that do not work, or work with limits, reported once each."""
+"""Reasons of processes that are starting or degraded, each reported once."""
 
 import re
 import time
@@ -6,22 +6,22 @@ from collections.abc import Callable, Sequence
 
 from people4d.messages import Health
 
-DELAY_S = 4.0  # that a reason must last: many pass while a system starts
-LIMIT_PERCENT = 90.0  # of a core, from which a process is at its limit
+DELAY_S = 4.0  # minimum duration of a reported reason: many pass during the start [s]
+LIMIT_PERCENT = 90.0  # minimum share of a core of a process at its limit [%]
 NUMBER = re.compile(r"[\d.]+")
-WAITS = re.compile(r"no [\w ,]+ for \d+ s")  # for another process, whose reason says more
+WAITS = re.compile(r"no [\w ,]+ for \d+ s")  # reason of a process that waits for another one
 
 
 class Reasons:
-    """Reports reasons that last, without repeating one whose numbers alone change."""
+    """Reports lasting reasons; a change of numbers alone is not reported."""
 
     def __init__(self, progress: Callable[[str, str], None]) -> None:
         self._progress = progress
         self._since_s: dict[tuple[str, str], float] = {}
         self._reported: set[tuple[str, str]] = set()
 
-    def add(self, healths: Sequence[Health]) -> None:
-        """Take the last heartbeats of all processes."""
+    def add_heartbeats(self, healths: Sequence[Health]) -> None:
+        """Add the last heartbeats of all processes."""
         now_s = time.monotonic()
         present = {
             (health.instance, NUMBER.sub("", health.reason)): health.reason
@@ -38,7 +38,7 @@ class Reasons:
 
 
 def _busy(healths: Sequence[Health]) -> str:
-    """Name the processes that use a whole core; empty if there are none."""
+    """List the processes that use a whole core; empty if there are none."""
     loads = {h.instance: h.gauges.get("cpu_percent", 0.0) for h in healths}
     names = [f"{name} {load:.0f} %" for name, load in loads.items() if load >= LIMIT_PERCENT]
     return f" (at its limit: {', '.join(names)} of a core)" if names else ""

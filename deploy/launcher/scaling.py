@@ -17,7 +17,7 @@ from deploy.launcher.state import State
 from deploy.launcher.supervisor import Process, Supervisor
 from people4d.errors import ConfigError
 
-RESERVE = 0.9  # share of the free memory that new processes may take
+RESERVE = 0.9  # maximum share of the free memory for new processes
 
 Plan = tuple[Service, ...]
 
@@ -39,8 +39,8 @@ def scale(
         requests: Numbers of replicas, "service=number".
         heartbeats: Heartbeats of the system.
         timeout_s: Longest wait for each new process in seconds.
-        progress: Takes what happened.
-        force: Start more than this machine has cores or free memory for.
+        progress: Reports events.
+        force: Start more replicas than this host has cores or free memory for.
 
     Raises:
         ConfigError: A request, "service=number", names no service, one that runs only once, or
@@ -75,14 +75,14 @@ def check_capacity(
     cores: int | None = None,
     free_mb: float | None = None,
 ) -> None:
-    """Check that a machine can run the replicas that are added.
+    """Check that a host can run added replicas.
 
     Args:
         before: Services with their present number of replicas.
         after: The same services with the number wanted.
-        processes: Present processes by name; a new one is taken to be as large.
-        cores: Processor cores; None: of this machine.
-        free_mb: Free memory in MiB; None: of this machine.
+        processes: Present processes by name; a new replica has the size of a present one.
+        cores: Processor cores; None: cores of this host.
+        free_mb: Free memory in MiB; None: free memory of this host.
 
     Raises:
         ConfigError: A service would have more replicas than cores, or all too little memory.
@@ -119,7 +119,7 @@ def _one_more(plan: Plan, last: Plan) -> Iterator[Plan]:
 
 
 def _apply(state: State, supervisor: Supervisor, plan: Plan) -> tuple[list[str], list[str]]:
-    """Make a plan that of the system; return the processes to start and those stopped."""
+    """Apply a plan to the system; return the added and the stopped processes."""
     changed = supervisor.rescale(plan)
     state.write(state.plan_file, msgspec.json.encode(plan))
     return changed

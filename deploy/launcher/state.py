@@ -1,4 +1,4 @@
-"""The folder in which a running system keeps its socket, its logs and what it was started with."""
+"""State folder of a running system: socket, logs, plan and endpoint."""
 
 import fcntl
 import os
@@ -25,7 +25,7 @@ from services.dashboard.address import ADDRESS_FILE
 # A socket's path has 108 bytes; supervisord binds "<path>.<pid>" first, and a 0 ends it.
 LONGEST_SOCKET_PATH = 108 - 1 - len(".4194304")
 MARK = "PEOPLE4D_RUN"
-LOCK = "start.lock"  # file held by a start or stop under way
+LOCK = "start.lock"  # file that a start or stop locks
 POLL_S = 0.05
 GRACE_S = 3.0  # between SIGTERM and SIGKILL
 
@@ -46,9 +46,7 @@ class State:
         self.config = folder / "supervisord.conf"
         self.log = folder / "supervisord.log"
         self.run_file = folder / "run.json"
-        self.plan_file = (
-            folder / "plan.json"
-        )  # the services, see deploy.launcher.launcher.read_plan
+        self.plan_file = folder / "plan.json"  # see deploy.launcher.launcher.read_plan
 
     @classmethod
     def of_robot(cls, robot: str, environment: Mapping[str, str] = os.environ) -> "State":
@@ -64,12 +62,12 @@ class State:
         return cls(state_folder(robot, environment))
 
     def log_of(self, instance: str) -> Path:
-        """Return the log file of a process, or of the one that it shares with others."""
+        """Return the log file of an instance, which may share its process."""
         shared = (f for f in self.folder.glob(f"*{JOINED}*.log") if instance in names_of(f))
         return next(shared, self.folder / f"{instance}.log")
 
     def prepare(self) -> None:
-        """Make the folder, for its owner only.
+        """Create the folder, for its owner only.
 
         Raises:
             ConfigError: The path is too long for a socket, or the folder cannot be made.
@@ -96,7 +94,7 @@ class State:
             ) from error
 
     def tidy(self) -> None:
-        """Remove what the run before left in the folder.
+        """Remove files of the previous run.
 
         Raises:
             People4dError: It cannot be removed.
@@ -112,10 +110,10 @@ class State:
 
     @contextmanager
     def locked(self, timeout_s: float) -> Iterator[bool]:
-        """Keep other starts and stops out of the block; yield False if one goes on for so long."""
+        """Exclude other starts and stops; yield False if one of them outlasts the timeout."""
         try:
             lock = (self.folder / LOCK).open("w")
-        except OSError:  # there is no folder, hence nothing to keep out
+        except OSError:  # without a folder nothing runs
             yield True
             return
         with lock:
@@ -128,7 +126,7 @@ class State:
         """Replace a file of the folder.
 
         Raises:
-            People4dError: It cannot be written; the file before it remains.
+            People4dError: It cannot be written; the previous file remains.
         """
         try:
             replace_file(file, content, 0o600)
@@ -139,7 +137,7 @@ class State:
             ) from error
 
     def read(self) -> Run | None:
-        """Return what the running system was started with, None if none runs."""
+        """Return the record of the running system, None if no system runs."""
         try:
             run = msgspec.json.decode(self.run_file.read_bytes(), type=Run)
         except (OSError, msgspec.DecodeError, UnicodeDecodeError):
@@ -147,7 +145,7 @@ class State:
         return run if _is_marked(run.pid, self.folder) else None
 
     def was_stopped(self, timeout_s: float) -> bool:
-        """Wait for a stop to end and tidy up; return False if supervisord was killed instead."""
+        """Wait for the end of a stop; return False if supervisord was killed."""
         deadline_s = time.monotonic() + timeout_s
         while self.run_file.exists():
             if self.read():
@@ -158,7 +156,7 @@ class State:
         return True
 
     def clear(self) -> None:
-        """Forget the run; logs stay."""
+        """Remove the record of the run, but not its logs."""
         self.run_file.unlink(missing_ok=True)
         self.socket.unlink(missing_ok=True)
 
@@ -167,18 +165,18 @@ class State:
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def leftovers(self) -> list[psutil.Process]:
-        """Return processes of this system that are still alive; zombies have no mark."""
+        """Return living processes of this system; zombies have no mark."""
         return [p for p in psutil.process_iter() if _is_marked(p.pid, self.folder)]
 
     def kill_processes(self, but: Collection[int]) -> None:
-        """Kill all processes but those of some process groups."""
+        """Kill all processes except some process groups."""
         for process in self.leftovers():
             with suppress(psutil.Error, ProcessLookupError):
                 if os.getpgid(process.pid) not in but:
                     process.kill()
 
     def sweep(self) -> int:
-        """End processes that a killed supervisord left behind, and return their number."""
+        """End processes of a killed supervisord, and return their number."""
         leftovers = alive = self.leftovers()
         for number in (signal.SIGTERM, signal.SIGKILL):
             for process in alive:
@@ -195,18 +193,18 @@ class State:
 
 
 def running_robots(environment: Mapping[str, str] = os.environ) -> list[str]:
-    """Return the robots whose systems run on this machine."""
+    """Return the names of the robots with a running system on this host."""
     folders = State.of_robot("robot", environment).folder.parent.glob("*")
     return sorted(folder.name for folder in folders if State(folder).read())
 
 
 def names_of(log: Path) -> list[str]:
-    """Return the instances whose log a file is."""
+    """Return the instances of a log file."""
     return log.stem.split(JOINED)
 
 
 def _lock(descriptor: int) -> bool:
-    """Take the lock of a file; return False if another process has it."""
+    """Lock a file; return False if another process holds the lock."""
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -215,7 +213,7 @@ def _lock(descriptor: int) -> bool:
 
 
 def _is_marked(pid: int, folder: Path) -> bool:
-    """Return True if a process belongs to the system whose state is in a folder."""
+    """Check that a process belongs to the system of a state folder."""
     try:
         return psutil.Process(pid).environ().get(MARK) == str(folder)
     except (psutil.Error, OSError):

@@ -24,12 +24,12 @@ from deploy.launcher.state import MARK, State
 from people4d.errors import ConfigError, People4dError
 
 SAFE = re.compile(r"[^\w@+=:,./-]", re.ASCII)
-FILES_MIN = 1024  # that supervisord must be able to open
-TRACE_S = 0.1  # that a process has to write down where it hangs
+FILES_MIN = 1024  # minimum number of open files of supervisord
+TRACE_S = 0.1  # time for a hung process to write its stack [s]
 
 PREFORK = {
-    "OMP_NUM_THREADS": "1",  # a library that starts threads when it is imported cannot be shared
-    "SPT_NOENV": "1",  # names of processes leave alone the environment, by which they are found
+    "OMP_NUM_THREADS": "1",  # a library with threads cannot be shared by forks
+    "SPT_NOENV": "1",  # process titles must not overwrite the environment, which marks processes
 }
 
 HEAD = """\
@@ -78,22 +78,22 @@ class Process:
     state: str  # STOPPED, STARTING, RUNNING, BACKOFF, STOPPING, EXITED, FATAL or UNKNOWN
     pid: int  # process number, 0 if it does not run
     uptime_s: float  # seconds since its start, 0 if it does not run
-    exit_status: int  # of the last end; -1 for a signal
-    problem: str  # why it could not be started, empty if it could
+    exit_status: int  # last exit status; -1 for a signal
+    problem: str  # error of its start; empty if there is none
 
     @property
     def finished(self) -> bool:
-        """True if it ended by itself with exit status 0."""
+        """True if it exited with status 0."""
         return self.state == "EXITED" and self.exit_status == 0
 
     @property
     def ended_badly(self) -> bool:
-        """True if it ended with an error; supervisord may be about to start it again."""
+        """True if it exited with an error; supervisord may restart it."""
         return self.state == "EXITED" and self.exit_status != 0
 
     @property
     def gave_up(self) -> bool:
-        """True if supervisord starts it no more."""
+        """True if supervisord does not restart it any more."""
         return self.state in ("FATAL", "UNKNOWN")
 
 
@@ -118,14 +118,14 @@ def _program(state: State, service: Service, instance: str, priority: int) -> st
         STATE: str(state.folder.parent),
         INSTANCE: instance,
     }
-    # env(1) hands the variables over: supervisord's own syntax for them cannot hold every value.
+    # env(1) sets the variables: the syntax of supervisord cannot express every value.
     env = [shutil.which("env") or "/usr/bin/env", *(f"{k}={v}" for k, v in variables.items())]
     return PROGRAM.format(
         instance=instance,
         command=" ".join(map(quote, [*env, *local_command(service.command)])),
         priority=priority,
         autorestart=AUTORESTART.get(service.restart, "true"),
-        # A process that is never restarted may end well at once.
+        # A process without restarts may finish immediately.
         startsecs=0 if service.restart == "no" else 1,
         retries=service.retries,
         stop_grace_s=max(1, round(service.stop_grace_s)),
@@ -134,7 +134,7 @@ def _program(state: State, service: Service, instance: str, priority: int) -> st
 
 
 def local_command(command: Sequence[str]) -> list[str]:
-    """Translate a container's command: python and people4d are those of this environment."""
+    """Translate a container command to the programs of this environment."""
     program, *arguments = command
     if program in ("python", "python3"):
         return [sys.executable, *arguments]
@@ -146,8 +146,8 @@ def local_command(command: Sequence[str]) -> list[str]:
 def quote(argument: str) -> str:
     r"""Quote one argument of a command for supervisord's configuration.
 
-    The file is cut at " #" and " ;" and fills in "%"; a backslash before every character that is
-    not plain keeps it whole, because no blank then stands before a comment sign.
+    The file is cut at " #" and " ;" and expands "%"; a backslash before every special character
+    leaves no blank before a comment sign.
 
     Raises:
         ConfigError: The argument has more than one line.
@@ -155,7 +155,7 @@ def quote(argument: str) -> str:
     if "\n" in argument or "\r" in argument:
         raise ConfigError(f"argument {argument!r:.60} has more than one line")
     quoted = SAFE.sub(lambda match: "\\" + match[0], argument).replace("%", "%%")
-    # The pair of quotes keeps a blank from being the end of the line, where it would be cut.
+    # A pair of quotes protects a blank at the end of the line.
     return quoted + "''" if not quoted or argument[-1].isspace() else quoted
 
 
@@ -166,7 +166,7 @@ def _text(path: str) -> str:
 
 
 def _start_failure(done: subprocess.CompletedProcess[str]) -> People4dError:
-    """Return the reason for which supervisord did not start."""
+    """Return the error of a failed start of supervisord."""
     _, files = resource.getrlimit(resource.RLIMIT_NOFILE)
     if done.returncode > 0 and files < FILES_MIN:
         return People4dError(
@@ -181,7 +181,7 @@ def _start_failure(done: subprocess.CompletedProcess[str]) -> People4dError:
 
 
 class SupervisorGoneError(People4dError):
-    """Supervisord does not answer, or only to say that it stops."""
+    """Supervisord does not answer, or is stopping."""
 
 
 class Supervisor:
@@ -191,15 +191,15 @@ class Supervisor:
         self.state = state
 
     def spawn(self, services: Sequence[Service]) -> int:
-        """Start supervisord, which starts nothing by itself, and return its process number.
+        """Start supervisord without any service, and return its process number.
 
         Raises:
-            People4dError: It does not come up.
+            People4dError: It does not start.
         """
         self.state.write(self.state.config, render(self.state, services).encode())
-        # It leaves this process and its terminal once its socket is open.
+        # It detaches from this process and its terminal once its socket is open.
         done = subprocess.run(
-            # Modules of the working directory are none of ours.
+            # -P: modules of the working directory must not replace ours.
             [sys.executable, "-P", "-m", "deploy.launcher.prefork", "-c", str(self.state.config)],
             stdin=subprocess.DEVNULL,
             capture_output=True,
@@ -212,14 +212,14 @@ class Supervisor:
         return int(self._call("supervisor.getPID"))
 
     def start(self, instance: str) -> None:
-        """Start one process and return at once; nothing if it runs, for another service in it."""
+        """Start one process without waiting; no effect if it runs, for a partner service."""
         with contextlib.suppress(xmlrpc.client.Fault):  # its state shows what went wrong
             self._call("supervisor.startProcess", self._name_of(instance), False)
 
     def kill(self, instance: str, trace: bool = True) -> None:
-        """End a process at once; before, it writes into its log where it hangs, if it can.
+        """Kill a process; with `trace` it first writes its stack to its log.
 
-        Without `trace` it is not asked for that, which would end one that is not prepared.
+        The request for the stack would end a process that has no handler yet.
         """
         program = self._name_of(instance)
         with contextlib.suppress(xmlrpc.client.Fault):  # it did not run
@@ -229,10 +229,10 @@ class Supervisor:
             self._call("supervisor.signalProcess", program, "KILL")
 
     def rescale(self, services: Sequence[Service]) -> tuple[list[str], list[str]]:
-        """Take over other numbers of processes; those too many are stopped, none is started.
+        """Apply other numbers of processes; surplus processes are stopped, none is started.
 
         Returns:
-            Names of the new processes, and of those stopped.
+            Names of the new and of the stopped processes.
         """
         self.state.write(self.state.config, render(self.state, services).encode())
         ((added, _, removed),) = self._call("supervisor.reloadConfig")
@@ -246,7 +246,7 @@ class Supervisor:
         return added, removed
 
     def processes(self) -> dict[str, Process]:
-        """Return all processes by name; one of several services by the name of each.
+        """Return all processes by instance name; a shared process has several names.
 
         Raises:
             SupervisorGoneError: Supervisord does not answer.
@@ -265,16 +265,16 @@ class Supervisor:
         }
 
     def _name_of(self, instance: str) -> str:
-        """Return supervisord's name of the process with an instance."""
+        """Return the name of the process of an instance in supervisord."""
         every = (info["name"] for info in self._call("supervisor.getAllProcessInfo"))
         return next((name for name in every if instance in name.split(JOINED)), instance)
 
     def shutdown(self) -> None:
-        """Ask supervisord to stop everything, last started first, and to end."""
+        """Ask supervisord to stop all processes, the last started first, and to exit."""
         self._call("supervisor.shutdown")
 
     def _call(self, method: str, *arguments: str | bool) -> Any:
-        # A transport does not recover from a failed call, so each call gets its own.
+        # A transport does not recover from a failed call, so each call has its own.
         transport = SupervisorTransport(None, None, serverurl=f"unix://{self.state.socket}")
         server = xmlrpc.client.ServerProxy("http://localhost", transport=transport)
         try:
