@@ -1,7 +1,7 @@
-"""The command `people4d`, started with installed modules before those of the user.
+"""The command `people4d`, with installed modules before modules of the user.
 
-A module of its own, outside of all packages: a file common.py, services.py or people4d.py in a
-folder of PYTHONPATH would otherwise be imported in place of a package of the same name.
+This module is outside of all packages: a file common.py, services.py or people4d.py in a folder of
+PYTHONPATH would otherwise replace a package of the same name.
 """
 
 import importlib
@@ -19,9 +19,9 @@ def main() -> None:
 
 
 def search_plugins_last() -> None:
-    """Take the working directory and PYTHONPATH from the search path of this process and children.
+    """Remove the working directory and PYTHONPATH from the search path, for children, too.
 
-    Their folders become PEOPLE4D_PLUGINS; only the folder of this module stays where it is.
+    Their folders become PEOPLE4D_PLUGINS; the folder of this module stays.
     """
     own = Path(__file__).resolve().parent
     folders = [] if sys.flags.safe_path else [os.getcwd()]

@@ -41,7 +41,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Import a public name on first use: only the client needs Zenoh, only messages need numpy."""
+    """Import a public name on first use: only the client needs Zenoh."""
     if name not in __all__:
         raise AttributeError(f"module 'people4d' has no attribute {name!r}")
     client, errors = name in ("Client", "subscribe"), name.endswith("Error")

@@ -14,8 +14,8 @@ from people4d.topics import BY_MESSAGE
 
 M = TypeVar("M", bound=Message)
 
-POLL_S = 0.2  # short waits let Ctrl-C through
-SILENCE_S = 5.0  # without any message, after which `subscribe` logs what it found
+POLL_S = 0.2  # maximum uninterrupted wait, for Ctrl-C [s]
+SILENCE_S = 5.0  # silence after which `subscribe` logs the robots and services found [s]
 LOG = logging.getLogger("people4d")
 
 
@@ -27,7 +27,7 @@ class Client:
             $PEOPLE4D_CONNECT, else the router on this host.
         robot: Name of the robot.
         timeout_s: Longest wait for the router in seconds.
-        warn_after_s: Log the robots and services found if no message came for so long.
+        warn_after_s: Silence after which the robots and services found are logged [s]; None: never.
 
     Raises:
         People4dError: No router answers, or it refuses the credentials.
@@ -50,27 +50,27 @@ class Client:
         """Number of messages received, missed and dropped since the start.
 
         `received_people`; `gaps_people`: camera frames without a message, lost on the network or
-        skipped by a busy detector; `dropped_people`: pushed out before they were read;
-        `bad_people`: payloads that do not decode. Likewise for other topics.
+        skipped by a busy detector; `dropped_people`: messages pushed out of a full queue;
+        `bad_people`: payloads that do not decode. Other topics have the same counters.
         """
         return dict(self.queue.counters)
 
     def messages(self, *kinds: type[M], timeout_s: float | None = None) -> Iterator[M]:
-        """Subscribe, and yield messages as they come.
+        """Subscribe, and yield messages.
 
         Args:
             kinds: Types of message, for example Tracks.
-            timeout_s: End when no message came for so long; None: wait for ever.
+            timeout_s: Silence after which the iteration ends [s]; None: endless.
         """
         arrivals = self.arrivals(*kinds, timeout_s=timeout_s)
         return (arrival.message for arrival in arrivals if isinstance(arrival.message, kinds))
 
     def arrivals(self, *kinds: type[Message], timeout_s: float | None = None) -> Iterator[Arrival]:
-        """Subscribe, and yield messages with the times at which they came.
+        """Subscribe, and yield messages with their times of arrival.
 
         Args:
             kinds: Types of message.
-            timeout_s: End when no message came for so long; None: wait for ever.
+            timeout_s: Silence after which the iteration ends [s]; None: endless.
         """
         topics = [BY_MESSAGE[kind] for kind in kinds]
         subscriptions = [self.session.subscribe(topic) for topic in topics]
@@ -102,7 +102,7 @@ class Client:
                 warn_after_s = None
 
     def found(self) -> str:
-        """Describe the robots and services whose liveliness tokens are there."""
+        """Describe the robots and services with liveliness tokens."""
         present, robot = self.session.present(), self.session.robot
         robots = sorted({name for name, _, _ in present})
         services = sorted({service for name, service, _ in present if name == robot})

@@ -23,12 +23,12 @@ from people4d.validation import describe, explain
 
 MAX_BYTES = 64 * 2**20
 MAX_ITEMS = 4096
-MAX_TEXT = 65536  # [bytes] of one text
+MAX_TEXT = 65536  # maximum length of a text [bytes]
 MAX_CONTAINERS = 65536
 MAX_AXES = 4
 
 MESSAGES: dict[str, type[Message]] = {topic.message.__name__: topic.message for topic in TOPICS}
-_prepared = threading.Event()  # msgspec has what it needs of every type
+_prepared = threading.Event()  # msgspec has examined every type
 _preparing = threading.Lock()
 
 
@@ -37,7 +37,7 @@ def encode(message: Message, publishing: Callable[[], Span] | None = None) -> by
 
     Args:
         message: The message.
-        publishing: Returns one more stage of its trace, called when all else is encoded.
+        publishing: Returns the last stage of its trace, called when all else is encoded.
     """
     fields = msgspec.to_builtins(message, enc_hook=_array_to_map, builtin_types=(bytes, memoryview))
     trace = fields.pop("trace")
@@ -85,7 +85,7 @@ def decode(payload: bytes) -> Message:
 
 
 def _prepare() -> None:
-    """Let msgspec examine all types in one thread: in two at once, it crashes the process."""
+    """Let msgspec examine all types in one thread: two threads crash the process."""
     with _preparing:
         for kind in MESSAGES.values():
             with contextlib.suppress(msgspec.ValidationError):
@@ -114,7 +114,7 @@ def _unpack(payload: bytes) -> dict[str, Any]:
 
 
 def _limit() -> Callable[[Any], Any]:
-    """Return a hook that stops a small payload from growing into millions of empty maps."""
+    """Return a hook that limits the number of containers in a payload."""
     count = itertools.count(1)
 
     def hook(container: Any) -> Any:
@@ -139,13 +139,13 @@ def _array_to_map(value: Any) -> Any:
 
 @cache
 def _wire_type(dtype: np.dtype[Any]) -> tuple[str, np.dtype[Any]]:
-    """Return the name of a type of numbers, and that type with the bytes as on the wire."""
+    """Return the name of a number type, and the type in little-endian byte order."""
     return dtype.name, dtype.newbyteorder("<")
 
 
 @cache
 def _annotated_type(kind: Any) -> tuple[str, np.dtype[Any]]:
-    """Return the same of the annotation of an array."""
+    """Return name and wire type of an annotated array."""
     return _wire_type(np.dtype(get_args(get_args(kind)[1])[0]))
 
 

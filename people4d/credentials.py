@@ -1,8 +1,8 @@
 """Credentials that prove the role of a process: a folder of certificates or passwords.
 
-`people4d keys` writes such a folder for each host. It holds, of certificates: `ca.pem` and for each
-role `ROLE.pem` and `ROLE.key`; of passwords: `ROLE.password`, and `passwords`, which lists those of
-the others for a router or peer.
+`people4d keys` writes such a folder for each host. With certificates it holds `ca.pem`, and
+`ROLE.pem` and `ROLE.key` for each role; with passwords `ROLE.password` for each role, and
+`passwords`, the list of a router.
 """
 
 from pathlib import Path
@@ -27,7 +27,7 @@ def settings(folder: Path, mode: str, role: str = "") -> dict[str, Any]:
         Values by path in the configuration.
 
     Raises:
-        ConfigError: The folder does not hold what is needed.
+        ConfigError: The folder lacks a file.
     """
     suffix = ".pem" if uses_certificates(folder) else ".password"
     role = role or _only_role(folder, suffix)

@@ -1,4 +1,4 @@
-"""Owners of keys: the processes whose messages on them have a lasting effect."""
+"""Owners of keys: only the owner of a key may send messages with a lasting effect."""
 
 import threading
 from collections import Counter
@@ -11,14 +11,14 @@ from people4d.errors import DecodeError
 from people4d.queue import RefusedPayload
 from people4d.topics import Topic
 
-FOREIGN = "foreign"  # counter of refused messages, before the name of their topic
-SESSIONS_MAX = 4096  # announced sessions that are known, a bound against invented ones
-OTHERS_MAX = 256  # sessions whose token is waited for, likewise
-TOKEN_S = 0.5  # longest wait for the token of a session
+FOREIGN = "foreign"  # prefix of the counter of refused messages of a topic
+SESSIONS_MAX = 4096  # maximum number of announced sessions, a bound against invented ones
+OTHERS_MAX = 256  # maximum number of awaited sessions, a bound against invented ones
+TOKEN_S = 0.5  # maximum wait for the token of a session [s]
 
 
 class Announcements:
-    """Sessions of the announced processes of a robot, and keys that this session publishes.
+    """Sessions of the announced processes of a robot, and keys published by this session.
 
     A process announces its session by a token alive/<service>/<instance>/<session>, which vanishes
     with the process.
@@ -28,11 +28,11 @@ class Announcements:
         self.own: dict[str, tuple[str, bytes]] = {}  # session and last payload, by key
         self._services: dict[str, set[str]] = {}  # by session
         self._running: Counter[str] = Counter()  # sessions by service
-        self._others: set[str] = set()  # sessions whose token was waited for
+        self._others: set[str] = set()  # awaited sessions
         self._changed = threading.Condition()
 
     def note(self, token: str, is_present: bool) -> None:
-        """Note a token that came or went."""
+        """Add or remove a token."""
         *_, service, _, session = token.split("/")
         with self._changed:
             services = self._services.get(session, set())
@@ -47,25 +47,25 @@ class Announcements:
             self._changed.notify_all()
 
     def publishes(self, session: str, topic: Topic) -> bool:
-        """Check that a session is of a process that publishes a topic."""
+        """Check that a session belongs to a producer of a topic."""
         with self._changed:
             return not topic.producers.isdisjoint(self._services.get(session, ()))
 
     def admits(self, session: str, topic: Topic) -> bool:
-        """Check that a session may publish a topic: any may while no producer is announced."""
+        """Check that a session may publish a topic; without an announced producer, any may."""
         with self._changed:
             if session and session not in self._services and len(self._others) < OTHERS_MAX:
                 is_new = session not in self._others
                 self._others.add(session)
                 if is_new and self._has_producer(topic):
-                    # Its token comes by another thread than its first message.
+                    # Its token arrives in another thread than its first message.
                     self._changed.wait_for(lambda: session in self._services, TOKEN_S)
             if not self._has_producer(topic):
                 return True
         return self.publishes(session, topic)
 
     def _has_producer(self, topic: Topic) -> bool:
-        # The first: visual odometry reads odometry itself, and is silent where another comes.
+        # The first producer: visual odometry is silent if another odometry arrives.
         return self._running[topic.producer.split()[0]] > 0
 
 
@@ -73,9 +73,9 @@ class Announcements:
 class _Accepted:
     """The last payload of a key."""
 
-    session: str  # that it came from; empty: not known
-    payload: int = 0  # hash of its bytes
-    content: int = 0  # hash of its content without stamp, number and trace
+    session: str  # session of the sender; empty: unknown
+    payload: int = 0  # hash of the bytes
+    content: int = 0  # hash of the content without stamp, number and trace
 
 
 NOTHING = _Accepted("")
@@ -84,10 +84,10 @@ NOTHING = _Accepted("")
 class KeyOwners:
     """Owners of the keys of one subscription.
 
-    While a process that publishes the topic is announced, messages of all other programs are
-    refused. A key of a latched topic belongs to that process whose message was read last, as long
-    as it lives. Owners repeat latched messages, which heals what a subscriber read before it knew
-    the owner; repetitions of what was read last are skipped.
+    While a producer of the topic is announced, messages of all other programs are refused. A key of
+    a latched topic belongs to the sender of its last message, as long as that process lives. Owners
+    repeat latched messages, which replaces earlier forged ones; a repetition
+    of the last message is skipped.
     """
 
     def __init__(self, topic: Topic, announcements: Announcements) -> None:
@@ -95,7 +95,7 @@ class KeyOwners:
         self._accepted: dict[str, _Accepted] = {}  # by key
 
     def receive(self, key: str, session: str, payload: bytes) -> list[bytes]:
-        """Return a payload to be read, a `RefusedPayload`, or nothing for a repetition."""
+        """Return an accepted payload, a `RefusedPayload`, or nothing for a repetition."""
         latched, owner = self._topic.delivery == "latched", self._owner(key)
         if not self._announcements.admits(session, self._topic):
             return self._refused(key, payload, owner)
@@ -117,12 +117,12 @@ class KeyOwners:
 
     def _owner(self, key: str) -> _Accepted:
         own = self._announcements.own.get(key)
-        if own:  # handed over in this process, not received here
+        if own:  # handed over in this process
             return _Accepted(own[0], content=_content(own[1]))
         return self._accepted.get(key, NOTHING)
 
     def _forget(self) -> None:
-        """Forget keys without an owner where too many were invented."""
+        """Forget keys without an owner if there are too many."""
         if len(self._accepted) > 2 * self._topic.keys_max:
             self._accepted = {
                 key: one
@@ -132,7 +132,7 @@ class KeyOwners:
 
 
 def _content(payload: bytes) -> int:
-    """Return the hash of what a message says, whenever and however often it is sent."""
+    """Return the hash of a message without stamp, number and trace."""
     try:
         message = decode(payload)
     except DecodeError:

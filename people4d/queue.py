@@ -13,36 +13,35 @@ from people4d.errors import DecodeError
 from people4d.messages import Message
 from people4d.topics import BY_MESSAGE, ForeignTopic, Topic
 
-FRESH_S = 3.0
-# Of all messages that wait, however many keys they came on; beyond it the oldest are dropped
-WAITING_MAX = 2048
-WAITING_MAX_BYTES = 128 * 2**20  # encoded
-OUTDATED_MAX = 64  # entries of messages that newer ones replaced
-SOURCES_MAX = 1024  # publishers whose sequence numbers are followed
+FRESH_S = 3.0  # maximum age of a decoding error in a heartbeat [s]
+WAITING_MAX = 2048  # maximum number of waiting messages of all keys
+WAITING_MAX_BYTES = 128 * 2**20  # maximum size of all waiting messages, encoded
+OUTDATED_MAX = 64  # maximum number of outdated entries in the order
+SOURCES_MAX = 1024  # maximum number of sources with a known sequence
 
 
 @dataclass(frozen=True)
 class Arrival:
-    """A decoded message and when it came."""
+    """A decoded message with its times of arrival."""
 
     message: Message  # the message
-    received_ns: int  # wall clock when its bytes were there
-    decoded_ns: int  # wall clock when it was decoded
-    ticket: int = -1  # order in which messages were taken out
+    received_ns: int  # wall clock of its arrival
+    decoded_ns: int  # wall clock after decoding
+    ticket: int = -1  # position in the order of removal
     size: int = 0  # [bytes] encoded
 
 
 class RefusedPayload(bytes):
-    """Stands for payloads that are not read: empty.
+    """Placeholder of refused payloads, empty.
 
     Args:
-        reason: What was expected, and what came.
-        number: How many.
-        counter: Name of the counter that they count in, before that of the topic.
+        reason: Expected and actual value.
+        number: Number of payloads.
+        counter: Prefix of their counter, before the topic.
     """
 
     def __new__(cls, reason: str, number: int = 1, counter: str = "bad") -> "RefusedPayload":
-        """Return it."""
+        """Create the placeholder."""
         made = super().__new__(cls)
         made.reason, made.number, made.counter = reason, number, counter
         return made
@@ -55,13 +54,13 @@ class RefusedPayload(bytes):
 class MessageQueue:
     """One bounded queue per key, emptied oldest first across keys.
 
-    Of a "newest" topic only the newest messages wait, unless they must not be skipped (lock-step).
-    Bytes that do not decode, messages pushed out and gaps in the sequence are counted. However many
-    keys there are, what waits is limited in bytes, and only keys with waiting messages cost time.
+    Only the newest messages of a "newest" topic wait, unless they are lossless (lock-step). Bytes
+    that do not decode, dropped messages and gaps in the sequence are counted. The size of all
+    waiting messages is limited, and only keys with waiting messages cost time.
 
     Args:
-        newest: Number of messages of a "newest" topic that wait.
-        counts_gaps: False where messages are left out on purpose.
+        newest: Maximum number of waiting messages of a "newest" topic.
+        counts_gaps: False if messages are filtered on purpose.
     """
 
     def __init__(self, newest: int = 1, counts_gaps: bool = True) -> None:
@@ -69,8 +68,8 @@ class MessageQueue:
         self.counters: Counter[str] = Counter()
         self.last_error = ""
         self._failed_s = -math.inf
-        self._queues: dict[str, deque[Arrival]] = {}  # by key, none of them empty
-        # Oldest message of each key with the number of its entry, as a heap; others are outdated
+        self._queues: dict[str, deque[Arrival]] = {}  # non-empty queues by key
+        # Heap of the oldest message of each key with the number of its entry, and outdated entries
         self._order: list[tuple[int, int, str]] = []
         self._entries: dict[str, int] = {}  # number of the valid entry, by key
         self._entered = 0
@@ -78,7 +77,7 @@ class MessageQueue:
         self._last: dict[str, int] = {}
         self._changed = threading.Condition()
         self._woken = False
-        self.failure: Exception | None = None  # that ended a thread of `follow`
+        self.failure: Exception | None = None  # exception that ended a thread of `follow`
         self._taken = 0
 
     def put(self, topic: Topic, key: str, payload: bytes) -> None:
@@ -130,7 +129,7 @@ class MessageQueue:
                 self._waiting + 1,
                 self._waiting_bytes + arrival.size,
             )
-            if again:  # it has waited longest
+            if again:  # it is the oldest message
                 queue.rotate()
             if queue[0] is arrival:
                 self._enter(key)
@@ -140,13 +139,13 @@ class MessageQueue:
             self._changed.notify()
 
     def follow(self, subscription: Iterable[tuple[str, bytes]], topic: Topic) -> threading.Thread:
-        """Add what a subscription yields until that ends; return the thread that does it."""
+        """Add the payloads of a subscription until its end, in the returned thread."""
 
         def receive() -> None:
             try:
                 for key, payload in subscription:
                     self.put(topic, key, payload)
-                    del payload  # it would take memory until the next one comes
+                    del payload  # frees memory before the next payload
             except Exception as error:
                 self.failure = error
                 self.wake()
@@ -157,13 +156,13 @@ class MessageQueue:
         return thread
 
     def get(self, timeout_s: float | None) -> Arrival | None:
-        """Take the message that waits longest.
+        """Remove and return the oldest message.
 
         Args:
             timeout_s: Longest wait in seconds, None for no limit.
 
         Returns:
-            The message; None when the time is up or `wake` was called.
+            The message; None after the timeout or a call of `wake`.
         """
         with self._changed:
             self._changed.wait_for(lambda: self._woken or self._queues, timeout_s)
@@ -175,20 +174,20 @@ class MessageQueue:
             return replace(oldest, ticket=self._taken - 1)
 
     def wake(self) -> None:
-        """End a waiting `get` now."""
+        """End a waiting `get`."""
         with self._changed:
             self._woken = True
             self._changed.notify_all()
 
     def last_error_is_fresh(self) -> bool:
-        """Check that bytes failed to decode within the last seconds."""
+        """Check for a decoding error within the last seconds."""
         return time.monotonic() - self._failed_s < FRESH_S
 
     def _is_full(self) -> bool:
         return self._waiting > WAITING_MAX or self._waiting_bytes > WAITING_MAX_BYTES
 
     def _pop_oldest(self) -> Arrival:
-        while True:  # most entries are valid
+        while True:  # skip outdated entries
             _, number, key = heappop(self._order)
             if self._entries.get(key) == number:
                 return self._pop(key)
@@ -217,7 +216,7 @@ class MessageQueue:
     def _count_gap(self, topic: Topic, source: str, sequence: int) -> None:
         self.counters[f"received_{topic.name}"] += 1
         last = self._last.pop(source, None)
-        self._last[source] = sequence  # the one heard of last is the last to be forgotten
+        self._last[source] = sequence  # the most recent source is forgotten last
         if len(self._last) > SOURCES_MAX:
             del self._last[next(iter(self._last))]
         # A sequence that goes back is a restarted publisher, not a gap.

@@ -38,11 +38,10 @@ def read_config(
         file: The file, or a folder of one for each mode; None for $PEOPLE4D_ZENOH, else the
             shipped ones.
         default: Mode, which names the file in a folder: "peer", "router", "client" or "area".
-        environment: PEOPLE4D_CONNECT and PEOPLE4D_LISTEN (endpoints, comma-separated) win over the
-            file, so that one file serves every host; the others are in docs/launch/hosts.md;
-            None for the process's own environment.
-        role: Role to prove; empty: $PEOPLE4D_ROLE, which a client needs where its folder of keys
-            holds several.
+        environment: PEOPLE4D_CONNECT and PEOPLE4D_LISTEN (endpoints, comma-separated) override the
+            file; other variables are in docs/launch/hosts.md; None for the environment of the
+            process.
+        role: Role to prove; empty: $PEOPLE4D_ROLE, required if the folder of keys has several.
 
     Raises:
         ConfigError: The file cannot be read or Zenoh refuses it.
@@ -54,8 +53,8 @@ def read_config(
         config = zenoh.Config.from_file(str(path))
         for name in ("connect", "listen"):
             endpoints = environment.get(f"PEOPLE4D_{name.upper()}")
-            # Where the variables are set for all processes of a host, a router must not connect to
-            # itself and a client must not take the router's port.
+            # With the same variables for all processes of a host, a router must not connect to
+            # itself and a client must not listen on the port of the router.
             if endpoints and (name, default) not in IGNORED:
                 config.insert_json5(f"{name}/endpoints", json.dumps(endpoints_of(endpoints)))
         keys = environment.get("PEOPLE4D_KEYS")
@@ -72,7 +71,7 @@ def endpoints_of(text: str) -> list[str]:
     """Return the endpoints of a comma-separated text; HOST:PORT becomes tcp/HOST:PORT.
 
     Raises:
-        ConfigError: One is not an endpoint.
+        ConfigError: A part is not an endpoint.
     """
     endpoints = [part.strip() for part in text.split(",") if part.strip()]
     full = [f"tcp/{one}" if HOST_AND_PORT.fullmatch(one) else one for one in endpoints]
@@ -100,7 +99,7 @@ def _insert_credentials(config: zenoh.Config, folder: Path, mode: str, role: str
 
 
 def problem_of(error: zenoh.ZError) -> str:
-    """Return what an error of Zenoh says, without its source files."""
+    """Return the text of a Zenoh error without paths of source files."""
     text = " ".join(BUILD_PATH.sub("", str(error)).split())
     text = NO_ANSWER.sub(SILENT, text)
     inner = re.search(r'Message { msg: "(.*)", location', text)
@@ -144,7 +143,7 @@ class ZenohSession:
         self._subscriptions: list[ZenohSubscription] = []
         self._threads: list[threading.Thread] = []
         self._announcements, self._follows = Announcements(), False
-        # A command reports errors itself; raw lines of Zenoh belong into the logs of services.
+        # Commands report errors themselves; log lines of Zenoh are for services.
         is_client = "client" in config.get_json("mode")
         zenoh.init_log_from_env_or("off" if is_client else "error")
         if connect_timeout_s:
@@ -153,11 +152,11 @@ class ZenohSession:
         self._session = _open(config)
 
     def subscribe(self, topic: Topic, own: bool = True) -> ZenohSubscription:
-        """Receive a topic; of a latched one the last message of each key comes first.
+        """Receive a topic; a latched topic begins with the last message of each key.
 
         Args:
             topic: The topic.
-            own: Receive also what this session publishes.
+            own: Receive messages of this session, too.
         """
         key = topic.key_expression(self.robot)
         channel: Any = zenoh.handlers.RingChannel(
@@ -193,11 +192,11 @@ class ZenohSession:
     def query(self, name: str, on_reply: Callable[[bytes], None]) -> None:
         """Send a query; `on_reply` gets the reply in another thread, or is never called.
 
-        It is not sent while one of the same name is under way.
+        A query is not sent while another one with its name is pending.
         """
         channel: Any = zenoh.handlers.FifoChannel(1)
 
-        def ask() -> None:  # a congested link holds up a query, so the caller does not send it
+        def ask() -> None:  # a congested link delays a query, so it has a thread of its own
             try:
                 replies = self._session.get(query_key(self.robot, name), channel, timeout=ANSWER_S)
             except zenoh.ZError:  # the session was closed
@@ -236,7 +235,7 @@ class ZenohSession:
         if not self._follows:
             self._follows = True
             key = f"{prefix(self.robot)}/alive/*/*/*"
-            # A queue that is read at once: a ring would lose tokens.
+            # A FIFO that is read immediately: a ring would lose tokens.
             channel: Any = zenoh.handlers.FifoChannel(256)
             tokens = self._keep(
                 self._session.liveliness().declare_subscriber(key, channel, history=True)
@@ -251,7 +250,7 @@ class ZenohSession:
         return self._announcements
 
     def _start(self, work: Callable[[], None], name: str) -> None:
-        """Run what waits for Zenoh in a thread of its own, which has ended when `close` returns."""
+        """Run work that waits for Zenoh in a thread, which `close` joins."""
         self._threads = [thread for thread in self._threads if thread.is_alive()]
         self._threads.append(threading.Thread(target=work, name=name, daemon=True))
         self._threads[-1].start()

@@ -15,14 +15,14 @@ from people4d.queue import RefusedPayload
 from people4d.topics import IMAGE_MAX_BYTES, KEYS_MAX
 
 CLOSE_S = 2.0
-REPORT_S = 0.1  # between two reports of messages on too many keys
-KEY_FORGOTTEN_S = 10.0  # without a message, after which a key makes room for another
+REPORT_S = 0.1  # minimum period of the reports of messages on too many keys [s]
+KEY_FORGOTTEN_S = 10.0  # silence after which a key may be replaced [s]
 
 
 class KeyLimit:
     """Bound on the keys of a subscription, against invented names.
 
-    Those that are heard of stay; a new one takes the slot of one that was silent for long.
+    Active keys stay; a new key replaces the key with the longest silence.
 
     Args:
         keys_max: Number of keys.
@@ -30,11 +30,11 @@ class KeyLimit:
 
     def __init__(self, keys_max: int) -> None:
         self.keys_max = keys_max
-        self._heard_s: dict[str, float] = {}  # monotonic, the one heard of last is the last
+        self._heard_s: dict[str, float] = {}  # monotonic time by key, the most recent key last
         self._full_until_s = -math.inf
 
     def admits(self, key: str, now_s: float) -> bool:
-        """Note a message; return False if there are too many other keys."""
+        """Add a message; return False if there are too many other keys."""
         if self._heard_s.pop(key, None) is None:
             if now_s < self._full_until_s:
                 return False
@@ -52,11 +52,11 @@ class ZenohSubscription:
     """Payloads of one topic; iterate in a thread of its own.
 
     Args:
-        subscriber: Of Zenoh.
-        max_bytes: Longest payload that is read.
-        keys_max: Keys of which payloads are read.
-        but: Identifier of a session whose payloads are passed over; None: of none.
-        owners: Owners of the keys; None: anyone may publish on them.
+        subscriber: Subscriber of Zenoh.
+        max_bytes: Maximum size of a payload.
+        keys_max: Maximum number of keys.
+        but: Session whose payloads are ignored, or None.
+        owners: Owners of the keys; None: keys have no owner.
     """
 
     def __init__(
@@ -73,31 +73,30 @@ class ZenohSubscription:
         self._but = but
         self._closed = False
         self._receiving = threading.Lock()
-        self._refused, self._reported_s = 0, -math.inf  # messages that are not yet reported
+        self._refused, self._reported_s = 0, -math.inf  # number of unreported messages
 
     def __iter__(self) -> Iterator[tuple[str, bytes]]:
-        """Yield key and payload until closed, `RefusedPayload` for what is not to be read.
+        """Yield key and payload until closed, a `RefusedPayload` for a refused message.
 
-        Messages on too many keys are reported a few times a second, with their number: a flood of
-        them is to cost little.
+        Messages on too many keys are reported together, a few times a second: a flood costs little.
         """
         while (sample := self._receive()) is not None:
             received = self._read(sample)
             is_long = len(sample.payload) > self._max_bytes
-            del sample  # it would take memory until the next one comes
+            del sample  # frees memory before the next sample
             if is_long:
                 _release_memory()
             yield from received
             del received
 
     def samples(self) -> Iterator[Any]:
-        """Yield all samples, as Zenoh gives them, until closed."""
+        """Yield all samples of Zenoh until closed."""
         while (sample := self._receive()) is not None:
             yield sample
-            del sample  # it would take memory until the next one comes
+            del sample  # frees memory before the next sample
 
     def _read(self, sample: Any) -> list[tuple[str, bytes]]:
-        """Return the payload of a sample, and before it a report of those that were refused."""
+        """Return the payload of a sample, after a report of refused messages."""
         if sample.kind != zenoh.SampleKind.PUT or self._is_passed_over(sample):
             return []
         key, now_s, size = str(sample.key_expr), time.monotonic(), len(sample.payload)
@@ -120,7 +119,7 @@ class ZenohSubscription:
         return received
 
     def _is_passed_over(self, sample: Any) -> bool:
-        # The cache of this session replies to its own subscribers, too.
+        # The cache of this session also replies to its own subscribers.
         return self._but is not None and session_of(sample) == self._but
 
     def _receive(self) -> Any:
@@ -147,7 +146,7 @@ class ZenohSubscription:
 
 
 def session_of(sample: Any) -> str:
-    """Return the session that a sample says it is of, empty if it does not say."""
+    """Return the session of a sample, empty if it is unknown."""
     source = sample.source_info
     return "" if source is None else str(source.source_id.zid)
 

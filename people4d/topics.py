@@ -32,11 +32,11 @@ from people4d.messages import (
 
 VERSION = "v1"
 EVERY_SERVICE = "every service"
-LOCKSTEP_MAX = 8  # frames in flight at once where none may be skipped
-IMAGE_MAX_BYTES = 64 * 2**20  # of one message with images
-OTHER_MAX_BYTES = 16 * 2**20  # of any other message
-# Keys of a topic of which a subscriber reads at once, a bound against invented ones; transforms
-# have one for each frame, of which a humanoid robot has about 100
+LOCKSTEP_MAX = 8  # maximum number of frames in flight in lock-step
+IMAGE_MAX_BYTES = 64 * 2**20  # maximum size of a message with images
+OTHER_MAX_BYTES = 16 * 2**20  # maximum size of another message
+# Maximum number of keys of a topic, a bound against invented names; transforms have a key for each
+# frame, about 100 on a humanoid robot
 KEYS_MAX, TRANSFORMS_MAX = 256, 512
 
 
@@ -48,21 +48,19 @@ class Topic:
     key: str  # key below people4d/v1/<robot>/; names in braces are fields of the message
     message: type[Message]  # type of its messages
     rate_hz: float  # expected rate of one publisher; 0 if sent once
-    # "newest": the newest message wins, older ones are dropped and counted; "queue": queued in
-    # order up to depth; "latched": sent once, late joiners get the last
+    # "newest": the newest message replaces older ones, which are counted; "queue": queued in order
+    # up to depth; "latched": sent once, a late subscriber gets the last message
     delivery: Literal["newest", "queue", "latched"]
-    # length of a subscriber's queue; of "newest" only for messages that must not be skipped (lock-
-    # step), else one
+    # length of a subscriber's queue; for "newest" only of lossless messages (lock-step)
     depth: int
-    # service that publishes it, or several with spaces between; no other may where access is
-    # restricted
+    # publishing services, separated by spaces; with restricted access no other role may publish
     producer: str
-    # roles that may read it where access is restricted, separated by spaces, "*": all: services,
-    # "planner", and "operator" (the command line). See common/transport/access.py
+    # roles that may read it with restricted access, separated by spaces: services, "planner" and
+    # "operator" (the command line); "*": all roles. See common/transport/access.py
     readers: str = field(default="", kw_only=True)
-    # one message has a lasting effect: none but its producers are read, see people4d/ownership.py
+    # a message has a lasting effect, so only its producers are read, see people4d/ownership.py
     owned: bool = field(default=False, kw_only=True)
-    # it may leave the host that it was made on, where access is restricted
+    # with restricted access it may leave its host
     leaves_host: bool = field(default=True, kw_only=True)
     # field and value of a message that must not be skipped or dropped; None: there are none
     lossless: tuple[str, Any] | None = field(default=None, kw_only=True)
@@ -73,18 +71,18 @@ class Topic:
 
     @property
     def max_bytes(self) -> int:
-        """Longest message in bytes; longer ones are dropped before they are read."""
+        """Maximum size of a message [bytes]; longer ones are dropped unread."""
         return IMAGE_MAX_BYTES if self.key.startswith("raw/") else OTHER_MAX_BYTES
 
     @property
     def keys_max(self) -> int:
-        """Keys that are read at once; messages on further ones are dropped before they are read."""
+        """Maximum number of keys; messages on further keys are dropped unread."""
         is_transform = self.key.startswith(("transforms/", "moving/"))
         return TRANSFORMS_MAX if is_transform else KEYS_MAX
 
     @property
     def producers(self) -> frozenset[str]:
-        """The services that publish it."""
+        """Publishing services."""
         one = self.producer == EVERY_SERVICE
         return frozenset([self.producer] if one else self.producer.split())
 
@@ -109,7 +107,7 @@ class Topic:
 class ForeignTopic(Topic):
     """A topic of another system: its key has no prefix and its bytes are not our messages.
 
-    A node lists those that it reads in `foreign_inputs` and gets them decoded, as `message`.
+    A node lists its foreign topics in `foreign_inputs` and gets them decoded, as `message`.
     """
 
     decode: Callable[[bytes], Message]  # decodes untrusted bytes; raises DecodeError
@@ -195,16 +193,16 @@ def prefix(robot: str) -> str:
 
 
 def query_key(robot: str, name: str) -> str:
-    """Return the full key of a query that processes may send to each other."""
+    """Return the full key of a query between processes."""
     return f"{prefix(robot)}/queries/{name}"
 
 
 def topic_of_key(key: str, robot: str = "*") -> Topic | None:
-    """Return the topic that a full key belongs to, None if to none.
+    """Return the topic of a full key, None if there is none.
 
     Args:
         key: Full key, for example people4d/v1/robot/people.
-        robot: Name of the robot that the key must belong to, "*" for any.
+        robot: Name of the robot of the key, "*" for any.
     """
     for topic in TOPICS:
         pattern = re.escape(topic.key_expression(robot)).replace(r"\*", "[^/]+")

@@ -18,12 +18,12 @@ from people4d.validation import Magnitude, Shape
 
 AREAS_MAX = 1000  # areas of a site have numbers below it
 ID_MAX = 10**12
-PEOPLE_MAX = 256  # of one message
-UNIT_ERROR = 0.01  # largest difference of a view's length from 1
+PEOPLE_MAX = 256  # maximum number of people in a message
+UNIT_ERROR = 0.01  # maximum difference of the length of a view from 1
 
 
 class AreaPerson(Record, frozen=True, kw_only=True):
-    """One person that a tracker knows, present or not."""
+    """One person known to a tracker, present or absent."""
 
     id: Annotated[int, Meta(ge=1, le=ID_MAX)]  # identity, unique over the site
     position_m: Vector3  # [m] frame: AreaPeople.frame_id, at the last match
@@ -41,17 +41,17 @@ class AreaPerson(Record, frozen=True, kw_only=True):
 
 
 class AreaPeople(Message, frozen=True, kw_only=True):
-    """People of one area, several times a second, those who left some seconds ago among them.
+    """People of one area, with people who left it some seconds ago, several times a second.
 
-    A tracker of a neighbouring area takes the identity over when such a person comes there. Its
-    `stamp_ns` is the tracker's time when it is sent.
+    The tracker of a neighbouring area takes over the identity of an arriving person. `stamp_ns`
+    is the time of the tracker when the message is sent.
     """
 
     area: Name  # name of the area: its robot name
     number: Annotated[int, Meta(ge=1, lt=AREAS_MAX)]  # of the area, unique in the site
-    # random number of the tracker's process: two trackers that call themselves alike differ in it
+    # random number of the process of the tracker, distinguishes two trackers of one name
     run: Annotated[int, Meta(ge=0, lt=2**53)]
     frame_id: Name  # frame of the positions
     embedder: Text  # name of the model of the views
-    # present and absent people with views, those seen last if there are more
+    # present and absent people with views, the most recent ones if there are more
     people: Annotated[tuple[AreaPerson, ...], Meta(max_length=PEOPLE_MAX)] = ()

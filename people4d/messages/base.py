@@ -14,17 +14,17 @@ from msgspec import Meta
 
 from people4d.validation import FINITE_ARRAY, INFINITE, Magnitude, Rule, Shape, check, require
 
-# A dot or dash at the start would make "..", a hidden file or a flag of a name.
+# A leading dot or dash would turn a name into "..", a hidden file or a flag.
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}")
 NAME_FORM = "1 to 64 of A-Z a-z 0-9 _ . -, not . or - first"
 MAX_TRACE = 64
 MAX_SIDE = 16384  # [px]
-MAX_PIXELS = 4096 * 4096  # more is no RGB-D camera; it bounds what is allocated for an image
-# Beyond these a value is a fault of its sender, and squares and sums would overflow downstream.
+MAX_PIXELS = 4096 * 4096  # maximum size of an image [px], a bound on allocated memory
+# Larger values are faults of their sender; their squares and sums would overflow downstream.
 MAX_STAMP_NS = 2**62  # [ns] the year 2116; sums and differences of two stamps fit 64 bits
 MAX_M = 1e7  # [m] from the origin, and [m/s]; coordinates of UTM stay below
 MAX_COVARIANCE = 1e14  # [m^2] square of that
-MAX_CAMERAS = 64  # of one robot: a bound against invented names
+MAX_CAMERAS = 64  # maximum number of cameras of one robot, a bound against invented names
 MAX_PX = 1e6  # [px] a position in or beside an image
 MAX_SEQUENCE = 2**53 - 1  # exact in every language; sums of gaps stay below 64 bits
 
@@ -45,7 +45,7 @@ Name = Annotated[str, NAME_RULE]
 NameOrEmpty = Annotated[
     str, Rule(f"{NAME_FORM}, or nothing", lambda name: not name or bool(NAME.fullmatch(name)))
 ]
-# Texts for people hold nothing that a terminal takes for a command, line breaks among them.
+# Texts are printable: no control character or line break reaches a terminal.
 Text = Annotated[str, Rule("printable text", str.isprintable)]
 
 U8 = npt.NDArray[np.uint8]
@@ -69,7 +69,7 @@ RgbImage = Annotated[
 ]
 
 
-# The same of spans, which are no records: msgspec checks it when it decodes.
+# Printable text of spans, which msgspec checks while decoding.
 PlainText = Annotated[str, Meta(max_length=256, pattern=r"^[^\x00-\x1f\x7f-\x9f\u2028\u2029]*$")]
 
 

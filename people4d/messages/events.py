@@ -23,7 +23,7 @@ from people4d.validation import Magnitude, Shape
 
 ZONES_MAX = 64
 CORNERS_MAX = 64
-PEOPLE_MAX = 1000  # that a zone may count
+PEOPLE_MAX = 1000  # maximum number of people that a zone counts
 AREA_MIN_M2 = 1e-4
 
 ZoneName = Annotated[Text, Meta(min_length=1, max_length=64)]
@@ -32,11 +32,11 @@ ZoneName = Annotated[Text, Meta(min_length=1, max_length=64)]
 class Zone(Record, frozen=True, kw_only=True):
     """A polygon on the ground that people enter and leave."""
 
-    name: ZoneName  # for people to read, unique among the zones
-    # [m] x, y of the corners in order, frame: that of Tracks; the last joins the first
+    name: ZoneName  # display name, unique among the zones
+    # [m] x, y of the corners in order, frame: frame of Tracks; the polygon is closed
     corners_m: Annotated[F64, Shape("N", 2), Magnitude(MAX_M)]
-    dwell_s: Positive | None = None  # [s] stay that is an event; absent: none is
-    # People in it at once that are an event; absent: none are
+    dwell_s: Positive | None = None  # [s] stay that is an event; absent: no such event
+    # number of people in it that is an event; absent: no such event
     count: Annotated[int, Meta(ge=1, le=PEOPLE_MAX)] | None = None
 
     def __post_init__(self) -> None:
@@ -63,7 +63,7 @@ class Zones(Message, frozen=True, kw_only=True):
     """The zones in force, sent whenever they change; its sequence counts the changes."""
 
     zones: Annotated[tuple[Zone, ...], Meta(max_length=ZONES_MAX)] = ()  # each name once
-    problem: Text = ""  # why the last edit was refused; empty if it was accepted
+    problem: Text = ""  # reason of the refusal of the last edit; empty if it was accepted
 
     def __post_init__(self) -> None:
         """Check the fields, and that names are unique."""
@@ -74,7 +74,7 @@ class Zones(Message, frozen=True, kw_only=True):
 class ZoneEdit(Message, frozen=True, kw_only=True):
     """Request to replace the zones."""
 
-    base: Count  # sequence of the Zones that were edited; refused if others came since
+    base: Count  # sequence of the edited Zones; an outdated edit is refused
     zones: Annotated[tuple[Zone, ...], Meta(max_length=ZONES_MAX)] = ()  # all of them
 
     def __post_init__(self) -> None:
@@ -84,9 +84,9 @@ class ZoneEdit(Message, frozen=True, kw_only=True):
 
 
 class Event(Message, frozen=True, kw_only=True):
-    """One event, sent once; its sequence goes on when the service restarts and names the event.
+    """One event, sent once; its sequence is unique and continues after a restart of the service.
 
-    Its stamp is that of the Tracks that showed it.
+    Its stamp is the stamp of its Tracks.
     """
 
     # appeared, returned (under an earlier identity), disappeared: from what is tracked;
@@ -103,16 +103,17 @@ class Event(Message, frozen=True, kw_only=True):
         "count_reached",
         "robot_near",
     ]
-    id: PositiveInt | None = None  # identity as in Tracks; absent of count_reached
-    zone: Text = ""  # name of the zone; empty if the event is of none
+    id: PositiveInt | None = None  # identity as in Tracks; absent in count_reached
+    zone: Text = ""  # name of the zone; empty without a zone
     position_m: Vector3 | None = None  # [m] last position of the person, frame: frame_id
     frame_id: Name = "map"  # frame of position_m
-    dwell_s: NonNegative | None = None  # [s] since the person entered, of left and dwelled
-    count: Count | None = None  # people in the zone after the event; absent if it is of none
-    distance_m: NonNegative | None = None  # [m] on the ground to the robot, of robot_near
-    confidence: NonNegative | None = None  # of the identity, of identity_uncertain; if known
-    reason: Text = ""  # of the identity, of identity_uncertain and returned; empty if unknown
-    # [ns] wall clock of the stamp: of a recording, of its playing; absent if unknown
+    dwell_s: NonNegative | None = None  # [s] duration of the stay, in left and dwelled
+    count: Count | None = None  # people in the zone after the event; absent without a zone
+    distance_m: NonNegative | None = None  # [m] distance to the robot on the ground, in robot_near
+    confidence: NonNegative | None = None  # confidence of the identity, in identity_uncertain
+    # reason of the identity, in identity_uncertain and returned; empty if unknown
+    reason: Text = ""
+    # [ns] wall clock of the stamp, for a recording the time of its playback; absent if unknown
     wall_ns: Annotated[int, Meta(ge=0, le=MAX_STAMP_NS)] | None = None
 
 
@@ -124,9 +125,9 @@ def _check_names(zones: tuple[Zone, ...]) -> None:
 
 
 def _crossing(corners_m: F64) -> tuple[int, int] | None:
-    """Return the numbers of two edges that cross or touch, None if none do.
+    """Return the numbers of two edges that cross or touch, None if there are none.
 
-    Edges that follow each other may share their corner only.
+    Consecutive edges may share only their corner.
     """
     number = len(corners_m)
     points = corners_m.tolist()

@@ -32,8 +32,8 @@ from people4d.messages.base import (
 )
 from people4d.validation import Magnitude, Shape
 
-DETECTIONS_MAX = 512  # of one frame
-CLEARLY_POSITIVE = 1e-9  # least eigenvalue over the largest, at which rounding errors are small
+DETECTIONS_MAX = 512  # maximum number of detections in a frame
+CLEARLY_POSITIVE = 1e-9  # minimum ratio of eigenvalues at which rounding errors are small
 
 
 class Mask(Record, frozen=True, kw_only=True):
@@ -79,13 +79,13 @@ class Detection(Record, frozen=True, kw_only=True):
     position_m: Vector3 | None = None  # [m] frame: camera optical; absent if depth gave none
     # [m^2] covariance of position_m, frame: camera optical; absent if unknown
     position_covariance_m2: Matrix3 | None = None
-    # [m/s] relative to the camera, mean over Detections.velocity_interval_s: the position of the
-    # surface that the camera sees, 0.12 m before position_m, less that before, each in the camera's
-    # optical frame of its time; absent if unknown
+    # [m/s] relative to the camera, mean over Detections.velocity_interval_s: difference of the
+    # visible surface, 0.12 m in front of position_m, each in the optical frame of its time; absent
+    # if unknown
     velocity_mps: Vector3 | None = None
     # [m^2/s^2] covariance of velocity_mps, frame: camera optical; absent if unknown
     velocity_covariance_m2ps2: Matrix3 | None = None
-    heading: Vector3 | None = None  # unit, frame: camera optical; of the chest; absent if unknown
+    heading: Vector3 | None = None  # unit vector of the chest, frame: camera optical; or absent
     # [rad] standard deviation about the vertical; absent if unknown
     heading_sigma_rad: Annotated[float, Meta(gt=0, le=100)] | None = None
 
@@ -100,10 +100,10 @@ class Detection(Record, frozen=True, kw_only=True):
 
 
 def _check_covariance(name: str, value: F64 | None, covariance: F64 | None, unit: str) -> None:
-    """Check that a covariance comes with its value only and is one.
+    """Check that a covariance has a value, and is symmetric and positive definite.
 
     Raises:
-        ValueError: It does not, or is none.
+        ValueError: It is not.
     """
     if covariance is None:
         return
@@ -141,10 +141,10 @@ class Detections(Message, frozen=True, kw_only=True):
     model: Text  # name of the detection model
     width: ImageSide  # [px] of the image
     height: ImageSide  # [px] of the image
-    # In no particular order; other messages refer by index
+    # in no particular order; other messages refer to them by index
     detections: Annotated[tuple[Detection, ...], Meta(max_length=DETECTIONS_MAX)] = ()
-    detector: Text = ""  # instance that made them; empty: unknown
-    # instances that share the frames in turn, this one included
+    detector: Text = ""  # instance of the detector; empty: unknown
+    # instances that share the frames, this one included
     replicas: tuple[Text, ...] = ()
     # [s] from the frame by which velocities are known to this one; absent if none is known
     velocity_interval_s: Annotated[float, Meta(gt=0, le=1)] | None = None
@@ -155,13 +155,13 @@ class Detections(Message, frozen=True, kw_only=True):
         check_size(self.width, self.height)
 
     def at(self, index: int | None) -> Detection | None:
-        """Return the detection that another message refers to; None if there is none."""
+        """Return the detection with an index; None if there is none."""
         if index is None or index >= len(self.detections):
             return None
         return self.detections[index]
 
 
-# Colour of the pixels of a crop that show what stands before the person: ImageNet's mean
+# Colour of occluded pixels of a crop: the mean of ImageNet
 HIDDEN_RGB = (124, 116, 104)
 
 
@@ -169,7 +169,7 @@ class Crop(Record, frozen=True, kw_only=True):
     """The image of one detected person."""
 
     detection: Index  # index into Detections.detections of the same camera and stamp
-    rgb: RgbImage  # red first, the box cut to the image; HIDDEN_RGB where others hide the person
+    rgb: RgbImage  # red first, the box within the image; HIDDEN_RGB where others occlude the person
     # non-zero = person; absent if the model gives none
     mask: Annotated[U8, Shape("H", "W")] | None = None
     keypoints: Keypoints | None = None  # [px] in the crop: u, v, confidence; absent if none

@@ -1,4 +1,4 @@
-"""Predictions: where people will be in the next seconds, and who belongs together."""
+"""Predictions: paths of people in the next seconds, and groups of people."""
 
 from typing import Annotated, Literal
 
@@ -28,7 +28,7 @@ class MotionProbabilities(Record, frozen=True, kw_only=True):
 
     standing: Probability  # stays within 0.6 m
     going_on: Probability  # leaves that circle within 25 deg of the present direction of walking
-    turning: Probability  # leaves it elsewhere; of a person who stands: sets off
+    turning: Probability  # leaves it in another direction; a standing person starts to walk
 
 
 class RobotEncounter(Record, frozen=True, kw_only=True):
@@ -53,8 +53,8 @@ class PersonPrediction(Record, frozen=True, kw_only=True):
     means_m: Annotated[F64, Shape("H", 2), Magnitude(MAX_M)]
     # [m^2] of x, y at each of Predictions.horizons_s; frame: Predictions.frame_id
     covariances_m2: Annotated[F64, Shape("H", 2, 2), Magnitude(MAX_COVARIANCE)]
-    # number of the group whose members walk or stand together, the same as long as two of them
-    # stay; absent if alone
+    # number of the group of people who walk or stand together, constant while two members stay;
+    # absent if alone
     group: PositiveInt | None = None
     robot: RobotEncounter | None = None  # absent if no motion of the robot is known
 
@@ -66,7 +66,7 @@ class PersonPrediction(Record, frozen=True, kw_only=True):
                 f"covariances_m2: expected {len(self.means_m)}, one a mean, "
                 f"got {len(self.covariances_m2)}"
             )
-        # Of the few horizons of a person faster than with arrays.
+        # Faster than arrays for a few horizons.
         for a, b, c, d in self.covariances_m2.reshape(-1, 4).tolist():
             if b != c or not (a > 0 and a * d > b * c):
                 raise ValueError("covariances_m2: expected symmetric and positive definite")

@@ -15,7 +15,8 @@ class PersonScore(Record, frozen=True, kw_only=True):
     switched: bool = False  # the last match of this person was another track
     # [m] x, y, frame: Score.frame_id; absent if no track
     position_error_m: Vector2 | None = None
-    velocity_error_mps: Vector2 | None = None  # [m/s] x, y, likewise; absent if unknown
+    # [m/s] x, y, frame: Score.frame_id; absent if unknown
+    velocity_error_mps: Vector2 | None = None
     yaw_error_rad: float | None = None  # [rad] in (-pi, pi]; absent if one of both is unknown
     consistency: float | None = None  # ratio of their matches so far under their main track
 
@@ -25,12 +26,12 @@ class Tally(Record, frozen=True, kw_only=True):
 
     frames: int  # frames compared
     duration_s: float  # [s] from the first of them to the last
-    truths: int  # people to be found, over all frames
-    matched: int  # of them with a track within the gate
-    predicted: int  # of the matched, by a track without a detection in that frame
-    outside: int  # people outside of every camera's view, over all frames; not in truths
+    truths: int  # number of true people in view, over all frames
+    matched: int  # number of truths with a track within the gate
+    predicted: int  # number of matches with a track without a detection in its frame
+    outside: int  # number of people out of view, over all frames; not in truths
     false_alarms: int  # unmatched tracks, over all frames
-    id_switches: int  # matches to another track than that person's last one
+    id_switches: int  # number of matches of a person to another track than before
     position_rmse_m: float | None = None  # [m] of the horizontal distance
     velocity_rmse_mps: float | None = None  # [m/s] horizontal; absent if the truth has none
     yaw_rmse_rad: float | None = None  # [rad] of min(|e|, 2 pi - |e|); absent if unknown
@@ -40,7 +41,7 @@ class Tally(Record, frozen=True, kw_only=True):
 class Alignment(Record, frozen=True, kw_only=True):
     """Clock offset and transform between truth and tracks: estimates, not calibrations."""
 
-    applied: bool  # True: the errors are those after this alignment
+    applied: bool  # True: errors are given after this alignment
     clock_offset_s: float | None = None  # [s] to add to stamps of the truth; absent: not observable
     clock_sigma_s: float | None = None  # [s] its standard deviation if errors were independent
     # [m] homogeneous, tracks_from_truth; absent if unknown

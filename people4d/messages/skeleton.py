@@ -33,7 +33,7 @@ class PersonSkeleton(Record, frozen=True, kw_only=True):
     measured: tuple[bool, ...]  # of each joint: visible in this frame; else hidden and predicted
 
     def __post_init__(self) -> None:
-        """Check the fields, and that each joint is said to be measured or not."""
+        """Check the fields, and that `measured` has one value per joint."""
         super().__post_init__()
         if len(self.measured) != len(JOINTS):
             raise ValueError(f"measured: expected {len(JOINTS)}, got {len(self.measured)}")

@@ -3,7 +3,7 @@
 import os
 import re
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -26,125 +26,75 @@ SOURCE, METHODS, EXTRAS = "Source", "Methods", "Extras"
 PLUGIN = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 
 
+def _option(help_: str, panel: str, *names: str, **more: Any) -> Any:
+    return typer.Option(*names, help=help_, rich_help_panel=panel, **more)
+
+
 def up(
     source_: Annotated[
         str, typer.Argument(metavar="SOURCE", help="The source, as with --source.")
     ] = "",
     source: Annotated[
         str,
-        typer.Option(
-            help="Recording, ROS bag, image folder, demo, lab:SCENARIO, ros2:/camera or "
+        _option(
+            "Recording, ROS bag, image folder, demo, lab:SCENARIO, ros2:/camera or "
             "ros2:realsense (live), module:Class of a camera, or push: frames of a program.",
-            rich_help_panel=SOURCE,
+            SOURCE,
         ),
     ] = "",
     truth: Annotated[
         str,
-        typer.Option(
-            help="Ground truth: recording, bag, CSV, MOT text, gt.npz, or ros2:/TOPIC (live).",
-            rich_help_panel=SOURCE,
+        _option(
+            "Ground truth: recording, bag, CSV, MOT text, gt.npz, or ros2:/TOPIC (live).", SOURCE
         ),
     ] = "",
     transforms: Annotated[
-        Path | None,
-        typer.Option(
-            help="Poses of cameras, a file of people4d calibrate.", rich_help_panel=SOURCE
-        ),
+        Path | None, _option("Poses of cameras, a file of people4d calibrate.", SOURCE)
     ] = None,
     playback: Annotated[
         Literal["recorded", "lockstep"] | None,
-        typer.Option(
-            help="At the recorded rate, or as fast as possible without losing a frame.",
-            rich_help_panel=SOURCE,
-        ),
+        _option("At the recorded rate, or as fast as possible without losing a frame.", SOURCE),
     ] = None,
-    loop: Annotated[
-        bool,
-        typer.Option("--loop", help="Play the source repeatedly.", rich_help_panel=SOURCE),
-    ] = False,
-    preset: Annotated[str, typer.Option(help=PRESET_HELP, rich_help_panel=METHODS)] = "",
-    model: Annotated[
-        str,
-        typer.Option(help="Detection model, see people4d models.", rich_help_panel=METHODS),
-    ] = "",
-    tracker: Annotated[str, typer.Option(help="Tracking method.", rich_help_panel=METHODS)] = "",
-    embedder: Annotated[str, typer.Option(help="Appearance model.", rich_help_panel=METHODS)] = "",
+    loop: Annotated[bool, _option("Play the source repeatedly.", SOURCE, "--loop")] = False,
+    preset: Annotated[str, _option(PRESET_HELP, METHODS)] = "",
+    model: Annotated[str, _option("Detection model, see people4d models.", METHODS)] = "",
+    tracker: Annotated[str, _option("Tracking method.", METHODS)] = "",
+    embedder: Annotated[str, _option("Appearance model.", METHODS)] = "",
     visual_odometry: Annotated[
         bool,
-        typer.Option(
-            "--visual-odometry",
-            help="Motion of the base from images, not wheels.",
-            rich_help_panel=METHODS,
-        ),
+        _option("Motion of the base from images, not wheels.", METHODS, "--visual-odometry"),
     ] = False,
     gait: Annotated[
-        bool,
-        typer.Option(
-            "--gait", help="Track heads, hands and feet, and measure gait.", rich_help_panel=EXTRAS
-        ),
+        bool, _option("Track heads, hands and feet, and measure gait.", EXTRAS, "--gait")
     ] = False,
     predict: Annotated[
         bool,
-        typer.Option(
-            "--predict",
-            help="Predict where people will be, and who is together.",
-            rich_help_panel=EXTRAS,
-        ),
+        _option("Predict paths of people, and find groups.", EXTRAS, "--predict"),
     ] = False,
     skeletons: Annotated[
-        bool,
-        typer.Option(
-            "--skeletons",
-            help="Estimate the joints of each person in 3D.",
-            rich_help_panel=EXTRAS,
-        ),
+        bool, _option("Estimate the joints of each person in 3D.", EXTRAS, "--skeletons")
     ] = False,
     events: Annotated[
-        bool,
-        typer.Option(
-            "--events",
-            help="Publish events and zones; --dashboard does, too.",
-            rich_help_panel=EXTRAS,
-        ),
+        bool, _option("Publish events and zones; --dashboard does, too.", EXTRAS, "--events")
     ] = False,
     dashboard: Annotated[
-        bool,
-        typer.Option(
-            "--dashboard",
-            help="Serve a page that shows everything; see open.",
-            rich_help_panel=EXTRAS,
-        ),
+        bool, _option("Serve a page that shows everything; see open.", EXTRAS, "--dashboard")
     ] = False,
     report: Annotated[
         Path | None,
-        typer.Option(
-            help="Run to the end of the source, write a report to this folder, stop.",
-            rich_help_panel=EXTRAS,
-        ),
+        _option("Run to the end of the source, write a report to this folder, stop.", EXTRAS),
     ] = None,
     ros2: Annotated[
         Literal["zenoh", "dds"] | None,
-        typer.Option(
-            help="Publish to ROS 2: nodes on rmw_zenoh or DDS.",
-            rich_help_panel=NETWORK,
-        ),
+        _option("Publish to ROS 2: nodes on rmw_zenoh or DDS.", NETWORK),
     ] = None,
     robot: NewRobot = "robot",
     host: Annotated[
-        str,
-        typer.Option(
-            help="Address of the router; 0.0.0.0 lets other machines connect.",
-            rich_help_panel=NETWORK,
-        ),
+        str, _option("Address of the router; 0.0.0.0 lets other machines connect.", NETWORK)
     ] = HOST,
-    port: Annotated[
-        int, typer.Option(min=1, max=65535, help="Port of the router.", rich_help_panel=NETWORK)
-    ] = PORT,
+    port: Annotated[int, _option("Port of the router.", NETWORK, min=1, max=65535)] = PORT,
     privacy: Annotated[
-        bool,
-        typer.Option(
-            "--privacy", help="No pixel leaves this host; people do.", rich_help_panel=NETWORK
-        ),
+        bool, _option("No pixel leaves this host; people do.", NETWORK, "--privacy")
     ] = False,
     set_: Settings = [],  # noqa: B006 (typer copies it)
     config: Annotated[

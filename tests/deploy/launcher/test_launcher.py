@@ -7,12 +7,14 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import psutil
 import pytest
+from typer.testing import CliRunner
 
+from deploy.cli import app
 from deploy.compose import read, select
 from deploy.doctor import here
 from deploy.launcher.health import Heartbeats
@@ -163,17 +165,29 @@ def test_a_later_failure_ends_the_wait(state: State) -> None:
         toy.wait_finished("camera")
 
 
-def test_ctrl_c_stops_everything(tmp_path: Path) -> None:
-    file = tmp_path / "compose.yaml"
-    file.write_text(TOY.replace("FOLDER", str(tmp_path)))
-    state = State(tmp_path / "robot")
-    command = [sys.executable, "-m", "deploy.cli", "up", "--compose", str(file)]
-    environment = {**os.environ, "PEOPLE4D_STATE": str(tmp_path)}
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
+PEOPLE4D = (sys.executable, "-m", "deploy.cli")
+
+
+@contextmanager
+def attached(folder: Path, text: str) -> Iterator["subprocess.Popen[str]"]:
+    """Run an attached `people4d up` of a compose file; the block begins when everything is up."""
+    file, pipe = folder / "compose.yaml", subprocess.PIPE
+    file.write_text(text.replace("FOLDER", str(folder)))
+    command = [*PEOPLE4D, "up", "--compose", str(file)]
+    environment = {**os.environ, "PEOPLE4D_STATE": str(folder)}
+    with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, env=environment) as process:
         assert process.stdout
-        lines = iter(process.stdout.readline, "")
-        assert any("Everything is up" in line for line in lines)
+        assert any("Everything is up" in line for line in iter(process.stdout.readline, ""))
+        yield process
+
+
+def test_ctrl_c_stops_everything_and_a_second_up_is_refused_meanwhile(tmp_path: Path) -> None:
+    state = State(tmp_path / "robot")
+    with attached(tmp_path, TOY) as process:
         wait_for(lambda: len(state.leftovers()) == 6)
+        environment = {"PEOPLE4D_STATE": str(tmp_path)}
+        second = CliRunner().invoke(app, ["up", "--source", "a.b:C"], env=environment)
+        assert "people4d runs already for robot" in second.stderr
         process.send_signal(signal.SIGINT)
         assert process.wait(TIMEOUT_S) == 0
     assert state.leftovers() == []
@@ -181,34 +195,20 @@ def test_ctrl_c_stops_everything(tmp_path: Path) -> None:
 
 
 def test_up_ends_after_down(tmp_path: Path) -> None:
-    file = tmp_path / "compose.yaml"
     # It takes a second to stop, so that `up` asks supervisord while that shuts down.
     slow = "trap 'sleep 1; exit 0' TERM; while true; do sleep 0.1; done"
-    file.write_text(f'services: {{slow: {{command: [sh, -c, "{slow}"]}}}}')
-    environment = {**os.environ, "PEOPLE4D_STATE": str(tmp_path)}
-    people4d = [sys.executable, "-m", "deploy.cli"]
-    up = [*people4d, "up", "--compose", str(file)]
-    with subprocess.Popen(up, stdout=subprocess.PIPE, text=True, env=environment) as process:
+    with attached(tmp_path, f'services: {{slow: {{command: [sh, -c, "{slow}"]}}}}') as process:
+        result = CliRunner().invoke(app, ["down"], env={"PEOPLE4D_STATE": str(tmp_path)})
+        assert result.stdout == "Stopped.\n"
         assert process.stdout
-        assert any("Everything is up" in line for line in iter(process.stdout.readline, ""))
-        down = subprocess.run(
-            [*people4d, "down"], env=environment, capture_output=True, text=True, check=True
-        )
-        assert down.stdout == "Stopped.\n"
         rest = process.stdout.read()
         assert process.wait(TIMEOUT_S) == 0
     assert "Stopped by people4d down." in rest
 
 
 def test_services_run_on_after_up_whose_supervisord_was_killed(tmp_path: Path) -> None:
-    file, state = tmp_path / "compose.yaml", State(tmp_path / "robot")
-    file.write_text('services: {toy: {command: [sleep, "99"]}}')
-    environment = {**os.environ, "PEOPLE4D_STATE": str(tmp_path)}
-    up = [sys.executable, "-m", "deploy.cli", "up", "--compose", str(file)]
-    pipe = subprocess.PIPE
-    with subprocess.Popen(up, stdout=pipe, stderr=pipe, text=True, env=environment) as process:
-        assert process.stdout
-        assert any("Everything is up" in line for line in iter(process.stdout.readline, ""))
+    state = State(tmp_path / "robot")
+    with attached(tmp_path, 'services: {toy: {command: [sleep, "99"]}}') as process:
         run = state.read()
         assert run is not None
         toy = Supervisor(state).processes()["toy-1"].pid
