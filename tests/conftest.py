@@ -11,6 +11,23 @@ from tests import SHARED
 from tests.network import Network
 
 RERUNS = 2
+# Tests that depend on the scheduler of the kernel, which may stop any process of a busy host for
+# seconds: only these are repeated. The reason names what they measure or wait for.
+SCHEDULED = {
+    "tests/attacks/": "pauses of people during an attack",
+    "tests/common/ros2/": "discovery between processes by DDS and rmw_zenoh",
+    "tests/common/runtime/test_process.py": "the end of a process after a signal",
+    "tests/dashboard/browser/": "drawings of Chromium beside a running system",
+    "tests/deploy/cli/test_health.py": "a router that starts later than a command",
+    "tests/deploy/launcher/": "starts, ends and restarts by supervisord",
+    "tests/events/test_process.py": "deliveries of a process that is killed",
+    "tests/gt_bridge/sources/test_live.py": "discovery between processes by rmw_zenoh",
+    "tests/integration/": "processes that are stopped, killed and replaced",
+    "tests/people4d/test_install.py": "the start of a system beside the build of wheels",
+    "tests/security/test_outward.py": "a demo under observation of its system calls",
+    "tests/security/test_privacy.py": "links between network namespaces",
+    "tests/security/test_sockets.py": "the start of a system with all services",
+}
 
 
 @pytest.fixture(autouse=True)
@@ -45,13 +62,9 @@ def state_folder() -> Iterator[Path]:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Let one worker run all tests that start processes: they share the processors.
-
-    These and those that open sessions depend on other processes, which a busy machine may stop for
-    seconds: what fails is repeated, and the summary says so.
-    """
+    """Let one worker run all tests that start processes, and repeat tests of `SCHEDULED`."""
     for item in items:
         if item.get_closest_marker("processes"):
             item.add_marker(pytest.mark.xdist_group("processes"))
-        if item.get_closest_marker("processes") or item.get_closest_marker("network"):
+        if item.nodeid.startswith(tuple(SCHEDULED)):
             item.add_marker(pytest.mark.flaky(reruns=RERUNS, reruns_delay=1))

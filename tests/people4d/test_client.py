@@ -20,7 +20,7 @@ from people4d.session import endpoints_of, problem_of
 from tests.contract.examples import BY_NAME
 from tests.network import Network
 
-pytestmark = [pytest.mark.processes, pytest.mark.network]
+pytestmark = pytest.mark.network
 
 
 @pytest.fixture
@@ -126,6 +126,7 @@ def test_public_names_are_listed() -> None:
     assert {"Client", "Tracks", "subscribe"} <= set(dir(people4d))
 
 
+@pytest.mark.processes
 def test_importing_the_contract_loads_neither_zenoh_nor_the_pipeline() -> None:
     light = (
         "import sys, people4d, people4d.codec; from people4d import Track, Tracks;"

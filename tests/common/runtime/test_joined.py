@@ -23,7 +23,7 @@ from tests.common.nodes import Echo, Source, detections
 from tests.contract.examples import BY_NAME
 from tests.network import WAIT_S, Network, Watcher
 
-pytestmark = [pytest.mark.processes, pytest.mark.network]
+pytestmark = pytest.mark.network
 
 
 class Caller(Source):

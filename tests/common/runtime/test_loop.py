@@ -27,7 +27,7 @@ from tests.common.nodes import Echo, Source, detections
 from tests.contract.examples import SPAN
 from tests.network import WAIT_S, Network, Watcher
 
-pytestmark = [pytest.mark.processes, pytest.mark.network]
+pytestmark = pytest.mark.network
 
 PROCESS_ID = ProcessId("echo", "echo-1", "robot")
 
@@ -252,6 +252,7 @@ def router_process(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
         running_process.kill()
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_process_stops_on_a_signal_with_exit_code_0(
     router_process: subprocess.Popen[str], number: signal.Signals

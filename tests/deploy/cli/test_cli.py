@@ -24,8 +24,6 @@ from people4d.errors import ConfigError
 from people4d.messages import Health, Span, Tracks
 from tests import DEMO, builders
 
-pytestmark = [pytest.mark.processes, pytest.mark.network]
-
 
 def run(*arguments: str, state: Path | None = None) -> tuple[int, str, str]:
     environment = {"PEOPLE4D_STATE": str(state)} if state else {}
@@ -40,6 +38,7 @@ def test_every_command_has_help(command: str) -> None:
     assert "Usage" in output
 
 
+@pytest.mark.processes
 def test_help_imports_nothing_heavy() -> None:
     """Help and completion must stay fast: numpy, zenoh and the like are for commands."""
     code = "import sys, deploy.cli; print({'numpy', 'zenoh', 'cv2'} & set(sys.modules))"
@@ -54,6 +53,7 @@ def test_version_is_printed() -> None:
     assert (status, output.split()[0]) == (0, "people4d")
 
 
+@pytest.mark.network
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -136,6 +136,7 @@ def test_models_lists_which_files_are_present(tmp_path: Path) -> None:
     assert state_of(known, (tmp_path,), check=True) == "altered"
 
 
+@pytest.mark.slow
 def test_detection_models_are_timed_with_each_engine() -> None:
     status, output, errors = run("models", "benchmark", "--seconds", "0.1")
     assert status == 0, errors
@@ -180,6 +181,7 @@ def test_tail_returns_the_last_lines(tmp_path: Path) -> None:
     assert tail(log, 0) == ""
 
 
+@pytest.mark.processes
 def test_completion_names_commands() -> None:
     result = subprocess.run(
         [sys.executable, "-m", "deploy.cli"],

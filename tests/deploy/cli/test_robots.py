@@ -13,7 +13,7 @@ from deploy.cli import app
 from deploy.launcher.state import MARK, Run
 from tests.network import Network
 
-pytestmark = [pytest.mark.processes, pytest.mark.network]
+pytestmark = pytest.mark.network
 
 COMMANDS = (  # that end by themselves
     ["listen", "--once", "--timeout", "0.5"],
@@ -52,6 +52,7 @@ def test_wrong_robot_is_reported_with_the_one_that_is_there(
     assert WARNING in caplog.text + result.stderr
 
 
+@pytest.mark.processes
 def test_view_that_waits_reports_the_robot_that_is_there(network: Network) -> None:
     network.open("newcomer").announce("tracker", "tracker-1")
     command = ["view", "--foxglove", "--port", "0", "--robot", "robot"]
