@@ -143,42 +143,23 @@ def test_missing_file_is_reported(tmp_path: Path) -> None:
         read(tmp_path / "none.yaml", {})
 
 
-EVERYTHING = {  # profiles
-    *(
-        "report",
-        "gait",
-        "visual_odometry",
-        "predictor",
-        "skeleton",
-        "ros2_bridge",
-        "dashboard",
-        "events",
-        "site",
-    ),
+USUAL = {"router", "detector", "reid", "tracker", "gt_bridge", "camera"}
+EVERYTHING = {  # profiles, each of the service of its name
+    *("report", "gait", "visual_odometry", "predictor", "skeleton", "ros2_bridge"),
+    *("dashboard", "events", "site"),
 }
 
 
 def test_the_shipped_file_starts_the_camera_last() -> None:
     """Nothing of a recording is lost only if all that listen are there before the camera."""
-    names = [service.name for service in select(read(COMPOSE_FILE, {}), EVERYTHING)]
-    assert names[0] == "router"
-    assert names[-1] == "camera"
-    assert set(names) == {
-        *("router", "detector", "reid", "tracker", "gait", "gt_bridge", "report", "camera"),
-        *("visual_odometry", "predictor", "skeleton", "ros2_bridge", "dashboard", "events"),
-        "site",
-    }
-    camera = select(read(COMPOSE_FILE, {}), EVERYTHING)[-1]
-    assert {d.service for d in camera.depends_on if d.condition == "service_healthy"} == {
-        *("router", "detector", "reid", "tracker", "gait", "gt_bridge", "report"),
-        *("visual_odometry", "predictor", "skeleton", "ros2_bridge", "dashboard", "events"),
-        "site",
-    }
-
-
-def test_every_shipped_service_has_a_health_check() -> None:
-    for service in select(read(COMPOSE_FILE, {}), EVERYTHING):
-        assert service.has_healthcheck
+    services = select(read(COMPOSE_FILE, {}), EVERYTHING)
+    assert services[0].name == "router"
+    camera = services[-1]
+    assert {service.name for service in services} == USUAL | EVERYTHING
+    waited = {d.service for d in camera.depends_on if d.condition == "service_healthy"}
+    assert waited == (USUAL | EVERYTHING) - {"camera"}
+    assert camera.name == "camera"
+    assert all(service.has_healthcheck for service in services)
 
 
 EXTENDED = """

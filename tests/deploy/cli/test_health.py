@@ -2,11 +2,12 @@
 
 import os
 import subprocess
-import sys
 
 import pytest
+from typer.testing import CliRunner
 
 from common.transport.ports import free_port
+from deploy.cli import app
 from deploy.cli.options import CONNECT_S
 from tests.deploy.launcher.test_alone import PEOPLE4D, TIMEOUT_S, ending, service
 
@@ -30,10 +31,9 @@ def test_health_waits_for_a_router_that_starts_later() -> None:
     assert (process.returncode, output.split()[1:]) == (0, [b"is", b"ready."])
 
 
-def test_health_without_a_router_ends_after_its_timeout() -> None:
+def test_health_without_a_router_ends_after_its_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("deploy.cli.options.CONNECT_S", 0.2)
     command = ["health", "router", "--timeout", "0.1", "--connect", "tcp/127.0.0.1:1"]
-    done = subprocess.run(
-        [sys.executable, "-m", "deploy.cli", *command], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 1
-    assert "no Zenoh session" in done.stderr
+    result = CliRunner().invoke(app, command)
+    assert result.exit_code == 1
+    assert "no Zenoh session" in result.stderr
