@@ -31,7 +31,7 @@ class Announcements:
         self._others: set[str] = set()  # awaited sessions
         self._changed = threading.Condition()
 
-    def note(self, token: str, is_present: bool) -> None:
+    def update_token(self, token: str, is_present: bool) -> None:
         """Add or remove a token."""
         *_, service, _, session = token.split("/")
         with self._changed:

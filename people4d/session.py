@@ -244,7 +244,7 @@ class ZenohSession:
             def follow() -> None:
                 for sample in tokens.samples():
                     is_present = sample.kind == zenoh.SampleKind.PUT
-                    self._announcements.note(str(sample.key_expr), is_present)
+                    self._announcements.update_token(str(sample.key_expr), is_present)
 
             self._start(follow, "announcements")
         return self._announcements

@@ -16,7 +16,7 @@ SHOULDERS, HIPS = [5, 6], [11, 12]  # COCO keypoints
 
 def source_rate(evidence: Evidence) -> Iterator[Diagnostic]:
     """Report sources that are slower than their stamps, and the processes that use a core."""
-    for vitals in evidence.of("camera"):
+    for vitals in evidence.of_service("camera"):
         if "source_wanted_hz" not in vitals.last.gauges:
             continue
         loads = [(v.last.gauges.get("cpu_percent", 0.0), n) for n, v in evidence.vitals.items()]

@@ -21,7 +21,7 @@ def services(evidence: Evidence) -> Iterator[Diagnostic]:
     needed: tuple[str, ...] = NEEDED
     if SITE in running and not set(running) & set(NEEDED):
         needed = (SITE,)
-    elif any(v.since("received_detections") for v in evidence.of("tracker")):
+    elif any(v.since("received_detections") for v in evidence.of_service("tracker")):
         needed = ("tracker",)  # its cameras may run under the names of other hosts
     missing = [name for name in needed if name not in running]
     robots = sorted({robot for robot, _, _ in evidence.present} - {evidence.robot})
@@ -45,7 +45,7 @@ def services(evidence: Evidence) -> Iterator[Diagnostic]:
 def names(evidence: Evidence) -> Iterator[Diagnostic]:
     """Check that each name is used once, and that one tracker runs."""
     twice = sorted(name for name, v in evidence.vitals.items() if len(v.pids) > 1)
-    trackers = [v.last for v in evidence.of("tracker")]
+    trackers = [v.last for v in evidence.of_service("tracker")]
     if twice:
         what = f"several processes call themselves {', '.join(twice)}, or one started anew just now"
         yield problem("twice", what, "Give each its own name: --instance.", *twice)
@@ -83,7 +83,7 @@ def releases(evidence: Evidence) -> Iterator[Diagnostic]:
 
 def frames(evidence: Evidence) -> Iterator[Diagnostic]:
     """Check that frames leave the camera and reach the detector."""
-    cameras, detectors = evidence.of("camera"), evidence.of("detector")
+    cameras, detectors = evidence.of_service("camera"), evidence.of_service("detector")
     sent = [v.since("sent_frames", "sent_compressed") for v in cameras]
     about = [v.last.instance for v in detectors]
     if not cameras or any(v.since(*REJECTED) for v in cameras):
@@ -106,7 +106,7 @@ def frames(evidence: Evidence) -> Iterator[Diagnostic]:
 
 def pairs(evidence: Evidence) -> Iterator[Diagnostic]:
     """Check that colour and depth belong together."""
-    for vitals in evidence.of("camera"):
+    for vitals in evidence.of_service("camera"):
         alone, sent = vitals.total("unpaired", "loose_pairs"), vitals.total("sent_frames")
         if alone > MOST * max(sent, 1):
             what = f"colour and depth are not of the same time: {alone} pictures, {sent} pairs"
@@ -120,7 +120,7 @@ def pairs(evidence: Evidence) -> Iterator[Diagnostic]:
 def events(evidence: Evidence) -> Iterator[Diagnostic]:
     """Report each of EVENTS that was counted."""
     for check, level, service, counter, what, hint in EVENTS:
-        for vitals in evidence.of(service):
+        for vitals in evidence.of_service(service):
             if vitals.since(counter):
                 name = vitals.last.instance
                 text = what.format(name=name, fault=vitals.fault or counter)
@@ -141,7 +141,7 @@ def exceptions(evidence: Evidence) -> Iterator[Diagnostic]:
 
 def calibration(evidence: Evidence) -> Iterator[Diagnostic]:
     """Report the calibrations and transforms that are known."""
-    for vitals in evidence.of("tracker"):
+    for vitals in evidence.of_service("tracker"):
         if "no transform" in vitals.last.reason:
             hint = (
                 "Set camera.mount_xyz_m, mount_rpy_rad and mount_parent, or publish the transform."
@@ -149,7 +149,9 @@ def calibration(evidence: Evidence) -> Iterator[Diagnostic]:
             yield problem("transform", vitals.last.reason, hint, vitals.last.instance)
             return
     infos, transforms = evidence.infos.values(), evidence.transforms.values()
-    unusable = [v for v in evidence.of("detector") if v.since("no_calibration", "wrong_size")]
+    unusable = [
+        v for v in evidence.of_service("detector") if v.since("no_calibration", "wrong_size")
+    ]
     if infos and not unusable:
         listing = ", ".join(f"{info.camera} {info.width}x{info.height}" for info in infos)
         yield ok("calibration", f"known: {listing}")
@@ -160,7 +162,7 @@ def calibration(evidence: Evidence) -> Iterator[Diagnostic]:
 
 def depth(evidence: Evidence) -> Iterator[Diagnostic]:
     """Check that depth images are not empty."""
-    for vitals in evidence.of("detector"):
+    for vitals in evidence.of_service("detector"):
         empty = vitals.since("no_depth")
         came = max(vitals.since("frames"), empty)  # a heartbeat may lie between the two counts
         if empty and empty >= MOST * came:
@@ -233,14 +235,14 @@ def output(evidence: Evidence) -> Iterator[Diagnostic]:
         rate_hz = len(evidence.tracks) / max(evidence.elapsed_s, 0.1)
         most = max(len(m.tracks) for m in evidence.tracks)
         what = f"{rate_hz:.0f} messages about people a second, of up to {most} people"
-        sent = sum(v.since("sent_frames", "sent_compressed") for v in evidence.of("camera"))
+        sent = sum(v.since("sent_frames", "sent_compressed") for v in evidence.of_service("camera"))
         if len(evidence.tracks) < MOST * sent:
             come_hz = sent / max(evidence.elapsed_s, 0.1)
             hint = "People are late or missing in between: see people4d top for the slowest stage."
             yield warning("output", f"{what}, but {come_hz:.0f} frames a second come", hint)
         else:
             yield ok("output", what)
-    elif evidence.of("tracker") or evidence.of(SITE):
+    elif evidence.of_service("tracker") or evidence.of_service(SITE):
         hint = "What stands above explains it; else see people4d logs tracker."
         yield problem("output", "no message about people comes", hint)
 

@@ -49,7 +49,7 @@ def clocks(evidence: Evidence) -> Iterator[Diagnostic]:
 def stamps(evidence: Evidence) -> Iterator[Diagnostic]:
     """Check that stamps are near the clock of the host."""
     for service, max_s, check, what, clock, hint in STAMPS:
-        for vitals in evidence.of(service):
+        for vitals in evidence.of_service(service):
             behind_s = vitals.last.gauges.get("stamps_behind_s", 0.0)
             if abs(behind_s) > max_s:
                 where = f"{abs(behind_s):.0f} s {'behind' if behind_s > 0 else 'ahead of'} {clock}"
@@ -58,7 +58,7 @@ def stamps(evidence: Evidence) -> Iterator[Diagnostic]:
 
 def _camera_clocks(evidence: Evidence) -> Iterator[Diagnostic]:
     """Report cameras whose stamps come from another clock."""
-    for vitals in evidence.of("tracker"):
+    for vitals in evidence.of_service("tracker"):
         gauges = vitals.last.gauges
         found = ((CAMERA_OFFSET.fullmatch(gauge), ms) for gauge, ms in gauges.items())
         behind_ms = {m[1]: -ms for m, ms in found if m and abs(ms) > APART_NS / 1e6}

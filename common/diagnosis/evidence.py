@@ -85,14 +85,14 @@ class Evidence:
     refused: Counter[str] = field(default_factory=Counter)
     refusal: str = ""  # why the last of these could not be read
 
-    def of(self, service: str) -> list[Vitals]:
+    def of_service(self, service: str) -> list[Vitals]:
         """Return the processes of a service."""
         return [v for v in self.vitals.values() if v.last.service == service]
 
-    def hear(self, message: Message, now_ns: int) -> None:
+    def add_message(self, message: Message, now_ns: int) -> None:
         """Add a message; `now_ns` is the wall clock of this host."""
         if isinstance(message, Health):
-            self._hear_health(message, now_ns - message.stamp_ns)
+            self._add_heartbeat(message, now_ns - message.stamp_ns)
         elif isinstance(message, CameraInfo):
             if _has_room(self.infos, message.camera):
                 self.infos[message.camera] = message
@@ -104,7 +104,7 @@ class Evidence:
         elif isinstance(message, Tracks):
             self.tracks.append(message)
 
-    def _hear_health(self, health: Health, late_ns: int) -> None:
+    def _add_heartbeat(self, health: Health, late_ns: int) -> None:
         if health.state == "stopping":
             self.vitals.pop(health.instance, None)
             return
@@ -122,7 +122,7 @@ def listen(client: Client, seconds: float) -> Evidence:
     evidence = Evidence(robot=client.session.robot)
     start_s = time.monotonic()
     for message in client.messages(*HEARD, timeout_s=seconds):
-        evidence.hear(message, time.time_ns())
+        evidence.add_message(message, time.time_ns())
         if time.monotonic() > start_s + seconds:
             break
     evidence.elapsed_s = time.monotonic() - start_s

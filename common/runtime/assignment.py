@@ -106,7 +106,7 @@ class Membership:
         self._excluded_s: dict[str, float] = {}  # time since which
         self._proven: set[str] = set()  # replicas with an answer
 
-    def add(self, name: str, now_s: float) -> None:
+    def add_replica(self, name: str, now_s: float) -> None:
         """Note that a replica has a token."""
         if len(self._announced) >= REPLICAS_MAX and name not in {*self._announced, self._own_name}:
             return
@@ -114,7 +114,7 @@ class Membership:
         self._heartbeats_s[name] = now_s
         self._stalled.discard(name)
 
-    def remove(self, name: str) -> None:
+    def remove_replica(self, name: str) -> None:
         """Note that the token of a replica has vanished."""
         self._announced.discard(name)
         self._proven.discard(name)
@@ -155,7 +155,7 @@ class Membership:
         """Extend all deadlines by a time in which this process did not run."""
         self._heartbeats_s = {name: s + duration_s for name, s in self._heartbeats_s.items()}
 
-    def update(self, now_s: float) -> bool:
+    def update_replicas(self, now_s: float) -> bool:
         """Find the live replicas; return True if they have changed."""
         live = sorted(name for name in self._announced if self._is_live(name, now_s))
         known = {name for name in live if name in self._proven or name == self._own_name}
@@ -218,13 +218,13 @@ class Assignment:
     def add_replica(self, name: str, now_s: float) -> list[PendingMessage]:
         """Note the token of a replica; return pending messages that are ours by that."""
         with self._lock:
-            self._membership.add(name, now_s)
+            self._membership.add_replica(name, now_s)
             return self._reassigned(now_s)
 
     def remove_replica(self, name: str, now_s: float) -> list[PendingMessage]:
         """Note that a token vanished; return pending messages that are ours by that."""
         with self._lock:
-            self._membership.remove(name)
+            self._membership.remove_replica(name)
             return self._reassigned(now_s)
 
     def note_heartbeat(self, name: str, stalled: bool, now_s: float) -> list[PendingMessage]:
@@ -256,7 +256,7 @@ class Assignment:
 
     def _reassigned(self, now_s: float) -> list[PendingMessage]:
         """Return the pending messages that are now ours."""
-        if not self._membership.update(now_s):
+        if not self._membership.update_replicas(now_s):
             return []
         ours = []
         for key, pending in self._pending.items():

@@ -28,7 +28,7 @@ class ErrorLog:
         self._last_s = -math.inf
         self._lock = threading.Lock()
 
-    def note(self, error: Exception, what: str) -> None:
+    def add_error(self, error: Exception, what: str) -> None:
         """Count an exception that was caught.
 
         Args:

@@ -68,9 +68,9 @@ class Activity:
             self.counters[name] += 1
 
     def note_error(self, error: Exception, what: str) -> None:
-        """Count an exception and keep it as a reason; see `ErrorLog.note`."""
+        """Count an exception and keep it as a reason; see `ErrorLog.add_error`."""
         self.count("errors")
-        self.errors.note(error, what)
+        self.errors.add_error(error, what)
 
     @contextlib.contextmanager
     def busy(self) -> Iterator[None]:

@@ -103,7 +103,7 @@ class SlidingWindow:
         self._seconds = seconds
         self._samples: deque[tuple[float, float]] = deque(maxlen=max_count)
 
-    def add(self, now_s: float, value: float) -> None:
+    def add_value(self, now_s: float, value: float) -> None:
         """Add a value."""
         self._samples.append((now_s, value))
 

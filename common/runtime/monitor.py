@@ -115,10 +115,10 @@ class Monitor:
                 offset = clock.offset()
                 if offset:
                     self.clocks[self._process_id.host] = offset
-                path = self.add(arrival, time.time_ns(), time.monotonic())
+                path = self.add_arrival(arrival, time.time_ns(), time.monotonic())
             yield arrival, path
 
-    def add(self, arrival: Arrival, now_ns: int, now_s: float) -> FramePath | None:
+    def add_arrival(self, arrival: Arrival, now_ns: int, now_s: float) -> FramePath | None:
         """Add a message; return the path of a frame once its Tracks arrive.
 
         Health, Tracks and Detections are used, other messages ignored. `now_ns` is the wall clock,
@@ -208,8 +208,8 @@ class Monitor:
                 self._forget(now_s)
             if key in self._stages or len(self._stages) < MAX_STAGES:
                 stage = self._stages.setdefault(key, _Stage(self._seconds, beside))
-                stage.add(part, now_s, part.start_ns - path.end_to_end.start_ns)
-        self._end_to_end.add(path.end_to_end, now_s, 0)
+                stage.add_segment(part, now_s, part.start_ns - path.end_to_end.start_ns)
+        self._end_to_end.add_segment(path.end_to_end, now_s, 0)
 
 
 class _Stage:
@@ -219,10 +219,10 @@ class _Stage:
         self._beside = beside
         self._window = SlidingWindow(seconds)
 
-    def add(self, part: TraceSegment, now_s: float, after_ns: int) -> None:
+    def add_segment(self, part: TraceSegment, now_s: float, after_ns: int) -> None:
         """Add a segment of a path, which began `after_ns` after the first stage."""
         self.newest, self.after_ns = part, after_ns
-        self._window.add(now_s, part.ms)
+        self._window.add_value(now_s, part.ms)
 
     def durations(self, now_s: float) -> Durations | None:
         """Return the durations in the window, None if there are none."""

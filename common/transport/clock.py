@@ -72,7 +72,7 @@ class ClockFilter:
         self.steps = 0  # number of clock steps
         self._exchanges: deque[TimeExchange] = deque(maxlen=EXCHANGES_MAX)
 
-    def add(self, exchange: TimeExchange) -> None:
+    def add_exchange(self, exchange: TimeExchange) -> None:
         """Add an exchange; a contradiction with earlier ones shows that a clock was set."""
         new, known = (
             exchange.at(exchange.reply_received_ns),
@@ -200,4 +200,4 @@ class ClockMonitor:
         stamps_ns = sent_ns, reply.query_received_ns, reply.reply_sent_ns, received_ns
         with self._lock:
             self._is_reference = reply.clock == self._clock
-            self._filter.add(TimeExchange(*stamps_ns))
+            self._filter.add_exchange(TimeExchange(*stamps_ns))

@@ -181,7 +181,7 @@ class ZenohBus(ZenohSession):
         key = f"{prefix(self.robot)}/alive/{service}/{instance}"
         liveliness, session = self._session.liveliness(), f"{key}/{self.identity}"
         self._tokens[service] = [liveliness.declare_token(one) for one in (key, session)]
-        self._announcements.note(session, is_present=True)
+        self._announcements.update_token(session, is_present=True)
 
     def withdraw(self, service: str) -> None:
         """Withdraw the liveliness tokens of a service."""

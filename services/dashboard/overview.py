@@ -37,8 +37,8 @@ class Overview:
         """Add a message; tracks also count for the skipped ones before them."""
         now_ns = time.time_ns()
         if isinstance(message, HEARD):
-            self._evidence.hear(message, now_ns)
-            self._monitor.add(Arrival(message, now_ns, now_ns), now_ns, time.monotonic())
+            self._evidence.add_message(message, now_ns)
+            self._monitor.add_arrival(Arrival(message, now_ns, now_ns), now_ns, time.monotonic())
         if isinstance(message, Tracks):
             self._evidence.tracks += [message] * (selection.count_tracks() - 1)
 

@@ -184,7 +184,7 @@ class Observer:
                 self.reported_s.setdefault(part, time.monotonic())
 
     def _take(self, message: Message) -> None:
-        self.evidence.hear(message, time.time_ns())
+        self.evidence.add_message(message, time.time_ns())
         if isinstance(message, Health) and self._pids.get(message.instance) == message.pid:
             self.healths[message.instance] = message
             self._note_report()

@@ -112,7 +112,7 @@ def play(
     ):
         for arrival in client.arrivals(Tracks, Detections, timeout_s=30):
             now_ns, message = time.time_ns(), arrival.message
-            path = monitor.add(arrival, now_ns, time.monotonic())
+            path = monitor.add_arrival(arrival, now_ns, time.monotonic())
             if not isinstance(message, Tracks) or (message.trace and not path):
                 continue  # a prediction is of no frame
             count += 1

@@ -53,7 +53,7 @@ def _examine(robot: str, connect: str, seconds: float, config: Path | None) -> l
             evidence = listen(client, seconds)
         diagnostics.append(ok("router", f"{endpoint} answers"))
         diagnostics += examine(evidence)
-        missing = any(not evidence.of(service) for service in NEEDED)
+        missing = any(not evidence.of_service(service) for service in NEEDED)
     except People4dError as error:
         diagnostics.append(here.router(endpoint, error))
     if is_here and missing:

@@ -29,7 +29,7 @@ def standing(upright: bool = True) -> Detection:
 
 def calibrate(heard: Heard, fx: float = 40.0, cx: float = 32.0) -> None:
     info = builders.camera_info(width=64, height=48, fx=fx, fy=fx, cx=cx, cy=24.0)
-    heard.evidence.hear(info, 0)
+    heard.evidence.add_message(info, 0)
 
 
 def test_rejected_frames_are_a_problem_with_what_is_wrong(heard: Heard) -> None:

@@ -67,10 +67,10 @@ class Heard:
                 heartbeat = health(
                     name, counters=counters, **({"stamp_ns": stamp_ns} | self.fields[name])
                 )
-                self.evidence.hear(heartbeat, heartbeat.stamp_ns + self.late_ns)
+                self.evidence.add_message(heartbeat, heartbeat.stamp_ns + self.late_ns)
         for number in range(30):
-            self.evidence.hear(detections(*self.people, sequence=number), 0)
-            self.evidence.hear(
+            self.evidence.add_message(detections(*self.people, sequence=number), 0)
+            self.evidence.add_message(
                 builders.tracks(stamp_ns=number, sequence=number, tracks=self.tracks),
                 0,
             )
@@ -126,7 +126,7 @@ def test_heartbeats_of_processes_without_a_token_are_a_warning(heard: Heard) -> 
     heard.evidence.present = [("robot", name.partition("-")[0], name) for name in heard.counters]
     for number in range(5000):
         invented = health(f"detector-{number + 100}", state="degraded", reason="x")
-        heard.evidence.hear(invented, invented.stamp_ns)
+        heard.evidence.add_message(invented, invented.stamp_ns)
     found = heard.found("unannounced")
     assert found.level == "warning"
     assert "and 4995 more" in found.what
@@ -189,7 +189,7 @@ def test_two_trackers_are_a_problem(heard: Heard) -> None:
 
 
 def test_two_processes_of_one_name_are_a_problem(heard: Heard) -> None:
-    heard.evidence.hear(health("tracker-1", host="nuc", pid=77), 0)
+    heard.evidence.add_message(health("tracker-1", host="nuc", pid=77), 0)
     assert "several processes call themselves tracker-1" in heard.found("twice").what
 
 
@@ -408,14 +408,14 @@ def test_unexplained_reason_of_a_process_is_quoted(heard: Heard) -> None:
 
 
 def test_process_that_stops_properly_is_no_problem(heard: Heard) -> None:
-    heard.evidence.hear(health("report-1"), 0)
-    heard.evidence.hear(health("report-1", state="stopping"), 0)
+    heard.evidence.add_message(health("report-1"), 0)
+    heard.evidence.add_message(health("report-1", state="stopping"), 0)
     assert {f.level for f in heard.diagnostics()} == {"ok"}
 
 
 def test_invented_cameras_and_frames_are_bounded() -> None:
     evidence = Evidence(robot="robot")
     for number in range(2000):
-        evidence.hear(builders.camera_info(camera=f"c{number}"), 0)
-        evidence.hear(builders.static_transform(np.eye(4), child=f"f{number}"), 0)
+        evidence.add_message(builders.camera_info(camera=f"c{number}"), 0)
+        evidence.add_message(builders.static_transform(np.eye(4), child=f"f{number}"), 0)
     assert len(evidence.infos) == len(evidence.transforms) == NAMES_MAX

@@ -54,8 +54,8 @@ def membership(*names: str) -> Membership:
     """Return the membership at replica a at time 0."""
     made = Membership("a")
     for name in names:
-        made.add(name, 0.0)
-    made.update(0.0)
+        made.add_replica(name, 0.0)
+    made.update_replicas(0.0)
     return made
 
 
@@ -104,11 +104,11 @@ def test_replica_that_answers_nothing_is_excluded_for_a_while() -> None:
     for second in range(7):
         two.note_heartbeat("b", stalled=False, now_s=second)
         two.note_assigned("b", second)
-        two.update(second)
+        two.update_replicas(second)
         # Three messages and more than 5 s since the first: at the seventh.
         assert two.replicas == (("a", "b") if second < 6 else ("a",))
     two.note_heartbeat("b", stalled=False, now_s=6 + EXCLUDED_S)
-    two.update(6 + EXCLUDED_S)
+    two.update_replicas(6 + EXCLUDED_S)
     assert two.replicas == ("a", "b")
 
 
@@ -124,7 +124,7 @@ def test_third_unanswered_message_after_five_seconds_excludes(
     for now_s in seconds:
         two.note_heartbeat("b", stalled=False, now_s=now_s)
         two.note_assigned("b", now_s)
-    two.update(seconds[-1])
+    two.update_replicas(seconds[-1])
     assert two.replicas == (("a",) if excluded else ("a", "b"))
 
 
@@ -136,62 +136,62 @@ def test_replica_that_answers_slowly_is_not_excluded() -> None:
         two.note_assigned("b", second)
         if second % 5 == 4:
             two.note_answered("b")
-        two.update(second)
+        two.update_replicas(second)
         assert two.replicas == ("a", "b")
 
 
 def test_token_that_vanishes_removes_its_replica_at_once() -> None:
     two = membership("a", "b")
-    two.remove("b")
-    assert two.update(0.001)
+    two.remove_replica("b")
+    assert two.update_replicas(0.001)
     assert two.replicas == ("a",)
-    assert not two.update(0.002)
+    assert not two.update_replicas(0.002)
 
 
 def test_replica_without_heartbeats_is_out_until_the_next() -> None:
     two = membership("a", "b")
     two.note_heartbeat("b", stalled=False, now_s=1.0)
-    assert not two.update(1.0 + SILENT_S - 0.01)
-    assert two.update(1.0 + SILENT_S)
+    assert not two.update_replicas(1.0 + SILENT_S - 0.01)
+    assert two.update_replicas(1.0 + SILENT_S)
     assert two.replicas == ("a",)
     two.note_heartbeat("b", stalled=False, now_s=5.0)
-    assert two.update(5.0)
+    assert two.update_replicas(5.0)
     assert len(two.replicas) == 2
 
 
 def test_new_token_counts_as_a_heartbeat() -> None:
     two = membership("a")
-    two.add("b", 10.0)
-    two.update(10.0 + SILENT_S - 0.01)
+    two.add_replica("b", 10.0)
+    two.update_replicas(10.0 + SILENT_S - 0.01)
     assert two.replicas == ("a", "b")
 
 
 def test_stalled_replica_is_out_until_it_goes_on() -> None:
     two = membership("a", "b")
     two.note_heartbeat("b", stalled=True, now_s=0.5)
-    assert two.update(0.5)
+    assert two.update_replicas(0.5)
     assert two.replicas == ("a",)
     two.note_heartbeat("b", stalled=False, now_s=1.0)
-    assert two.update(1.0)
+    assert two.update_replicas(1.0)
 
 
 def test_own_replica_stays_live_without_heartbeats() -> None:
     one = membership("a")
-    one.update(100.0)
+    one.update_replicas(100.0)
     assert one.replicas == ("a",)
 
 
 def test_heartbeat_without_a_token_adds_no_replica() -> None:
     one = membership("a")
     one.note_heartbeat("b", stalled=False, now_s=0.0)
-    assert not one.update(0.0)
+    assert not one.update_replicas(0.0)
 
 
 def test_time_in_which_this_process_was_stopped_does_not_count_as_silence() -> None:
     two = membership("a", "b")
     two.extend_deadlines(60.0)
-    assert not two.update(60.0 + SILENT_S - 0.01)
-    assert two.update(60.0 + SILENT_S)
+    assert not two.update_replicas(60.0 + SILENT_S - 0.01)
+    assert two.update_replicas(60.0 + SILENT_S)
 
 
 def assignment(own_name: str, *others: str, sharing: Sharing = FRAMES) -> Assignment:

@@ -115,7 +115,7 @@ def test_segments_add_up_to_the_end_to_end_latency(spans: list[Span], offset_ns:
 def test_window_drops_old_values() -> None:
     window = SlidingWindow(10.0)
     for now_s, value in ((0.0, 1.0), (5.0, 2.0), (10.0, 3.0)):
-        window.add(now_s, value)
+        window.add_value(now_s, value)
     assert window.values(10.0) == [1.0, 2.0, 3.0]
     assert window.values(10.5) == [2.0, 3.0]
     assert window.values(30.0) == []
@@ -124,5 +124,5 @@ def test_window_drops_old_values() -> None:
 def test_window_is_bounded() -> None:
     window = SlidingWindow(10.0, max_count=3)
     for value in range(5):
-        window.add(0.0, value)
+        window.add_value(0.0, value)
     assert window.values(0.0) == [2, 3, 4]

@@ -42,8 +42,10 @@ def test_four_stamps_by_hand() -> None:
 def test_quickest_reply_gives_the_offset_until_it_is_old() -> None:
     clock_filter = ClockFilter()
     assert clock_filter.offset(0) is None
-    clock_filter.add(TimeExchange(0, 0, 0, 2 * MS))  # 1 ms, give or take 1 ms
-    clock_filter.add(TimeExchange(1 * S, 1 * S, 1 * S, 1 * S + 4 * MS))  # 2 ms, give or take 2 ms
+    clock_filter.add_exchange(TimeExchange(0, 0, 0, 2 * MS))  # 1 ms, give or take 1 ms
+    clock_filter.add_exchange(
+        TimeExchange(1 * S, 1 * S, 1 * S, 1 * S + 4 * MS)
+    )  # 2 ms, give or take 2 ms
     now = clock_filter.offset(2 * S)  # 1 ms + 200 us, or 2 ms + 100 us
     assert now is not None
     assert now.offset_ns == 1 * MS
@@ -55,8 +57,8 @@ def test_quickest_reply_gives_the_offset_until_it_is_old() -> None:
 
 def test_clock_that_was_set_counts_as_a_step_and_discards_earlier_exchanges() -> None:
     clock_filter = ClockFilter()
-    clock_filter.add(TimeExchange(0, 0, 0, 2 * MS))
-    clock_filter.add(TimeExchange(10 * S, 5 * S, 5 * S, 10 * S + 2 * MS))  # now 5 s ahead
+    clock_filter.add_exchange(TimeExchange(0, 0, 0, 2 * MS))
+    clock_filter.add_exchange(TimeExchange(10 * S, 5 * S, 5 * S, 10 * S + 2 * MS))  # now 5 s ahead
     assert clock_filter.steps == 1
     now = clock_filter.offset(10 * S)
     assert now is not None
@@ -65,7 +67,7 @@ def test_clock_that_was_set_counts_as_a_step_and_discards_earlier_exchanges() ->
 
 def test_exchange_during_which_a_clock_was_set_back_is_ignored() -> None:
     clock_filter = ClockFilter()
-    clock_filter.add(TimeExchange(10 * S, 0, 0, 9 * S))
+    clock_filter.add_exchange(TimeExchange(10 * S, 0, 0, 9 * S))
     assert clock_filter.offset(9 * S) is None
 
 
@@ -88,7 +90,9 @@ def test_error_is_a_bound(ahead_ns: int, ppm: float, delays: list[tuple[int, int
     for query_ns, served_ns, reply_ns in delays:
         received_ns = true_ns + query_ns
         sent_ns = received_ns + served_ns
-        clock_filter.add(TimeExchange(own(true_ns), received_ns, sent_ns, own(sent_ns + reply_ns)))
+        clock_filter.add_exchange(
+            TimeExchange(own(true_ns), received_ns, sent_ns, own(sent_ns + reply_ns))
+        )
         true_ns = sent_ns + reply_ns + S
     assert clock_filter.steps == 0
     offset = clock_filter.offset(own(true_ns))

@@ -33,7 +33,7 @@ def owners_of(**tokens: str) -> KeyOwners:
     """Return the owners of calibrations, with announced sessions by their service."""
     announcements = Announcements()
     for service, session in tokens.items():
-        announcements.note(f"people4d/v1/robot/alive/{service}/{service}-1/{session}", True)
+        announcements.update_token(f"people4d/v1/robot/alive/{service}/{service}-1/{session}", True)
     return KeyOwners(INFO, announcements)
 
 
@@ -70,7 +70,7 @@ def test_message_before_its_token_is_read_once_the_token_comes(
     owners, found = owners_of(camera="c1"), list[str]()
     reader = threading.Thread(target=lambda: found.append(read(owners, "c2", camera_info())))
     reader.start()
-    owners._announcements.note(f"{TOKEN}/c2", True)
+    owners._announcements.update_token(f"{TOKEN}/c2", True)
     reader.join(WAIT_S)
     assert found == ["read"]
 
@@ -78,21 +78,21 @@ def test_message_before_its_token_is_read_once_the_token_comes(
 def test_key_belongs_to_the_next_session_once_the_owner_is_gone() -> None:
     owners = owners_of(camera="c1")
     assert read(owners, "c1", camera_info(fx=600.0)) == "read"
-    owners._announcements.note(f"{TOKEN}/c1", False)
+    owners._announcements.update_token(f"{TOKEN}/c1", False)
     assert read(owners, "c2", camera_info(fx=600.0)) == "read"
 
 
 def test_owner_regains_its_key_from_an_unannounced_session() -> None:
     owners = owners_of()
     assert read(owners, "x", camera_info(fx=400.0)) == "read"
-    owners._announcements.note(f"{TOKEN}/c1", True)
+    owners._announcements.update_token(f"{TOKEN}/c1", True)
     assert read(owners, "c1", camera_info(fx=600.0)) == "read"
     assert read(owners, "x", camera_info(fx=400.0)) == "refused"
 
 
 def test_calibration_of_another_camera_process_is_refused() -> None:
     owners = owners_of(camera="c1")
-    owners._announcements.note("people4d/v1/robot/alive/camera/camera-2/c2", True)
+    owners._announcements.update_token("people4d/v1/robot/alive/camera/camera-2/c2", True)
     assert read(owners, "c1", camera_info(fx=600.0)) == "read"
     assert read(owners, "c2", camera_info(fx=400.0)) == "refused"
 

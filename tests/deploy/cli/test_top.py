@@ -25,11 +25,11 @@ def monitor(frames: int = 4, clocks: bool = True) -> Monitor:
     """Heartbeats, then a frame every 20 ms, each of which arrives 50 ms after its begin."""
     found = Monitor(HERE, 10.0)
     for health in healths() if clocks else ():
-        found.add(arrival(health), BEGIN_NS, 0.0)
+        found.add_arrival(arrival(health), BEGIN_NS, 0.0)
     for number in range(frames):
         done_ms = 20 * number + 50
         now_ns = BEGIN_NS + (done_ms + 2) * MS
-        found.add(arrival(tracks(number), done_ms), now_ns, number * 0.02)
+        found.add_arrival(arrival(tracks(number), done_ms), now_ns, number * 0.02)
     return found
 
 
@@ -61,8 +61,8 @@ def test_spans_beside_the_path_are_not_in_it() -> None:
     beside = span("detector.locate", 37, 42, "detector-1@nuc")
     message = detections(0)
     message = msgspec.structs.replace(message, trace=(*message.trace, beside))
-    assert found.add(arrival(message), BEGIN_NS, 0.0) is None
-    path = found.add(arrival(tracks(0), 50), BEGIN_NS + 52 * MS, 0.0)
+    assert found.add_arrival(arrival(message), BEGIN_NS, 0.0) is None
+    path = found.add_arrival(arrival(tracks(0), 50), BEGIN_NS + 52 * MS, 0.0)
     assert path is not None
     assert [(part.name, part.ms) for part in path.beside] == [("detector.locate", 5)]
     assert "detector.locate" not in {part.name for part in path.parts}
@@ -106,14 +106,16 @@ def test_invented_processes_make_room_once_they_are_silent() -> None:
     found = Monitor(HERE, 1.0)
     for number in range(3000):
         health = msgspec.structs.replace(healths()[0], instance=f"x-{number}", host=f"h{number}")
-        found.add(arrival(health), BEGIN_NS, 0.0)
+        found.add_arrival(arrival(health), BEGIN_NS, 0.0)
         trace = (span(f"x.s{number}", 0, 1, "x@h"),)
-        found.add(arrival(msgspec.structs.replace(tracks(number), trace=trace)), BEGIN_NS, 0.0)
+        found.add_arrival(
+            arrival(msgspec.structs.replace(tracks(number), trace=trace)), BEGIN_NS, 0.0
+        )
     assert len(found.healths(0.0)) == MAX_PROCESSES
     assert len(found.clocks) <= MAX_PROCESSES + 1
     for health in healths():
-        found.add(arrival(health), BEGIN_NS, 5.0)
-    found.add(arrival(tracks(0), 50), BEGIN_NS + 52 * MS, 5.0)
+        found.add_arrival(arrival(health), BEGIN_NS, 5.0)
+    found.add_arrival(arrival(tracks(0), 50), BEGIN_NS + 52 * MS, 5.0)
     snapshot = found.snapshot(5.0)
     names = {process.instance for process in snapshot.processes}
     assert {"camera-1", "detector-1", "tracker-1", "reid-1"} <= names
