@@ -230,21 +230,21 @@ class ZenohSession:
         self._subscriptions.append(ZenohSubscription(subscriber, max_bytes, keys_max, but, owners))
         return self._subscriptions[-1]
 
+    def _tokens_of(self, key: str) -> ZenohSubscription:
+        """Receive liveliness tokens: the present ones, then changes."""
+        # A FIFO that is read immediately: a ring would lose tokens.
+        channel: Any = zenoh.handlers.FifoChannel(256)
+        return self._keep(self._session.liveliness().declare_subscriber(key, channel, history=True))
+
     def _follow_announcements(self) -> Announcements:
         """Return the announcements of processes, followed from the first call on."""
         if not self._follows:
             self._follows = True
-            key = f"{prefix(self.robot)}/alive/*/*/*"
-            # A FIFO that is read immediately: a ring would lose tokens.
-            channel: Any = zenoh.handlers.FifoChannel(256)
-            tokens = self._keep(
-                self._session.liveliness().declare_subscriber(key, channel, history=True)
-            )
+            tokens = self._tokens_of(f"{prefix(self.robot)}/alive/*/*/*")
 
             def follow() -> None:
-                for sample in tokens.samples():
-                    is_present = sample.kind == zenoh.SampleKind.PUT
-                    self._announcements.update_token(str(sample.key_expr), is_present)
+                for key, is_present in tokens.tokens():
+                    self._announcements.update_token(key, is_present)
 
             self._start(follow, "announcements")
         return self._announcements

@@ -95,6 +95,11 @@ class ZenohSubscription:
             yield sample
             del sample  # frees memory before the next sample
 
+    def tokens(self) -> Iterator[tuple[str, bool]]:
+        """Yield keys of liveliness tokens, True for a present one, until closed."""
+        for sample in self.samples():
+            yield str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT
+
     def _read(self, sample: Any) -> list[tuple[str, bytes]]:
         """Return the payload of a sample, after a report of refused messages."""
         if sample.kind != zenoh.SampleKind.PUT or self._is_passed_over(sample):

@@ -12,7 +12,7 @@ from common.runtime.heartbeat import Activity
 from common.runtime.inbox import Inbox
 from common.runtime.node import Sharing
 from common.transport.trace import ProcessId
-from common.transport.zenoh_bus import ZenohBus, ZenohMembers
+from common.transport.zenoh_bus import ZenohBus
 from people4d.messages import Health
 from people4d.subscription import ZenohSubscription
 from people4d.topics import BY_MESSAGE, Topic
@@ -50,7 +50,7 @@ class Replica:
         self.assignment = Assignment(process_id.instance, sharing)
         self._bus, self._sharing, self._activity = bus, sharing, activity
         self._service, self._name = process_id.service, process_id.instance
-        self._subscriptions: list[ZenohSubscription | ZenohMembers] = []
+        self._subscriptions: list[ZenohSubscription] = []
         self._left = threading.Event()
         self._changing = threading.Lock()
         self._joined = False
@@ -105,12 +105,12 @@ class Replica:
             self._bus.withdraw(self._service)
             self.assignment.remove_replica(self._name, time.monotonic())
 
-    def _watch(self, members: ZenohMembers) -> None:
-        for member in members:
-            if member.instance != self._name:
-                assignment = self.assignment
-                change = assignment.add_replica if member.present else assignment.remove_replica
-                self._take_over(change(member.instance, time.monotonic()))
+    def _watch(self, members: ZenohSubscription) -> None:
+        for key, is_present in members.tokens():
+            name, assignment = key.rpartition("/")[2], self.assignment
+            if name != self._name:
+                change = assignment.add_replica if is_present else assignment.remove_replica
+                self._take_over(change(name, time.monotonic()))
 
     def _check(self) -> None:
         """Check periodically for replicas that are stuck, this process included."""

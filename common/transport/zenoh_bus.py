@@ -5,8 +5,7 @@ import json
 import os
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -80,31 +79,6 @@ def _access_rules(mode: str, environment: Mapping[str, str]) -> dict[str, Any] |
         # Only the connecting end proves its role by a password, so only the router enforces rules.
         return access_control("usernames", local, private)
     return privacy_control(local) if private else None
-
-
-@dataclass(frozen=True)
-class Member:
-    """A process of a service that joined or left."""
-
-    instance: str  # its name
-    present: bool  # True if it joined
-
-
-class ZenohMembers:
-    """Processes of one service as they join and leave; iterate in a thread of its own."""
-
-    def __init__(self, tokens: ZenohSubscription) -> None:
-        self._tokens = tokens
-
-    def __iter__(self) -> Iterator[Member]:
-        """Yield the present ones, then changes, until closed."""
-        for sample in self._tokens.samples():
-            instance = str(sample.key_expr).rpartition("/")[2]
-            yield Member(instance, sample.kind == zenoh.SampleKind.PUT)
-
-    def close(self) -> None:
-        """End the iteration."""
-        self._tokens.close()
 
 
 class ZenohBus(ZenohSession):
@@ -193,13 +167,9 @@ class ZenohBus(ZenohSession):
         self._closing.set()
         super().close()
 
-    def members(self, service: str) -> ZenohMembers:
+    def members(self, service: str) -> ZenohSubscription:
         """Receive the liveliness tokens of a service."""
-        key = f"{prefix(self.robot)}/alive/{service}/*"
-        # A FIFO that is read immediately: a ring would lose members.
-        channel: Any = zenoh.handlers.FifoChannel(256)
-        subscriber = self._session.liveliness().declare_subscriber(key, channel, history=True)
-        return ZenohMembers(self._keep(subscriber))
+        return self._tokens_of(f"{prefix(self.robot)}/alive/{service}/*")
 
     def serve(self, name: str, reply: Callable[[], bytes]) -> None:
         """Reply to every query of a name, in a thread of its own."""
