@@ -68,8 +68,7 @@ class Service:
     replicas: Annotated[int, Meta(ge=0, le=REPLICAS_MAX)]  # number of equal processes
     stop_grace_s: float  # time between SIGTERM and SIGKILL
     profiles: frozenset[str]  # profiles with this service; empty: all
-    # `people4d.scalable` (replicas share the work), `people4d.option` (command-line option),
-    # `people4d.check` (check of its settings), `people4d.model` (loader of its model)
+    # facts of deploy/compose.yaml, for example `people4d.scalable`
     labels: Mapping[str, str] = field(default_factory=dict)
     # services that share its first process, itself included; empty: it has its own process
     partners: tuple[str, ...] = ()
@@ -81,10 +80,9 @@ class Service:
         is_module = program.startswith("python") and "-m" in arguments
         return arguments[arguments.index("-m") + 1] if is_module else ""
 
-    @property
-    def scalable(self) -> bool:
-        """True if several equal processes share its work."""
-        return self.labels.get("people4d.scalable") == "true"
+    def has(self, fact: str) -> bool:
+        """Check a fact of the service: needed, scalable or joinable."""
+        return self.labels.get(f"people4d.{fact}") == "true"
 
     @property
     def option(self) -> str:

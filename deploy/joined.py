@@ -7,7 +7,9 @@ from typing import Any
 
 from common.runtime import joined
 from common.runtime.joined import ServiceBuild
+from deploy import compose
 from deploy.launcher.joined import check_joinable, config_record
+from deploy.launcher.plan import COMPOSE_FILE
 
 
 def find(services: Sequence[str]) -> list[ServiceBuild]:
@@ -16,7 +18,7 @@ def find(services: Sequence[str]) -> list[ServiceBuild]:
     Raises:
         ConfigError: They may not.
     """
-    check_joinable(services)
+    check_joinable(services, compose.read(COMPOSE_FILE, {}))
     return [_find(service) for service in services]
 
 

@@ -14,21 +14,6 @@ from people4d.errors import ConfigError
 MODULE = "deploy.joined"  # module of a process with several services
 INSTANCE = "PEOPLE4D_INSTANCE"  # variable with the name of a process
 
-# Other services have a process of their own: the router, which all others need; the watchdog, which
-# must outlive hung processes; and servers and writers.
-JOINABLE = (
-    "camera",
-    "detector",
-    "reid",
-    "tracker",
-    "gt_bridge",
-    "gait",
-    "visual_odometry",
-    "predictor",
-    "skeleton",
-    "events",
-)
-
 
 def config_record(service: str) -> type[msgspec.Struct]:
     """Return the record of a service's configuration."""
@@ -39,20 +24,23 @@ def config_record(service: str) -> type[msgspec.Struct]:
     return record
 
 
-def check_joinable(services: Sequence[str], environment: Mapping[str, str] = os.environ) -> None:
-    """Check that services may share a process.
+def check_joinable(
+    names: Sequence[str], services: Sequence[Service], environment: Mapping[str, str] = os.environ
+) -> None:
+    """Check that some of the services may share a process.
 
     Raises:
         ConfigError: A service may not, is named twice, is alone, or has to prove its role.
     """
-    can = f"Those that can are {', '.join(JOINABLE)}."
-    for service in services:
-        if service not in JOINABLE:
-            raise ConfigError(f"{service!r} cannot share a process with others", can)
-        if services.count(service) > 1:
-            raise ConfigError(f"{service} is named twice among {', '.join(services)}", can)
-    if len(services) < 2:
-        raise ConfigError(f"{', '.join(services)} alone: nothing to join", can)
+    joinable = [service.name for service in services if service.has("joinable")]
+    can = f"Those that can are {', '.join(joinable)}."
+    for name in names:
+        if name not in joinable:
+            raise ConfigError(f"{name!r} cannot share a process with others", can)
+        if names.count(name) > 1:
+            raise ConfigError(f"{name} is named twice among {', '.join(names)}", can)
+    if len(names) < 2:
+        raise ConfigError(f"{', '.join(names)} alone: nothing to join", can)
     if environment.get("PEOPLE4D_KEYS"):
         raise ConfigError(
             "with PEOPLE4D_KEYS each service proves its role, which one process cannot for several",

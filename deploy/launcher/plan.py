@@ -22,7 +22,10 @@ REPORT = "report"  # profile and service of the report
 PROCESSES = "processes"  # profile of services that containers do not need
 CAMERA = "camera"
 ROUTER = "router"
+<<<<<<< HEAD
 NEEDED = (ROUTER, "detector", "tracker")  # services without which no one is tracked
+=======
+>>>>>>> 8c09529 (Keep the facts of services in one table, compose.yaml)
 HOST = "127.0.0.1"
 PORT = 7447
 REPLICAS_PER_CORE = 4  # maximum number of replicas of a service, against typing errors
@@ -68,7 +71,7 @@ def plan(request: LaunchRequest) -> tuple[Service, ...]:
     if request.together:
         for name in request.together:
             _check_runs(name, services, every)
-        check_joinable(request.together, request.environment)
+        check_joinable(request.together, every, request.environment)
         services = compose.select(join(services, request.together), profiles)
     arguments = _arguments(settings, services, every)
     replicas = replicas_of(request.scale, services, every)
@@ -194,13 +197,13 @@ def replicas_of(
         if not number.isdecimal():
             raise ConfigError(f"scale {text!r} is incomplete", "Write service=number.")
         _check_runs(name, services, every)
-        if int(number) > 1 and not by_name[name].scalable:
-            scalable = " and ".join(service.name for service in services if service.scalable)
+        if int(number) > 1 and not by_name[name].has("scalable"):
+            scalable = " and ".join(one.name for one in services if one.has("scalable"))
             raise ConfigError(
                 f"{name} runs once: two would do the same work twice",
                 f"Services that share their work are {scalable}.",
             )
-        if int(number) < 1 and name in NEEDED:
+        if int(number) < 1 and by_name[name].has("needed"):
             raise ConfigError(f"{text}: no people are tracked without {name}", f"Write {name}=1.")
         if int(number) < 1 and by_name[name].partners:
             others = ", ".join(other for other in by_name[name].partners if other != name)

@@ -204,7 +204,7 @@ def test_wrong_extends_is_rejected(tmp_path: Path, extends: str, message: str) -
 
 def test_facts_of_services_are_labels_of_the_shipped_file() -> None:
     services = {service.name: service for service in read(COMPOSE_FILE, {})}
-    assert {name for name, s in services.items() if s.scalable} == {"detector", "reid"}
+    assert {name for name, s in services.items() if s.has("scalable")} == {"detector", "reid"}
     assert services["gait"].option == "--gait"
     assert services["predictor"].option == "--predict"
     assert services["tracker"].option == ""

@@ -88,7 +88,7 @@ def test_more_replicas_than_cores_are_refused_unless_forced(state: State) -> Non
 
 def test_more_replicas_than_memory_holds_are_refused(state: State) -> None:
     services = read_plan(state)
-    more = tuple(replace(s, replicas=8 if s.scalable else 1) for s in services)
+    more = tuple(replace(s, replicas=8 if s.has("scalable") else 1) for s in services)
     processes = Supervisor(state).processes()
     check_capacity(services, more, processes, cores=8, free_mb=1000.0)
     with pytest.raises(ConfigError, match="that are free"):
