@@ -215,11 +215,10 @@ class MessageQueue:
 
     def _count_gap(self, topic: Topic, source: str, sequence: int) -> None:
         self.counters[f"received_{topic.name}"] += 1
-        last = self._last.pop(source, None)
+        last = self._last.pop(source, sequence)
         self._last[source] = sequence  # the most recent source is forgotten last
         if len(self._last) > SOURCES_MAX:
             del self._last[next(iter(self._last))]
         # A sequence that goes back is a restarted publisher, not a gap.
-        is_numbered = self._counts_gaps and topic.numbered and last is not None
-        if is_numbered and sequence > last + 1:
+        if self._counts_gaps and topic.numbered and sequence > last + 1:
             self.counters[f"gaps_{topic.name}"] += sequence - last - 1
