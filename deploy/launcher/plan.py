@@ -22,10 +22,6 @@ REPORT = "report"  # profile and service of the report
 PROCESSES = "processes"  # profile of services that containers do not need
 CAMERA = "camera"
 ROUTER = "router"
-<<<<<<< HEAD
-NEEDED = (ROUTER, "detector", "tracker")  # services without which no one is tracked
-=======
->>>>>>> 8c09529 (Keep the facts of services in one table, compose.yaml)
 HOST = "127.0.0.1"
 PORT = 7447
 REPLICAS_PER_CORE = 4  # maximum number of replicas of a service, against typing errors

@@ -81,7 +81,7 @@ def _sentences(status: Status, time_ns: int) -> list[str]:
         gauges=status.gauges,
     )
     evidence = Evidence(robot="robot")
-    evidence.hear(health, time_ns)
+    evidence.add_message(health, time_ns)
     clock = [f"doctor: {one.what}" for one in clocks(evidence) if one.level != "ok"]
     return [*(reason for reason in status.reason.split("; ") if reason), *clock]
 
