@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from common.calibration.transforms_file import MAP
-from common.diagnosis.camera_checks import REJECTED
+from common.diagnosis.event_table import REJECTED
 from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
 from people4d.errors import SourceError
 from people4d.messages import F64, U8, CameraInfo
