@@ -10,12 +10,13 @@ import numpy as np
 
 from common.geometry.transforms import deproject, project
 from people4d.messages import F64, CameraInfo
-from services.gait.points.body import Extremity, MeasuredBody
+from services.gait.points.body import MeasuredBody
 from services.gait.points.keypoints import START_CONFIDENCE, Anchor, sigma_px
 from services.gait.points.limbs.surface import SurfacePosition
 from services.gait.points.limbs.visibility import (
     VISIBILITY,
     WITHOUT_KEYPOINTS,
+    PointEvidence,
     Visibility,
     limb_evidence,
 )
@@ -46,16 +47,6 @@ UNCERTAINTIES = MappingProxyType(
         "hand": SurfaceUncertainty(0.28, 0.05, 0.05),
     }
 )
-
-
-@dataclass(frozen=True)
-class PointEvidence:
-    """Evidence of one point in one frame, besides the body."""
-
-    anchor: Anchor | None = None  # of its keypoint
-    counterpart: PointFilter | None = None  # the same point on the other side of the body
-    extremity: Extremity | None = None  # assigned to the point
-    surface: SurfacePosition | None = None  # measured position
 
 
 class Acceptance:
@@ -92,7 +83,7 @@ class Acceptance:
         if surface is None:
             point.mark_missed(dt_s)
             return
-        odds = self._odds(point, body, surface, evidence)
+        odds = self._odds(point, body, evidence)
         if self._is_covered(point, body, surface, evidence, odds):
             point.unsupported_s += dt_s
             if point.kind == "head" or point.state == "lost":
@@ -138,8 +129,7 @@ class Acceptance:
         confidence = self._support(point, body, surface, evidence, dt_s)
         confidence *= _agreement(off / GATE * TOLERANCE**2)
         supported = confidence >= CONFIDENCE_MIN
-        needed = surface.noise_m2 is None  # by the distance along the body alone
-        if off > GATE or point.state == "lost" or (needed and not supported):
+        if off > GATE or point.state == "lost" or (surface.by_distance and not supported):
             point.mark_missed(dt_s)
         elif supported and self._is_visible(point, odds):
             point.mark_measured(position_m, confidence, noise_m2)
@@ -186,27 +176,12 @@ class Acceptance:
         return None if self.had_keypoints else WITHOUT_KEYPOINTS.get(point.kind)
 
     def _odds(
-        self,
-        point: PointFilter,
-        body: MeasuredBody,
-        surface: SurfacePosition,
-        evidence: PointEvidence,
+        self, point: PointFilter, body: MeasuredBody, evidence: PointEvidence
     ) -> float | None:
         """Return the log-odds that the point is on the measured surface; None: not known."""
         kind = self._visibility(point)
-        if kind is None:
-            return None
-        measured = limb_evidence(
-            point,
-            surface.position_m,
-            surface.vertex,
-            body,
-            evidence.anchor,
-            evidence.counterpart,
-            evidence.extremity,
-            self._info,
-        )
-        return None if measured is None else kind.odds(measured)
+        measured = limb_evidence(point, body, evidence, self._info) if kind else None
+        return None if kind is None or measured is None else kind.odds(measured)
 
     def _is_visible(self, point: PointFilter, odds: float | None) -> bool:
         """Check that the measured surface probably belongs to the point itself.
@@ -223,7 +198,7 @@ def _uncertainty_m2(point: PointFilter, surface: SurfacePosition, odds: float | 
     """Return the covariance of a position, 3x3, by the log-odds of its surface; None: hidden."""
     uncertainty = UNCERTAINTIES["foot" if point.kind == "foot" else "hand"]
     hidden = 1.0 if odds is None else 1.0 / (1.0 + float(np.exp(odds)))
-    across_m = uncertainty.across if surface.noise_m2 is not None else uncertainty.before / 2
+    across_m = uncertainty.before / 2 if surface.by_distance else uncertainty.across
     ray = surface.position_m / np.linalg.norm(surface.position_m)
     along_m2 = uncertainty.depth**2 + hidden * uncertainty.before**2
     along_m2 = HIDDEN_M**2 if odds is None else along_m2

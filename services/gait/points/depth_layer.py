@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from people4d.messages import F32, F64, CameraInfo
 from services.gait.config import DepthLayerConfig
-from services.gait.points.acceptance import Acceptance, PointEvidence
+from services.gait.points.acceptance import Acceptance
 from services.gait.points.assignment import assign_extremities, body_vertex, initial_extremities
 from services.gait.points.body import (
     UP,
@@ -25,7 +25,7 @@ from services.gait.points.keypoints import (
 )
 from services.gait.points.limbs.anchors import feet_apart, keep_own_limbs
 from services.gait.points.limbs.ends import end_position
-from services.gait.points.limbs.floor_feet import FloorPosition, correct_by_floor, floor_positions
+from services.gait.points.limbs.floor_feet import correct_by_floor, floor_positions
 from services.gait.points.limbs.prior import limb_priors
 from services.gait.points.limbs.surface import (
     SurfacePosition,
@@ -33,6 +33,7 @@ from services.gait.points.limbs.surface import (
     nearest_position,
     surface_position,
 )
+from services.gait.points.limbs.visibility import PointEvidence
 from services.gait.points.meter import BodyMeter
 from services.gait.points.normal import Normal
 from services.gait.points.occlusion import damp_occluded
@@ -52,7 +53,7 @@ class DepthLayer:
         self._points = {name: PointFilter(name, info) for name in POINTS}
         self._acceptance = Acceptance(info)
         self._assigned: dict[str, Extremity] = {}  # by point
-        self._floor_feet: Mapping[str, FloorPosition] = {}  # of feet without depth
+        self._floor_feet: Mapping[str, SurfacePosition] = {}  # of feet without depth
 
     def start_point(self, name: str, point_m: F64, observation: MeshObservation) -> bool:
         """Track a point from the vertex nearest to a position (3, optical frame) on.

@@ -161,13 +161,11 @@ def _join(depth_m: F32, labels: I32, sizes: I64, joined: Mask) -> None:
     possible &= ~joined
     stacked = _stacked(depth_m, labels, joined, possible & large)
     possible &= stacked | ~large
-    while True:
+    while JOIN_M:
         possible &= ~joined
         if not possible.any():
             return
-        touches = np.zeros(len(joined), np.int64)
-        _touch(depth_m, labels, joined, possible, JOIN_PX, JOIN_M, touches)
-        adjacent = touches > JOIN_PX
+        adjacent = _touching(depth_m, labels, joined, possible) > JOIN_PX
         if not adjacent.any():
             return
         joined |= adjacent
@@ -192,37 +190,14 @@ def _stacked(depth_m: F32, labels: I32, joined: Mask, possible: Mask) -> Mask:
     return found
 
 
-@compiled
-def _touch(
-    depth_m: F32,
-    labels: I32,
-    joined: Mask,
-    possible: Mask,
-    gap_px: int,
-    gap_m: float,
-    touches: I64,
-) -> None:
-    """Count the pixels of possible components that are adjacent to a joined one."""
-    height, width = labels.shape
-    for row in range(height):
-        for column in range(width):
-            label = labels[row, column]
-            if not possible[label] or touches[label] > gap_px:
-                continue
-            touches[label] += _is_beside(depth_m, labels, joined, row, column, gap_px, gap_m)
-
-
-@compiled
-def _is_beside(
-    depth_m: F32, labels: I32, joined: Mask, row: int, column: int, gap_px: int, gap_m: float
-) -> bool:
-    """Check that a pixel of a joined component is near a pixel, in the image and in depth."""
-    height, width = labels.shape
-    for r in range(max(row - gap_px, 0), min(row + gap_px + 1, height)):
-        for c in range(max(column - gap_px, 0), min(column + gap_px + 1, width)):
-            if joined[labels[r, c]] and abs(depth_m[r, c] - depth_m[row, column]) < gap_m:
-                return True
-    return False
+def _touching(depth_m: F32, labels: I32, joined: Mask, possible: Mask) -> I64:
+    """Return the pixels of possible components near joined ones, in the image and in depth."""
+    body = joined[labels]
+    window = np.ones((2 * JOIN_PX + 1,) * 2, np.uint8)
+    farthest = cv2.dilate(np.where(body, depth_m, -np.float32(np.inf)), window)
+    nearest = cv2.erode(np.where(body, depth_m, np.float32(np.inf)), window)
+    near = (depth_m < farthest + JOIN_M) & (depth_m > nearest - JOIN_M) & possible[labels]
+    return np.bincount(labels[near], minlength=len(joined))
 
 
 def _clipped(box: F64, shape: tuple[int, ...]) -> tuple[int, int, int, int] | None:

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from services.gait.points.acceptance import Acceptance, PointEvidence
+from services.gait.points.acceptance import Acceptance
 from services.gait.points.body import MeasuredBody
 from services.gait.points.keypoints import Anchor
 from services.gait.points.limbs.surface import SurfacePosition
+from services.gait.points.limbs.visibility import PointEvidence
 from services.gait.points.normal import Normal
 from services.gait.points.point_filter import PointFilter
 from tests.gait.builders import INFO
@@ -51,7 +52,7 @@ def test_with_keypoints_a_hand_is_measured_only_where_the_body_expects_hands(
     point = hand_on(body)
     acceptance = Acceptance(INFO)
     acceptance.had_keypoints = had_keypoints
-    surface = SurfacePosition(body.mesh.points_m[HAND], None, HAND)
+    surface = SurfacePosition(body.mesh.points_m[HAND], 1e-4 * np.eye(3), HAND, True)
     acceptance.update_point(point, body, PointEvidence(surface=surface), 0.03)
     assert point.state == ("predicted" if had_keypoints else "measured")
 

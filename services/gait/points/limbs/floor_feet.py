@@ -8,7 +8,6 @@ Source: docs/method.md, section 19.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from common.geometry.transforms import deproject
 from people4d.messages import F64, U16, CameraInfo
 from services.gait.points.body import MeshObservation
 from services.gait.points.keypoints import Anchor, kind_of
-from services.gait.points.limbs.surface import FOOT_AHEAD_M, FOOT_BELOW_M
+from services.gait.points.limbs.surface import FOOT_AHEAD_M, FOOT_BELOW_M, SurfacePosition
 from services.gait.points.point_filter import GATE, PointFilter
 
 ANKLE_M = 0.12  # Height of the keypoint of a standing ankle [m]
@@ -28,21 +27,13 @@ DEPTH_MAX_M = 8.0  # Maximum depth; farther, a pixel is too long on the floor [m
 PIXEL_SIGMA = 3.0  # Standard deviation of the ray [px]
 
 
-@dataclass(frozen=True)
-class FloorPosition:
-    """Position of a foot by the keypoint of its ankle and the floor."""
-
-    position_m: F64  # 3, optical frame
-    noise_m2: F64  # 3x3
-
-
 def floor_positions(
     found: Mapping[str, Anchor],
     points: Mapping[str, PointFilter],
     observation: MeshObservation,
     heading: F64 | None,
     info: CameraInfo,
-) -> Mapping[str, FloorPosition]:
+) -> Mapping[str, SurfacePosition]:
     """Return the positions of feet with ankles without depth; empty without a floor.
 
     `heading` is a unit vector in the optical frame.
@@ -64,11 +55,11 @@ def floor_positions(
         ankle_m = (floor.camera_m - ANKLE_M) / falling * ray
         position_m = ankle_m - FOOT_BELOW_M * floor.up + ahead_m
         noise_m2 = _noise_m2(position_m, points[name], info)
-        positions[name] = FloorPosition(position_m, noise_m2)
+        positions[name] = SurfacePosition(position_m, noise_m2, -1)
     return positions
 
 
-def correct_by_floor(point: PointFilter, floor: FloorPosition, dt_s: float) -> None:
+def correct_by_floor(point: PointFilter, floor: SurfacePosition, dt_s: float) -> None:
     """Update a foot by the floor, within GATE; the foot stays predicted."""
     assert point.motion is not None
     if point.motion.distances2(floor.position_m[None], floor.noise_m2)[0] > GATE**2:

@@ -15,6 +15,7 @@ from common.geometry.transforms import deproject, project
 from people4d.messages import F64, CameraInfo
 from services.gait.points.body import Extremity, MeasuredBody
 from services.gait.points.keypoints import Anchor, kind_of
+from services.gait.points.point_filter import NOISE_M as VERTEX_NOISE_M
 from services.gait.points.point_filter import PointFilter
 
 # Offsets from the wrist to the middle of the hand; the first on the body counts [forearms]
@@ -38,8 +39,9 @@ class SurfacePosition:
     """Measured position of a point by the surface of the body."""
 
     position_m: F64  # 3, optical frame
-    noise_m2: F64 | None  # 3x3, without the noise of depth; None: by the distance along the body
-    vertex: int  # behind the keypoint, or at the end of the limb
+    noise_m2: F64  # 3x3, without the noise of depth
+    vertex: int  # behind the keypoint, or at the end of the limb; -1: on the floor
+    by_distance: bool = False  # True: known by the distance along the body alone
 
 
 def surface_position(
@@ -112,7 +114,9 @@ def nearest_position(point: PointFilter, body: MeasuredBody) -> SurfacePosition 
     of_kind = np.array([*(kind == point.kind for kind in body.kinds), False])
     costs[~of_kind[body.extrema.basin]] += WRONG_COST
     vertex = int(np.argmin(costs))
-    return SurfacePosition(points_m[vertex], None, vertex) if costs[vertex] < COST_MAX else None
+    if costs[vertex] >= COST_MAX:
+        return None
+    return SurfacePosition(points_m[vertex], VERTEX_NOISE_M**2 * np.eye(3), vertex, True)
 
 
 def _nearer_to_surface(position_m: F64, body: MeasuredBody, info: CameraInfo) -> F64:

@@ -18,11 +18,22 @@ from common.geometry.transforms import project
 from people4d.messages import CameraInfo
 from services.gait.points.body import Extremity, MeasuredBody
 from services.gait.points.keypoints import Anchor
+from services.gait.points.limbs.surface import SurfacePosition
 from services.gait.points.point_filter import PointFilter
 
 PIXEL_SIGMA = 3.0  # Standard deviation of a point on the surface [px]
 SIGMAS_MAX = 20.0**0.5  # Maximum deviation that counts [standard deviations]
 DISTINCT_END = 0.7  # Minimum strength of the end of a limb that may have any pose
+
+
+@dataclass(frozen=True)
+class PointEvidence:
+    """Evidence of one point in one frame, besides the body."""
+
+    anchor: Anchor | None = None  # of its keypoint
+    counterpart: PointFilter | None = None  # the same point on the other side of the body
+    extremity: Extremity | None = None  # assigned to the point
+    surface: SurfacePosition | None = None  # measured position
 
 
 class LimbEvidence(NamedTuple):
@@ -104,24 +115,18 @@ WITHOUT_KEYPOINTS: Mapping[str, Visibility] = MappingProxyType(
 
 
 def limb_evidence(
-    point: PointFilter,
-    position_m: np.ndarray,
-    vertex: int,
-    body: MeasuredBody,
-    anchor: Anchor | None,
-    other: PointFilter | None,
-    extremity: Extremity | None,
-    info: CameraInfo,
+    point: PointFilter, body: MeasuredBody, evidence: PointEvidence, info: CameraInfo
 ) -> LimbEvidence | None:
-    """Return the evidence of a point that measures a position (3); None without expectation."""
-    expected, prior = point.expected_position(), point.prior
-    if expected is None or prior is None:
+    """Return the evidence of a point at its measured position; None without expectation."""
+    expected, prior, surface = point.expected_position(), point.prior, evidence.surface
+    if expected is None or prior is None or surface is None:
         return None
+    anchor, other, position_m = evidence.anchor, evidence.counterpart, surface.position_m
     pixel = project(position_m, info)[0]
     by_body, off_ray2 = prior.on_ray(position_m, PIXEL_SIGMA, info)
     there, _ = expected.on_ray(position_m, PIXEL_SIGMA, info)
-    basin = int(body.extrema.basin[vertex])
-    along = abs(float(body.geodesic_m[vertex]) - point.geodesic_m)
+    basin = int(body.extrema.basin[surface.vertex])
+    along = abs(float(body.geodesic_m[surface.vertex]) - point.geodesic_m)
     before_other, beside_other, off_other = 0.0, 0.5, 5.0**0.5
     if other is not None and other.motion is not None and other.alive:
         there_m = other.motion.position_m
@@ -145,7 +150,7 @@ def limb_evidence(
         before=_before(there.mean_m[2] - position_m[2]),
         own_end=float(basin >= 0 and body.kinds[basin] == point.kind),
         off_along_m=min(along, 0.5) if np.isfinite(along) else 0.5,
-        end=0.0 if extremity is None else extremity.strength,
+        end=0.0 if evidence.extremity is None else evidence.extremity.strength,
     )
 
 

@@ -10,7 +10,8 @@ from common.geometry.transforms import project
 from people4d.messages import F64, U16
 from services.gait.points.body import MeshObservation
 from services.gait.points.keypoints import Anchor
-from services.gait.points.limbs.floor_feet import FloorPosition, correct_by_floor, floor_positions
+from services.gait.points.limbs.floor_feet import correct_by_floor, floor_positions
+from services.gait.points.limbs.surface import SurfacePosition
 from services.gait.points.normal import Normal
 from services.gait.points.point_filter import PointFilter
 from services.gait.surface.floor import FloorPlane
@@ -41,7 +42,7 @@ def depth(readings: int = 0) -> U16:
 
 def found(
     anchor: Anchor, depth_mm: U16, floor: FloorPlane | None = FLOOR, prior: Normal | None = None
-) -> Mapping[str, FloorPosition]:
+) -> Mapping[str, SurfacePosition]:
     point = foot()
     point.prior = prior
     observation = MeshObservation(None, 0.05, floor=floor, depth_mm=depth_mm)

@@ -72,7 +72,6 @@ def test_foot_is_followed_through_its_swing() -> None:
     anchor = replace(anchor_at(WRIST, FOREARM), confidence=1.0)
     found = surface_position("left_foot", anchor, arm(), AHEAD, UP, INFO)
     assert found is not None
-    assert found.noise_m2 is not None
     motion = PointKalmanFilter(np.zeros(3), found.noise_m2, 1.5, 12.0)
     off_m = []
     for t_s in np.arange(-15, 13) / 30:
