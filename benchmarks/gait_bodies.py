@@ -26,8 +26,8 @@ BY_STYLE = (
     *("steps found", "invented", "worst step cm", "worst cadence %", "limps found"),
     *("hands visible cm", "feet visible cm", "exchanged visible %"),
 )  # figures
-DEPTH_MAX_M = 5.0  # farthest reading of the sensor
-MARGIN_PX = 4.0  # of ankles in view to the edges
+DEPTH_MAX_M = 5.0  # Maximum reading of the sensor [m]
+MARGIN_PX = 4.0  # Minimum distance of ankles in view to the edges [px]
 NO_KEYPOINTS = "gait.cascade.depth.keypoints=false"
 INTRO = """People of a second simulator, with other bodies and another walk than the lab's.
 
@@ -89,7 +89,7 @@ def run_settings(folder: Path, settings: Sequence[str] = ()) -> tuple[str, ...]:
 
 
 def style_name(style: Style) -> str:
-    """Return what is special in a walk."""
+    """Return the name of the style of a walk."""
     names = {
         "skirt": style.skirt,
         "slow, bent trunk": style.lean_rad > 0,

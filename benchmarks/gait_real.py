@@ -1,7 +1,7 @@
-"""Steps and points of real people: against steps counted by eye, and on the depth of bodies.
+"""Steps and points of real people against annotated landings and the depth of their bodies.
 
 The recordings show identifiable people and are not part of the repository: `--shared` names the
-folder that holds them. The landings counted by eye are in `real_people_marks/filinha_steps.json`.
+folder that holds them. Annotated landings are in `real_people_marks/filinha_steps.json`.
 """
 
 from collections import Counter
@@ -27,16 +27,16 @@ from services.gait.estimator import GaitFrame, GaitResult
 
 REPORT = Path(__file__).with_suffix(".md")
 MARKS = Path(__file__).with_name("real_people_marks")
-# Rates as steps and speeds tell, and as elsewhere in this folder, with settings
+# Rates of playback [Hz] and settings: plausible for walking, and as in other benchmarks
 PLAYED: Mapping[str, tuple[float, tuple[str, ...]]] = {
     "4 Hz": (4.0, ()),
     "10 Hz": (10.0, ()),
     "4 Hz, without keypoints": (4.0, (NO_KEYPOINTS,)),
 }
-NEAR_FRAMES = 1.2  # between a step counted by eye and the published one
-OWNER_FRAMES = 5  # about a step, whose tracks tell which person took it
-TORSO_HALF_PX, TORSO_TOP_PX = 90.0, 40.0  # of the person in a TUE bag, and their head's
-AROUND_PX, SAME_M = 4, 0.10  # of a measured point, to depth that is its own
+NEAR_FRAMES = 1.2  # Maximum time between an annotated and a published step [frames]
+OWNER_FRAMES = 5  # Frames about a step that assign it to a person
+TORSO_HALF_PX, TORSO_TOP_PX = 90.0, 40.0  # Half width and top of the box in a TUE bag [px]
+AROUND_PX, SAME_M = 4, 0.10  # Maximum distance of a point to its depth [px, m]
 LIMBS = ("left_hand", "right_hand", "left_foot", "right_foot")
 INTRO = """
 Real people walk before a fixed Xtion (filinha, 108 pictures: they enter, turn and leave, behind
@@ -59,7 +59,7 @@ class StepByEye(msgspec.Struct, frozen=True):
 
     frame: float
     foot: Literal["left", "right"]
-    hidden: bool = False  # the foot could not be seen when it landed
+    hidden: bool = False  # True: the foot was not visible at the landing
 
 
 class StepsByEye(msgspec.Struct, frozen=True):
@@ -80,15 +80,15 @@ class StepCounts:
     """Steps of one person, or of several."""
 
     true: int = 0
-    hidden: int = 0  # of them
+    hidden: int = 0  # true steps of an invisible foot
     published: int = 0  # in the frames in which steps were counted
     found: int = 0
-    other_foot: int = 0  # of those found
+    other_foot: int = 0  # found steps of the wrong foot
     invented: int = 0
     off_frames: list[float] = field(default_factory=list)
 
     def add(self, other: "StepCounts") -> None:
-        """Add the steps of others."""
+        """Add the steps of another person."""
         for name, value in vars(other).items():
             setattr(self, name, getattr(self, name) + value)
 
@@ -148,7 +148,7 @@ def published_steps(
 
 
 def counts(known: StepsByEye, published: Sequence[tuple[float, str]]) -> StepCounts:
-    """Return how many steps by eye were published, each by the nearest step."""
+    """Count the annotated steps that were published, each by the nearest step."""
     inside = [
         (at, foot)
         for at, foot in published
@@ -244,7 +244,7 @@ def main() -> None:
 
 
 def _box_about(torso: Iterable[Pixel]) -> BoxCorners:
-    """Return the box of a person who stands before the robot, cut off below, by their torso."""
+    """Return the box of a standing person by the annotated torso."""
     middle = float(np.mean([u for u, _ in torso]))
     return middle - TORSO_HALF_PX, TORSO_TOP_PX, middle + TORSO_HALF_PX, 479.0
 

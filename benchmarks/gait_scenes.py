@@ -34,7 +34,7 @@ from benchmarks.lib.gait.other_walkers import (
 from people4d.messages import F64, U8, U16
 
 CAMERA_X_M, MIDDLE_X_M, MIDDLE_Z_M = -0.3, 3.6, 0.85
-VISIBLE_M = 0.16  # by which a surface may be before a joint that is visible, as in data/lab
+VISIBLE_M = 0.16  # Maximum distance of the surface before a visible joint [m], as in data/lab
 TORSO = [5, 6, 11, 12]  # shoulders and hips
 BACK = math.pi
 

@@ -49,9 +49,9 @@ def _headline(parameters: Sequence[GaitParameter], steps: Sequence[FootStep]) ->
     if side:
         limp = f"The {side} foot is spared."
     elif least is None:
-        limp = "There are too few steps to tell if a foot is spared."
+        limp = "There are too few steps for a limp to show."
     else:
-        limp = f"No limp is seen; one of less than {least:.0f} % would not show in so many steps."
+        limp = f"No limp is seen; below {least:.0f} % it would not show in so many steps."
     return f"{', '.join(texts)}. {limp}"
 
 

@@ -67,7 +67,7 @@ class GaitNode(Node):
         self._counters = Counter(dict.fromkeys((*NODE_COUNTERS, *ESTIMATOR_COUNTERS), 0))
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
-        """Take one message; in lock-step return the gait that follows from it."""
+        """Handle a message; in lock-step return the gait of its frame."""
         if isinstance(message, CameraInfo):
             self._calibrate(message)
         elif isinstance(message, StaticTransform | MovingTransform | Odometry):

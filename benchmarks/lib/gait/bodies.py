@@ -1,6 +1,6 @@
-"""Points and steps of tracked people against joints: visible and hidden, left and right, steps.
+"""Comparison of points and steps of tracked people with joints.
 
-Any recording will do whose joints are known.
+The recording needs known joints.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,14 +31,14 @@ Flags = npt.NDArray[np.bool_]
 LIMBS = ("left_hand", "right_hand", "left_foot", "right_foot")
 COUNTERPART = {0: 1, 1: 0, 2: 3, 3: 2}
 ANKLES = (15, 16)
-SAME_PERSON_M = 0.6  # from the head to the true one, level
-EXCHANGED_M = 0.10  # by which a point is nearer to its counterpart's reference than to its own
-HIDDEN_OFF_M = 0.10  # of a point that is measured though its joint is hidden
+SAME_PERSON_M = 0.6  # Maximum level distance of a head to the true one [m]
+EXCHANGED_M = 0.10  # Minimum excess of the error of a point with the name of its counterpart [m]
+HIDDEN_OFF_M = 0.10  # Minimum error of a false measurement of a hidden point [m]
 COVERED_90 = 6.251  # chi-square of 3 degrees of freedom
 
-NEAR_S = 0.3  # between a detected step and the true one
-LIMP = 0.08  # true asymmetry of step times, from which on a person limps
-WALKED_STEPS = 3  # in view, from which on a person must have measures
+NEAR_S = 0.3  # Maximum time between a detected step and the true one [s]
+LIMP = 0.08  # Minimum true asymmetry of step times of a limp
+WALKED_STEPS = 3  # Minimum number of steps in view of a person with measures
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class JointTruth:
     camera_m: F64  # Nx3, position of the camera
     in_view: Flags  # NxK, the feet are in the image
     in_range: Flags  # NxKx17, nearer than the farthest depth
-    # Of each person, if they are known: also small ones, which are no steps, but not invented
+    # Footfalls of each person, if known: small ones are neither steps nor invented
     footfalls: list[list[Footfall]] | None = None
 
 
@@ -97,8 +97,8 @@ def _assigned(
 ) -> dict[int, PersonGait]:
     """Return the estimates by the number of their true person, one to one, by heads.
 
-    A pair of the frame before, the person by the id, stays while it is near: somebody who is hidden
-    and predicted takes no one else's estimate [Bernardin 2008].
+    A pair of the frame before lasts while it is near, so a hidden and predicted person takes no
+    estimate of another one [Bernardin 2008].
     """
     off_m = np.array([_off_m(one, joints_m) for one in estimates]).reshape(-1, len(joints_m))
     costs = np.minimum(off_m, SAME_PERSON_M)
@@ -167,14 +167,14 @@ def _steps(
     tables: GaitTables,
     own: Sequence[int],
 ) -> None:
-    """Compare the steps of one person; `known` are true steps, and those the film begins in."""
+    """Compare the steps of one person; `known`: true steps, and steps in the first frame."""
     falls, begun = known
     steps: list[FootStep] = [step for key in own for step in tables.steps(key)]
     begin_s = float(truth.times_s[0])
     visible = [fall for fall in falls if truth.in_view[_at(truth, fall.time_s), k]]
     taken: set[int] = set()
     for step in sorted(steps, key=lambda one: one.landed_s):
-        # Either foot first, as long as it is the same moment; then which foot it is.
+        # Match by time alone; then compare the foot.
         near = [
             (abs(fall.time_s - begin_s - step.landed_s), n)
             for n, fall in enumerate(falls)
@@ -230,7 +230,7 @@ def _live(
     falls: Sequence[Footfall],
     people: Sequence[PersonGait | None],
 ) -> None:
-    """Note for frames in the two seconds after a third step if there are measures."""
+    """Record whether frames after a third step have measures."""
     landed = [fall.time_s for fall in falls]
     for time_s, person in zip(truth.times_s, people, strict=True):
         recent = [t for t in landed if time_s - 4.0 <= t <= time_s]

@@ -18,9 +18,9 @@ CAMERA_APART_M = 1.2  # minimum distance to a moving camera
 TRIES = 60  # paths drawn for one person before the scene is drawn from its start
 CONE = 0.45  # half width of the drawn area by distance, within the field of view of 0.52
 CAMERA_X_M = -0.3
-WALKERS = 3  # people who walk through all of the view; others stay near one place
+WALKERS = 3  # Number of people on paths through all of the view; others stay near one place
 STAY_M = 0.6
-ALIKE = 3  # people in the same clothes
+ALIKE = 3  # Number of people in the same clothes
 SPEED_MPS = (0.6, 1.25)
 
 

@@ -1,8 +1,8 @@
 """True positions of hands and feet by joints.
 
-Hands and feet are on the body's surface, joints inside of it: a reference is made from joints, the
-middle of the hand from the wrist along the forearm, that of the foot from the ankle along the
-heading, both moved towards the camera.
+Hands and feet are on the surface of the body, joints are inside of it. The reference of a hand is
+beyond the wrist along the forearm, the reference of a foot ahead of the ankle; both are moved
+towards the camera.
 """
 
 import numpy as np

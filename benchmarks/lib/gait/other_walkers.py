@@ -1,4 +1,4 @@
-"""People of the other simulator who walk in several styles, and the scenes they walk in."""
+"""Walking people of the other simulator in several styles, and their scenes."""
 
 import copy
 import math
@@ -12,17 +12,17 @@ import numpy as np
 from common.geometry.transforms import wrap
 from people4d.messages import F64
 
-STEP_S = 1 / 120  # [s] of the simulation, at most
+STEP_S = 1 / 120  # Maximum step of the simulation [s]
 PASSED_M, REACHED_M = 0.3, 0.06
 TURN_RADPS, TURN_RADPS2 = 2.4, 9.0
 FASTER_MPS2, SLOWER_MPS2 = 1.4, 1.8
-TURN_CYCLES = 0.22  # of walking, for each radian turned on the spot
+TURN_CYCLES = 0.22  # Cycles of walking for each radian turned on the spot
 LEGS = ("rhip", "rknee", "rankle", "lhip", "lknee", "lankle", "root")
 MATERIALS = {"shirt": 2, "trousers": 3}  # numbers in the simulator
 BOX_M = (0.30, 0.40, 0.24)  # carried: depth, width, height
-BOX_AHEAD_M = 0.12  # of the hands, to its middle
-LANDING = 0.94  # phase at which the left foot lands
-SMOOTH_S = 0.12  # between standing and walking
+BOX_AHEAD_M = 0.12  # Distance of the middle of the box ahead of the hands [m]
+LANDING = 0.94  # Phase of the landing of the left foot
+SMOOTH_S = 0.12  # Time constant between standing and walking [s]
 
 Wave = tuple[float, float, float]  # amplitude [m or rad], rate [rad/s], phase [rad]
 Waypoint = tuple[float, ...]  # x_m, y_m, and at a stop: seconds and yaw_rad while there
@@ -35,7 +35,7 @@ class Style:
     body: str  # of the simulator
     path: tuple[Waypoint, ...]  # repeated
     speed_mps: float = 0.9
-    stride: float = 1.0  # amplitude of the legs, of the recorded one
+    stride: float = 1.0  # factor of the recorded amplitude of the legs
     limp: float = 0.0  # (left - right) / mean of step times
     lean_rad: float = 0.0  # of the torso
     arms: str = "swing"  # or pockets, carry
@@ -52,7 +52,7 @@ class Scene:
     seconds: float = 12.0
     fps: float = 20.0
     height_m: float = 1.15  # of the camera
-    robot_mps: float = 0.0  # by which the camera follows a person, or drives ahead of them
+    robot_mps: float = 0.0  # speed of a camera that follows a person or drives ahead
     drive: "Drive | None" = None  # motion of the camera within the room
     width_m: float = 3.5  # of the room
     exposure: float = 1.0  # of the colour image
@@ -100,7 +100,7 @@ class Simulator:
     stage: Any  # scene
     wardrobe: Any  # people
     clip: Any = field(init=False)
-    cuts: dict[str, Any] = field(default_factory=dict)  # bodies by what they wear but for colours
+    cuts: dict[str, Any] = field(default_factory=dict)  # bodies by clothes without colours
 
     def __post_init__(self) -> None:
         """Read the recorded cycle of walking."""
@@ -219,7 +219,7 @@ class Walk:
 
 
 class OtherWalker:
-    """A person who follows waypoints: the phase of the walk is locked to the distance."""
+    """Person on waypoints; the phase of the walk is locked to the distance."""
 
     def __init__(self, simulator: Simulator, style: Style, seed: int):
         bodies, wardrobe = simulator.bodies, simulator.wardrobe
@@ -263,7 +263,7 @@ class _Box:
         corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
         sides = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
         self.f = np.array([t for a, b, c, d in sides for t in ((a, b, c), (a, c, d))], np.int32)
-        # Vertices of their own for each triangle, so that normals are those of the sides.
+        # Each triangle has its own vertices, so normals are normals of the sides.
         self.v0 = (corners * np.array(BOX_M) / 2)[self.f.ravel()]
         self.f = np.arange(len(self.v0), dtype=np.int32).reshape(-1, 3)
         self.attr = (self.v0 + 1.0).astype(np.float32)

@@ -45,10 +45,10 @@ from services.detector.config import DetectorConfig
 DETECTOR = DetectorConfig(model=POINTS_MODEL)
 POINTS = ("head", "left_hand", "right_hand", "left_foot", "right_foot")
 HANDS_AND_FEET = POINTS[1:]
-HAND_M, WIDE_M = 0.22, 0.09  # a hand's length beyond the wrist, and radius about the axis
-HEAD_M = 0.15  # a head's radius about the middle of the ears
-NEAR_M = 0.03  # from the middle of a hand to its visible surface, at right angles to the ray
-BASELINE_M = 0.05  # of the right imager, which is not used
+HAND_M, WIDE_M = 0.22, 0.09  # Length of a hand beyond the wrist, and radius about the axis [m]
+HEAD_M = 0.15  # Radius of a head about the middle of the ears [m]
+NEAR_M = 0.03  # Maximum distance of the visible surface to the ray of the middle [m]
+BASELINE_M = 0.05  # Baseline of the unused right imager [m]
 TRUTH = ("boxes_px", "points_m", "visible")
 
 Flags = npt.NDArray[np.bool_]
@@ -126,8 +126,8 @@ class GaitRecording:
         """Ground truth of each frame."""
         path = self.path.with_suffix(".points.npz")
         if not path.exists():
-            made = _truth(self.world)
-            np.savez_compressed(path, **{name: getattr(made, name) for name in TRUTH})
+            truth = _truth(self.world)
+            np.savez_compressed(path, **{name: getattr(truth, name) for name in TRUTH})
         with np.load(path) as arrays:
             return PointTruth(**{name: arrays[name] for name in TRUTH})
 

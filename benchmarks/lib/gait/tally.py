@@ -16,7 +16,7 @@ class Tally:
 
     errors_m: dict[str, list[float]] = field(default_factory=dict)  # by limb and visibility
     measured_hidden: int = 0
-    measured_hidden_off: int = 0  # of these, farther from the truth than is usual when visible
+    measured_hidden_off: int = 0  # measured while hidden, with an error above HIDDEN_OFF_M
     hidden: int = 0  # published while hidden
     hidden_all: int = 0  # lost ones, too
     exchanged: dict[str, list[bool]] = field(default_factory=dict)  # by visibility
@@ -34,15 +34,15 @@ class Tally:
     with_measures: int = 0
     length_off_m: list[float] = field(default_factory=list)
     cadence_off: list[float] = field(default_factory=list)  # of steady walking
-    turns_cadence_off: list[float] = field(default_factory=list)  # from that of all true strides
+    turns_cadence_off: list[float] = field(default_factory=list)  # from all true strides
     asymmetry_off: list[float] = field(default_factory=list)
-    limps: int = 0  # of 8 % or more
+    limps: int = 0  # true asymmetries of 8 % or more
     limps_found: int = 0  # with their side
-    limps_invented: int = 0  # of people who do not limp, or at the wrong side
+    limps_invented: int = 0  # without a true limp, or at the wrong side
     live: list[bool] = field(default_factory=list)  # measures in frames after three steps
 
     def add(self, other: "Tally") -> None:
-        """Add the comparisons of another."""
+        """Add the comparisons of another person."""
         for name, value in vars(other).items():
             own = getattr(self, name)
             if isinstance(value, int):
@@ -55,7 +55,7 @@ class Tally:
 
 
 def total(tallies: Iterable[Tally]) -> Tally:
-    """Return the comparisons of several people put together."""
+    """Return the sum of the comparisons of several people."""
     together = Tally()
     for one in tallies:
         together.add(one)

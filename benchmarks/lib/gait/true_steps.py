@@ -8,17 +8,17 @@ import numpy as np
 from lab.truth.motion_capture import Footfall
 from people4d.messages import F64
 
-STEP_SPEED_MPS = 0.45  # of an ankle in a step
+STEP_SPEED_MPS = 0.45  # Minimum speed of an ankle in a swing [m/s]
 STEP_MIN_M, STEP_MIN_S = 0.2, 0.12
-PAUSE = 0.5  # of the median stride, by which one with a pause is longer
-STEP_MAX_S = 1.5  # [s] between landings; longer is a pause
-SLOW = 1.6  # median step times, from which on a step is one of a turn, start or stop
+PAUSE = 0.5  # Minimum relative excess of the time of a stride with a pause
+STEP_MAX_S = 1.5  # Maximum time between landings [s]; longer is a pause
+SLOW = 1.6  # Minimum time of a step of a turn, start or stop [median steps]
 
 
 def steps_by_ankles(times_s: F64, ankles_m: F64, *, begun: bool = False) -> list[Footfall]:
     """Return the steps of a person by both ankles, Nx2x3: swings that displace a foot.
 
-    `begun` returns those that the first frame shows in mid-step instead.
+    `begun`: return the steps that began before the first frame instead.
     """
     found = []
     dt_s = float(np.median(np.diff(times_s)))

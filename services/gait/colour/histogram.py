@@ -137,7 +137,7 @@ def log_likelihoods(distances: F64, sigma: float) -> F64:
 
 
 def normalised_weights(logs: F64) -> F64:
-    """Return weights, ... x N, each row of which sums to 1, by their logarithms (G 3.9)."""
+    """Return weights, ... x N, by their logarithms; each row sums to 1 (G 3.9)."""
     # Only ratios count: without the maximum all would be 0 for a small sigma.
     weights = np.exp(logs - logs.max(axis=-1, keepdims=True))
     return np.asarray(weights / weights.sum(axis=-1, keepdims=True))

@@ -1,9 +1,9 @@
 """Assignment of extremities to points, and of free extremities to points that start."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import permutations
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from common.geometry.transforms import deproject
 from people4d.messages import F64, CameraInfo
@@ -42,7 +42,7 @@ def assign_extremities(
     assigned: dict[str, Extremity] = {}
     for kind in KINDS:
         alive = [point for point in points.values() if point.kind == kind and point.alive]
-        same = [one for one in extremities if one.kind == kind][:6]
+        same = [one for one in extremities if one.kind == kind]
         assigned |= assign_points(alive, same, anchors_m)
     return assigned
 
@@ -56,15 +56,12 @@ def assign_points(
 
     `anchors_m` are expected positions (3) by keypoints. Unassigned points are absent in the result.
     """
-    costs = np.array([[_cost(point, one, anchors_m) for one in extremities] for point in points])
-    choices = [*range(len(extremities)), *([-1] * len(points))]
-    best: tuple[int, ...] = (-1,) * len(points)
-    least = UNASSIGNED_COST * len(points)
-    for chosen in set(permutations(choices, len(points))):
-        cost = sum(UNASSIGNED_COST if k < 0 else costs[row, k] for row, k in enumerate(chosen))
-        if cost < least - 1e-9 or (cost < least + 1e-9 and chosen > best):
-            best, least = chosen, min(cost, least)
-    return {point.name: extremities[k] for point, k in zip(points, best, strict=True) if k >= 0}
+    costs = np.full((len(points), len(extremities) + len(points)), UNASSIGNED_COST)
+    for row, point in enumerate(points):
+        costs[row, : len(extremities)] = [_cost(point, one, anchors_m) for one in extremities]
+    rows, chosen = linear_sum_assignment(costs)
+    pairs = zip(rows.tolist(), chosen.tolist(), strict=True)
+    return {points[row].name: extremities[k] for row, k in pairs if k < len(extremities)}
 
 
 def _cost(point: PointFilter, extremity: Extremity, anchors_m: Mapping[str, F64]) -> float:

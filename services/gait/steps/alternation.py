@@ -1,4 +1,4 @@
-"""Alternation of feet: which landings are steps, of which foot, with how many missing steps.
+"""Alternation of feet: interpretation of landings as steps, with their feet and missing steps.
 
 Feet take turns. Two landings of one foot a whole stride apart have an unseen step of the other foot
 between them, and two landings of one foot a step apart have a wrong name among them. Dynamic

@@ -135,19 +135,13 @@ def test_the_same_seed_gives_the_same_boxes() -> None:
     assert run(1) != run(2)
 
 
-def test_person_at_rest_has_a_small_distance() -> None:
-    layer = ColourLayer(ColourLayerConfig())
-    frame = frame_of(boxes_at(0))
+def test_distance_is_small_at_rest_and_large_without_the_person() -> None:
+    layer, frame = ColourLayer(ColourLayerConfig()), frame_of(boxes_at(0))
     layer.start_person(1, frame, boxes_at(0)[0])
     for _ in range(10):
         estimate = layer.update_boxes(frame)[1]
     assert iou_xyxy(estimate.box_xyxy_px, boxes_at(0)[0])[0, 0] > 0.85
     assert estimate.distance < 0.5
-
-
-def test_absent_person_has_a_large_distance() -> None:
-    layer = ColourLayer(ColourLayerConfig())
-    layer.start_person(1, frame_of(boxes_at(0)), boxes_at(0)[0])
     for _ in range(5):
         estimate = layer.update_boxes(frame_of(np.empty((0, 4))))[1]
     assert estimate.distance > 0.7
