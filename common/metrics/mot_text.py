@@ -29,7 +29,10 @@ from people4d.messages import F64
 MAX_BYTES = 256 * 2**20  # maximum size of a text: three hours of thirty people
 MAX_NUMBER = 2**53  # maximum number of a frame or an identity
 CLASSES_MAX = 1000  # maximum number of a class
-LAYOUT = "frame,id,left,top,width,height,confidence and up to three more numbers"
+LAYOUT = (
+    "frame,id,left,top,width,height,confidence (a frame from 1, a whole id, a positive size) and "
+    "up to three more numbers"
+)
 
 
 @dataclass(frozen=True)
@@ -159,22 +162,18 @@ def _text(path: Path, limit: int = MAX_BYTES) -> str:
 
 
 def _parse(line: str, where: str) -> list[float]:
-    texts = line.strip().rstrip(",").split(",")
-    if not 7 <= len(texts) <= 10:
-        raise DecodeError(f"{where}: expected {LAYOUT}, got {len(texts)} fields")
     try:
-        row = [float(text) for text in texts]
-    except ValueError as error:
-        raise DecodeError(f"{where}: expected {LAYOUT}, got {line.strip()!r:.80}") from error
-    if not all(map(math.isfinite, row[:7])):
-        raise DecodeError(f"{where}: expected finite numbers, got {line.strip()!r:.80}")
-    if not 1 <= row[0] <= MAX_NUMBER or abs(row[1]) > MAX_NUMBER or row[0] % 1 or row[1] % 1:
-        raise DecodeError(
-            f"{where}: expected a frame from 1 and a whole id, got {texts[0]:.30} and "
-            f"{texts[1]:.30}"
-        )
-    if row[4] <= 0 or row[5] <= 0:
-        raise DecodeError(
-            f"{where}: expected width and height > 0, got {texts[4]:.30} and {texts[5]:.30}"
-        )
+        row = [float(text) for text in line.strip().rstrip(",").split(",")]
+    except ValueError:
+        row = []
+    valid = (
+        7 <= len(row) <= 10
+        and all(map(math.isfinite, row[:7]))
+        and 1 <= row[0] <= MAX_NUMBER
+        and abs(row[1]) <= MAX_NUMBER
+        and row[0] % 1 == row[1] % 1 == 0
+        and min(row[4:6]) > 0
+    )
+    if not valid:
+        raise DecodeError(f"{where}: expected {LAYOUT}, got {line.strip()!r:.80}")
     return row if len(row) == 10 else row[:7] + [-1.0] * 3
