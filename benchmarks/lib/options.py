@@ -10,7 +10,11 @@ ROOT = Path(__file__).resolve().parents[2]
 SHARED: dict[str, dict[str, Any]] = {
     "shared": {"type": Path, "default": ROOT.parent / "shared", "help": "folder of reference data"},
     "jobs": {"type": int, "default": 2, "help": "processes at once"},
-    "cache": {"type": Path, "default": default_folder(), "help": "folder of what is rendered"},
+    "cache": {
+        "type": Path,
+        "default": default_folder(),
+        "help": "folder of renderings and detections",
+    },
     "quick": {"action": "store_true", "help": "less of everything; nothing is written"},
     "dry": {"action": "store_true", "help": "print the table, do not write it"},
 }

@@ -13,7 +13,7 @@ from services.detector.config import DetectorConfig
 from services.detector.models.network import NetworkModel
 from services.detector.models.registry import find_factory
 
-# Scenario, seed and frames; none of them is in the test split.
+# Scenario, seed and frames, all outside the test split
 CALIBRATION = (
     ("three_crossing", 41, range(0, 400, 20)),
     ("short_sit", 42, range(0, 240, 24)),

@@ -34,8 +34,7 @@ def simulated_views(
 ) -> list[SimulatedView] | None:
     """Return the camera's view of a rendered scenario at the stamp of each frame.
 
-    None if the people's recorded positions at the stamps show that they move differently in the
-    scenario as it is today.
+    None if the recorded positions differ from the present scenario.
     """
     world = World(scenario, seed)
     number = {person_id(k): k for k in range(len(scenario.people))}

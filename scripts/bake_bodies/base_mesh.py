@@ -9,8 +9,8 @@ import numpy.typing as npt
 I32 = npt.NDArray[np.int32]
 F64 = npt.NDArray[np.float64]
 
-# Part of the asset -> groups of the base mesh. The tights and the skirt are the helpers to which
-# MakeHuman fits clothes: they follow the shape of each body.
+# Part of the asset -> groups of the base mesh. Tights and skirt are the helper meshes to which
+# MakeHuman fits clothes.
 PARTS = {
     "body": ("body",),
     "tights": ("helper-tights",),
@@ -40,7 +40,7 @@ def read_parts(path: Path) -> dict[str, I32]:
 
 
 def read_masks(mesh: Path, textures: Path, names: tuple[str, ...]) -> dict[str, F64]:
-    """Return how far each vertex belongs to painted regions of the skin, 0 to 1.
+    """Return the weight, 0 to 1, of each vertex in painted regions of the skin.
 
     Args:
         mesh: The base mesh.
@@ -61,7 +61,7 @@ def read_masks(mesh: Path, textures: Path, names: tuple[str, ...]) -> dict[str, 
 
 
 def texture_positions(mesh: Path) -> F64:
-    """Return one texture coordinate of each vertex, Vx2; 0 where there is none."""
+    """Return one texture coordinate of each vertex, Vx2; 0 without one."""
     coordinates: list[list[float]] = []
     corners: set[tuple[int, int]] = set()
     vertices = 0

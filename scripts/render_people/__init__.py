@@ -1,1 +1,1 @@
-"""Rendering of people for networks that are trained on them; see README.md."""
+"""Rendering of people to train networks; see README.md."""

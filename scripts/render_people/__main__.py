@@ -1,4 +1,4 @@
-"""Render crops of people that networks learn from: `python -m scripts.render_people OUT`.
+"""Render crops of people to train networks: `python -m scripts.render_people OUT`.
 
 It writes NNN.npz with `bodies` (NxHxWx6 bytes) and `owners` (N), and `upper_bodies` (MxHxWx6),
 `upper_owners` (M) and `yaws_rad` (M). Needs nothing but the project.

@@ -10,16 +10,16 @@ from people4d.messages import HIDDEN_RGB, U8
 from scripts.render_people.outfits import Rng
 from scripts.render_people.views import PersonView
 
-BODY_PX = (80, 40)  # height and width of stored crops of bodies
-FULL_BOX = 0.6  # share of them whose box reaches towards hidden parts of the body
-UPPER_PX = (96, 72)  # height and width of stored crops of upper bodies
-UPPER_M = (1.65, 1.24)  # of the world at the person's depth
-ABOVE_M = 0.75  # of it above the shoulders
-OUTSIDE = (*HIDDEN_RGB, 0, 255, 0)  # what lies out of the image
+BODY_PX = (80, 40)  # [px] height and width of stored crops of bodies
+FULL_BOX = 0.6  # share of boxes that include hidden parts of the body
+UPPER_PX = (96, 72)  # [px] height and width of stored crops of upper bodies
+UPPER_M = (1.65, 1.24)  # [m] height and width of such a crop at the person's depth
+ABOVE_M = 0.75  # [m] part of that height above the shoulders
+OUTSIDE = (*HIDDEN_RGB, 0, 255, 0)  # pixel outside of the image
 
 
 def body(rng: Rng, rgb: U8, view: PersonView) -> U8 | None:
-    """Return the crop of a person about as a detector cuts it, HxWx6; None if it is too small."""
+    """Return the crop of a person with a detector's box, HxWx6; None if it is too small."""
     own = view.planes[..., 0]
     rows, columns = np.flatnonzero(own.any(axis=1)), np.flatnonzero(own.any(axis=0))
     visible_px = np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], np.float64)
@@ -36,7 +36,7 @@ def body(rng: Rng, rgb: U8, view: PersonView) -> U8 | None:
 
 
 def upper_body(rgb: U8, view: PersonView) -> U8 | None:
-    """Return the crop around the shoulders, HxWx6; None if the person is not in it."""
+    """Return the crop around the shoulders, HxWx6; None without a visible person."""
     image = np.dstack([rgb, view.planes])
     px_per_m = view.focal_px / view.depth_m
     size = np.array(UPPER_M) * px_per_m

@@ -1,4 +1,4 @@
-"""Bodies with random clothes: dressed once in each cut, coloured anew for each identity."""
+"""Bodies with random clothes: one mesh for each cut, with new colours for each identity."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ from people4d.messages import F32, F64
 Rng = np.random.Generator
 HAIR = ("short", "short", "short", "long", "bob", "bun", "balding", "bald")
 LEGS = ("trousers", "trousers", "trousers", "trousers", "shorts", "skirt")
-COLLAR_M = 1.5  # height in the texture of a shirt
+COLLAR_M = 1.5  # [m] height of the collar in the texture of a shirt
 # Linear reflectance of common clothes
 INDIGO, KHAKI = (0.05, 0.09, 0.2), (0.36, 0.28, 0.18)
 SKINS = ((0.67, 0.42, 0.29), (0.72, 0.5, 0.38), (0.45, 0.25, 0.15), (0.2, 0.1, 0.06))
@@ -30,9 +30,9 @@ WHITE = (0.62, 0.61, 0.58)
 class Outfit:
     """Colours of one identity, linear, 0 to 1."""
 
-    shirt: F64  # Bx3, of the bands from the collar down; one: plain
-    band_m: float  # height of a band
-    open_m: float  # half width of a strip in front in the last colour, 0: none
+    shirt: F64  # Bx3, bands from the collar down; one band: plain
+    band_m: float  # [m] height of a band
+    open_m: float  # [m] half width of a front strip in the last colour, 0: none
     pattern: Pattern
     legs: F64  # 3
     shoes: F64  # 3
@@ -52,7 +52,7 @@ class DressedBody:
         self.body = SkinnedBody(member.figure, figure, dress(figure, member, 0))
 
     def paint(self, outfit: Outfit, pose: BodyPose) -> "Paint":
-        """Return the colours of an outfit on this body; they are the same in every pose."""
+        """Return the colours of an outfit on this body, independent of the pose."""
         mesh = self.body.mesh(pose, 0)
         colour = mesh.colour.copy()
         for material, own in (
@@ -93,7 +93,7 @@ def shirt_colour(texture_m: F32, outfit: Outfit) -> F64:
 
 
 def draw_cut(rng: Rng) -> CastMember:
-    """Draw a figure with hair and clothes of some cut."""
+    """Draw a figure with hair and clothes of a random cut."""
     cast = list(load_cast().values())
     base = cast[rng.integers(len(cast))]
     sleeves: Literal["long", "short"] = "long" if rng.random() < 0.6 else "short"
@@ -116,7 +116,7 @@ def draw_cut(rng: Rng) -> CastMember:
 
 
 def draw_outfit(rng: Rng, dark: bool = False) -> Outfit:
-    """Draw the colours of a person; dark clothes are as common as they are.
+    """Draw the colours of a person; dark clothes have a realistic share.
 
     `dark`: black, dark grey or navy from head to foot.
     """
@@ -148,7 +148,7 @@ def draw_outfit(rng: Rng, dark: bool = False) -> Outfit:
 
 
 def dark_cloth(rng: Rng) -> F64:
-    """Draw a dark colour, some of them bluish."""
+    """Draw a dark colour, sometimes bluish."""
     blue = np.array([1.0, 1.0, rng.uniform(1.0, 2.2)])
     return varied(rng, grey(rng, 0.006, 0.035) * blue, 0.15)
 
@@ -192,6 +192,6 @@ def grey(rng: Rng, low: float, high: float) -> F64:
 
 
 def varied(rng: Rng, colour: Sequence[float] | F64, share: float) -> F64:
-    """Return a colour changed in brightness by a share, in tint by a third of it."""
+    """Return a colour with random brightness (a share) and tint (a third of the share)."""
     gain = np.exp(rng.normal(0, share) + rng.normal(0, share / 3, 3))
     return np.asarray(np.clip(np.asarray(colour) * gain, 0.004, 0.85))

@@ -1,4 +1,4 @@
-"""Views of people of the lab in its rooms, who look like no one of its cast.
+"""Views of people in the lab's rooms, different from all people of its cast.
 
 Each scene has a few identities, who are drawn some times: in other rooms, from other cameras and
 distances, before and behind each other, cut by the image's edge.
@@ -36,20 +36,20 @@ from scripts.render_people.outfits import DressedBody, Paint, Rng, draw_cut, dra
 
 BOOL = npt.NDArray[np.bool_]
 IMAGE_PX = (256, 192)
-DARK_SCENES = 0.4  # share of scenes in which all wear dark clothes
-LAYER_M = (-0.4, 0.5)  # depths of the person's layer, relative to the median of what is visible
-PEOPLE = 6  # of a scene
-PIXELS_MIN = 150  # of a person that are visible, else there is no view
-SHOULDERS = [5, 6]  # COCO; of people without one that is visible there is no view
+DARK_SCENES = 0.4  # share of scenes with dark clothes only
+LAYER_M = (-0.4, 0.5)  # [m] depth range of the person's layer around its median
+PEOPLE = 6  # number of people of a scene
+PIXELS_MIN = 150  # least number of visible pixels of a person with a view
+SHOULDERS = [5, 6]  # COCO keypoints; a view requires a visible one
 MOTION_S = 24.0
 
 
 @dataclass(frozen=True)
 class Stage:
-    """Bodies, motions and rooms that scenes are drawn from."""
+    """Bodies, motions and rooms of random scenes."""
 
     bodies: Sequence[DressedBody]
-    motions: Sequence[PersonMotion]  # of each body
+    motions: Sequence[PersonMotion]  # one for each body
     rooms: Sequence[tuple[RoomName, Renderer]]
 
 
@@ -57,21 +57,20 @@ class Stage:
 class PersonView:
     """View of one person in an image."""
 
-    # HxWx3, 0 or 255: where the person is visible, surfaces before the person, and surfaces at
-    # about the person's depth
+    # HxWx3, 0 or 255: visible person, surfaces before the person, surfaces near the person's depth
     planes: U8
     box_px: F64  # left, top, right, bottom of the body with its hidden parts, in the image
     shoulders_px: F64  # u and v of the middle of the shoulders
-    depth_m: float  # [m] of it
-    focal_px: float  # [px] of the camera
-    yaw_rad: float  # [rad] of the chest, 0 = facing away along the line of sight, + to the left
+    depth_m: float  # [m] depth of that point
+    focal_px: float  # [px] focal length of the camera
+    yaw_rad: float  # [rad] yaw of the chest, 0 = away along the line of sight, + to the left
 
 
 @dataclass(frozen=True)
 class Identity:
     """One person of a scene."""
 
-    body: int  # in the stage
+    body: int  # index in the stage
     paint: Paint
 
 
@@ -87,7 +86,7 @@ def make_stage(rng: Rng, cuts: int, rooms: int) -> Stage:
 
 
 def make_renderer(rng: Rng, kind: RoomName) -> Renderer:
-    """Draw a room with a camera of some focal length."""
+    """Draw a room with a camera of a random focal length."""
     focal_px = float(rng.uniform(170, 260))
     plan = CameraPlan(width=IMAGE_PX[0], height=IMAGE_PX[1], focal_px=focal_px)
     seed = int(rng.integers(2**31))
@@ -135,7 +134,7 @@ def draw_identity(rng: Rng, stage: Stage, dark: bool) -> Identity:
 def draw_image(
     rng: Rng, stage: Stage, people: Sequence[Identity], number: int
 ) -> tuple[U8, dict[int, PersonView]]:
-    """Draw the people somewhere in a room; return the image, and the views of found people."""
+    """Draw the people in a room; return the image, and the views of visible people."""
     kind, renderer = stage.rooms[number]
     (left, low), (_, high) = WALKABLE_M[kind]
     at = np.array(
@@ -194,7 +193,7 @@ def view_of(
 
 
 def draw_owners(meshes: Sequence[Mesh], optical_from_map: F64, info: CameraInfo) -> tuple[U8, F32]:
-    """Return the image of the numbers of people, 0 = room, and the depth image [m]."""
+    """Return the image of person numbers, 0 = room, and the depth image [m]."""
     scene = join(meshes)
     corners = homogeneous(scene.vertices_m, camera_matrix(info) @ optical_from_map[:3])
     raster = rasterise(corners, scene.faces, (info.height, info.width))
@@ -202,7 +201,7 @@ def draw_owners(meshes: Sequence[Mesh], optical_from_map: F64, info: CameraInfo)
 
 
 def camera_pose(at: F64, target: F64, roll_rad: float) -> F64:
-    """Return the pose of a camera's optical frame in the map that looks from a point to another."""
+    """Return the pose, in the map, of an optical frame at a point that looks at another."""
     ahead = target - at
     pitch = -np.arctan2(ahead[2], np.hypot(*ahead[:2]))
     rotation = rotation_from_rpy(roll_rad, float(pitch), float(np.arctan2(ahead[1], ahead[0])))

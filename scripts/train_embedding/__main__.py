@@ -15,13 +15,13 @@ from scripts.train_embedding.network import HEIGHT_PX, WIDTH_PX, AppearanceNetwo
 from scripts.train_embedding.training import SHARED_SCENE, arguments, export, on_device, optimise
 
 OUTPUT = Path(__file__).resolve().parents[2] / "models" / "appearance-lab.onnx"
-SCENES, CROPS = 16, 4  # in a batch: scenes, and crops of each of their people
+SCENES, CROPS = 16, 4  # numbers of scenes in a batch, and of crops of each person
 TEMPERATURE = 0.1
 DECAY = 1e-4
 
 
 def read_crops(folder: Path) -> tuple[Tensor, list[np.ndarray]]:
-    """Return all crops (Nx6xHxW bytes), and the numbers of those of each person of each scene."""
+    """Return all crops (Nx6xHxW bytes), and their indices by scene and person."""
     crops, owned, first = [], [], 0
     for path in sorted(folder.glob("*.npz")):
         with np.load(path) as file:
@@ -34,7 +34,7 @@ def read_crops(folder: Path) -> tuple[Tensor, list[np.ndarray]]:
 
 
 def batch(owned: Sequence[np.ndarray], rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Draw numbers of crops and their owners: people of some scenes, who are hard to tell apart."""
+    """Draw indices of crops and their people, from few scenes with similar people."""
     scenes = rng.choice(len(owned) // SHARED_SCENE, SCENES, replace=False)
     people = (scenes[:, None] * SHARED_SCENE + np.arange(SHARED_SCENE)).ravel()
     enough = [person for person in people.tolist() if len(owned[person]) >= CROPS]

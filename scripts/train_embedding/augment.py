@@ -1,4 +1,4 @@
-"""Random changes of crops, so that the network does not learn what only renderings have."""
+"""Augmentation of crops, against overfitting to renderings."""
 
 import torch  # type: ignore[import-not-found]
 from torch import Tensor
@@ -30,12 +30,12 @@ def uniform(count: int, low: float, high: float) -> Tensor:
 
 
 def chance(count: int, share: float) -> Tensor:
-    """Return Nx1x1x1, true for a random share."""
+    """Return flags (Nx1x1x1), true for a random share."""
     return uniform(count, 0, 1) < share
 
 
 def dyed(images: Tensor, people: Tensor, scenes: Tensor) -> Tensor:
-    """Return images in which some people have other colours, the same in all their views.
+    """Return images with changed colours of some people, the same in all their views.
 
     In some scenes everyone's are dark.
     """
@@ -55,7 +55,7 @@ def dyed(images: Tensor, people: Tensor, scenes: Tensor) -> Tensor:
 
 
 def moved(images: Tensor) -> Tensor:
-    """Return images with boxes that are a little off, some mirrored, some cut off."""
+    """Return images with inaccurate boxes, some mirrored, some cut off."""
     count = len(images)
     theta = torch.zeros(count, 2, 3)
     turn = torch.randn(count) * 0.08
@@ -64,7 +64,7 @@ def moved(images: Tensor) -> Tensor:
     theta[:, 0, 0], theta[:, 1, 1] = flip * scale[:, 0], scale[:, 1]
     theta[:, 0, 1], theta[:, 1, 0] = turn, -turn
     theta[:, :, 2] = torch.randn(count, 2) * 0.1
-    # Some boxes are cut, low as by a desk, or left and right as by the image's edge
+    # Boxes cut at the bottom, as by a desk, or at the sides, as by the image's edge
     low, side = (
         torch.where(
             torch.rand(count) < share, torch.empty(count).uniform_(least, 0.9), torch.ones(1)
@@ -82,7 +82,7 @@ def moved(images: Tensor) -> Tensor:
 
 
 def other_background(images: Tensor) -> Tensor:
-    """Return images some of whose backgrounds are another image, or one colour."""
+    """Return images, some with another background or one colour."""
     count = len(images)
     rgb, own = images[:, RGB], images[:, OWN]
     other = images[torch.randperm(count), RGB].flip(3)
@@ -93,14 +93,14 @@ def other_background(images: Tensor) -> Tensor:
 
 
 def occluded(images: Tensor) -> Tensor:
-    """Return images, in some of which another person, or a rectangle, covers a part."""
+    """Return images, some partly covered by another person or a rectangle."""
     count = len(images)
     height, width = images.shape[2:]
     v = torch.arange(height).view(1, 1, -1, 1) / height
     u = torch.arange(width).view(1, 1, 1, -1) / width
     rectangle = (v - uniform(count, 0, 1)).abs() < uniform(count, 0.05, 0.3)
     rectangle = rectangle & ((u - uniform(count, -0.2, 1.2)).abs() < uniform(count, 0.1, 0.5))
-    # Another person before this one, to a side and lower in the image, since nearer
+    # A nearer person, to a side and lower in the image
     other = images[torch.randperm(count)]
     theta = torch.zeros(count, 2, 3)
     theta[:, 0, 0] = torch.empty(count).uniform_(0.5, 1.2)
@@ -138,7 +138,7 @@ def lit(rgb: Tensor, scenes: Tensor) -> Tensor:
 
 
 def blurred(rgb: Tensor) -> Tensor:
-    """Return images some of which are blurred or small, with noise."""
+    """Return images with noise, some blurred or small."""
     count = len(rgb)
     soft = functional.avg_pool2d(rgb, 3, 1, 1, count_include_pad=False)
     streaked = functional.avg_pool2d(rgb, (1, 5), 1, (0, 2), count_include_pad=False)

@@ -1,15 +1,15 @@
-"""The appearance network: colour and texture, pooled where parts of the person are visible."""
+"""The appearance network: colour and texture, pooled over visible parts of the person."""
 
 import torch  # type: ignore[import-not-found]
 from torch import Tensor, nn
 
-HEIGHT_PX, WIDTH_PX = 64, 32  # of the input
+HEIGHT_PX, WIDTH_PX = 64, 32  # [px] size of the input
 DIMENSION = 128
-STEM = 24  # features of the first layer
-PARTS = 8  # attention maps
-COLOURS = 48  # soft bins of colour
-COARSE, FINE = 96, 48  # features
-OUTSIDE = 4.0  # logit by which what the mask leaves out counts less
+STEM = 24  # number of features of the first layer
+PARTS = 8  # number of attention maps
+COLOURS = 48  # number of soft bins of colour
+COARSE, FINE = 96, 48  # numbers of features
+OUTSIDE = 4.0  # logit subtracted outside of the mask
 
 
 def convolution(inputs: int, outputs: int, stride: int = 1) -> nn.Sequential:
@@ -20,7 +20,7 @@ def convolution(inputs: int, outputs: int, stride: int = 1) -> nn.Sequential:
 
 
 class Residual(nn.Module):  # type: ignore[misc]
-    """Two convolutions beside the identity."""
+    """Two convolutions with a skip connection."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""Command line, optimisation and export of networks that are trained on crops."""
+"""Command line, optimisation and export of networks for crops."""
 
 import argparse
 import time
@@ -10,11 +10,11 @@ import torch  # type: ignore[import-not-found]
 from torch import Tensor, nn
 
 RATE = 2e-3
-SHARED_SCENE = 6  # identities of a scene, PEOPLE of scripts/render_people
+SHARED_SCENE = 6  # number of identities of a scene, PEOPLE in scripts/render_people
 
 
 def arguments(description: str, steps: int, output: Path) -> argparse.Namespace:
-    """Read the command line; seed torch, choose its device, keep it to one thread."""
+    """Read the command line; set seed, device and one thread of torch."""
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("data", type=Path, help="folder that scripts.render_people wrote")
     parser.add_argument("--steps", type=int, default=steps)
@@ -36,7 +36,7 @@ def on_device(values: np.ndarray) -> Tensor:
 def optimise(
     network: nn.Module, loss_of_batch: Callable[[], Tensor], steps: int, decay: float
 ) -> Iterator[int]:
-    """Train a network; yield the number of each step, from 1, and print the loss at times."""
+    """Train a network; yield the number of each step, from 1, and print the loss."""
     optimiser = torch.optim.AdamW(network.parameters(), RATE, weight_decay=decay)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, steps + 1, pct_start=0.1)
     total = 0.0
@@ -54,7 +54,7 @@ def optimise(
 
 
 def export(network: nn.Module, path: Path, size_px: tuple[int, int], output: str) -> None:
-    """Write a network of crops (Nx4xHxW of a size) as ONNX, its output under a name."""
+    """Write a network of crops (Nx4xHxW) as ONNX, with the name of its output."""
     network.eval()
     torch.onnx.export(
         network,

@@ -26,10 +26,10 @@ from scripts.train_orientation.network import SECTORS, SIZE_PX, OrientationNetwo
 OUTPUT = Path(__file__).resolve().parents[2] / "models" / "orientation-lab.onnx"
 BATCH = 512
 DECAY = 1e-3
-SIGMA_RAD = math.radians(10)  # of the labels
-INPUT = 2 / 3  # side of the network's input over that of stored crops
-SHOULDERS = -1 / 11  # row of the shoulders, of both, from -1 to 1
-TESTED = 10  # one file of so many is for testing
+SIGMA_RAD = math.radians(10)  # [rad] standard deviation of the labels
+INPUT = 2 / 3  # ratio of the sides of the network's input and of stored crops
+SHOULDERS = -1 / 11  # row of the shoulders in both, from -1 to 1
+TESTED = 10  # number of files with one test file
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Crops:
 
 
 def moved(images: Tensor, mirrored: Tensor) -> Tensor:
-    """Return images of the network's size: keypoints and depths err a little, bodies differ."""
+    """Return images of the network's size, with errors of keypoints and depths."""
     count = len(images)
     theta = torch.zeros(count, 2, 3)
     turn = torch.randn(count) * 0.06
@@ -92,7 +92,7 @@ def labels(yaws_rad: Tensor) -> Tensor:
 
 
 def test(network: OrientationNetwork, crops: Crops) -> str:
-    """Return the errors on augmented crops of people that training has not seen."""
+    """Return the errors on augmented crops of the test files."""
     network.eval()
     off, losses = [], []
     with torch.no_grad():

@@ -5,10 +5,10 @@ from torch import Tensor, nn
 
 from scripts.train_embedding.network import Residual, convolution
 
-SIZE_PX = (64, 48)  # height and width of the input
-SECTORS = 24  # of the yaw from the line of sight; the first is about 0, facing away
-COARSE, MIDDLE, FINE = 128, 64, 32  # features
-CELL = 32  # features of each of the 8x6 cells
+SIZE_PX = (64, 48)  # [px] height and width of the input
+SECTORS = 24  # number of sectors of the yaw; the first is around 0, facing away
+COARSE, MIDDLE, FINE = 128, 64, 32  # numbers of features
+CELL = 32  # number of features of each of the 8x6 cells
 HIDDEN = 128
 
 

@@ -15,5 +15,5 @@ class ReportConfig(Config, frozen=True, kw_only=True):
     video: bool = True  # True: write an annotated video of each camera
     sheet_frames: Annotated[int, Meta(ge=1, le=100)] = 12  # frames on the page, evenly spread
     truth: Text = ""  # ground truth that was asked for; the run had limits if none came
-    note: Text = ""  # says on the page what is simulated
+    note: Text = ""  # sentence on the page about simulated data
     tile_width_px: Annotated[int, Meta(ge=160, le=1920)] = 480  # [px] width of a frame on the page

@@ -37,7 +37,7 @@ class Cluster:
 
         Args:
             service: Its service; several, with + between, in one process.
-            instance: Its name; several likewise.
+            instance: Its name; several, with + between.
             settings: "field=value" of its configuration; "service.field=value" of several.
         """
         flags = [flag for setting in settings for flag in ("--set", setting)]
