@@ -84,8 +84,8 @@ class MessageQueue:
         """Decode a payload and add it; bad bytes are counted and dropped.
 
         Args:
-            topic: Topic that it came on.
-            key: Full key that it came on.
+            topic: Topic of the message.
+            key: Full key of the message.
             payload: Untrusted bytes.
         """
         self._put(topic, key, payload, time.time_ns())

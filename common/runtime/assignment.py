@@ -60,9 +60,9 @@ def header_of(message: Message) -> MessageHeader:
 class PendingMessage:
     """A message that another replica handles."""
 
-    key: str  # full key that it came on
+    key: str  # full key of the message
     payload: bytes | Message  # its bytes; the message itself where this process published it
-    received_ns: int  # wall clock when they came
+    received_ns: int  # wall clock when it arrived
     header: MessageHeader  # fields by which it is assigned
 
 
@@ -195,7 +195,7 @@ class Assignment:
         return self._membership.replicas
 
     def is_ours(self, message: PendingMessage, now_s: float) -> bool:
-        """Assign a message that came; it becomes pending if it is another replica's."""
+        """Assign an arrived message; it becomes pending if it is another replica's."""
         with self._lock:
             name = self._assigned(message)
             if name == self._own_name:

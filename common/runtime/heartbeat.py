@@ -53,12 +53,12 @@ class Activity:
 
         Args:
             topic: Name of its topic.
-            received_ns: Wall clock when it came.
+            received_ns: Wall clock when it arrived.
         """
         self._received_ns[topic] = received_ns
 
     def ages(self) -> dict[str, float]:
-        """Return the ages of the newest messages taken of each topic [ms], by gauge."""
+        """Return the ages of the newest taken messages of each topic [ms], by gauge."""
         now_ns, received_ns = time.time_ns(), list(self._received_ns.items())
         return {f"age_{topic}_ms": (now_ns - ns) / 1e6 for topic, ns in received_ns}
 

@@ -33,8 +33,8 @@ class Inbox(MessageQueue):
         """Decode a payload and add it unless it is assigned to another replica.
 
         Args:
-            topic: Topic that it came on.
-            key: Full key that it came on.
+            topic: Topic of the message.
+            key: Full key of the message.
             payload: Untrusted bytes.
         """
         received_ns = time.time_ns()

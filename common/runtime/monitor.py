@@ -48,10 +48,10 @@ class ProcessSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     service: str  # its service
     instance: str  # its name
     host: str  # machine
-    state: str = ""  # state in its heartbeat; empty if none came
+    state: str = ""  # state in its heartbeat; empty without a heartbeat
     reason: str = ""  # why it is not ready
     rates_hz: dict[str, float] = {}  # [Hz] messages received_ and sent_, by topic
-    ages_ms: dict[str, float] = {}  # [ms] since the newest input came, by topic
+    ages_ms: dict[str, float] = {}  # [ms] since the newest input arrived, by topic
     losses: dict[str, int] = {}  # messages lost and errors since its start, by cause
     cpu_percent: float | None = None  # of one core
     memory_mb: float | None = None  # resident

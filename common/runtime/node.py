@@ -107,7 +107,7 @@ class Node(ABC):
         return ()
 
     def flush(self, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
-        """Return outputs that still wait for more input; called when no more input comes."""
+        """Return outputs that still wait for more input; called at the end of the input."""
         return ()
 
     def wake_ns(self) -> int | None:

@@ -150,7 +150,7 @@ class Replica:
         def receive() -> None:
             for _, payload in subscription:
                 take(payload)
-                del payload  # it would take memory until the next one comes
+                del payload  # it would hold memory until the next one arrives
 
         _start(receive)
 
