@@ -1,7 +1,7 @@
-"""Configuration of the tracker service. The defaults are what ships.
+"""Configuration of the tracker service.
 
-The presets hold the published constants. Sections are those of docs/method.md; where no source is
-named, the value is this project's.
+Presets hold the published constants. Sections are sections of docs/method.md; values without a
+source are this project's.
 """
 
 from typing import Annotated, Any, Literal

@@ -1,4 +1,4 @@
-"""Events for receivers outside: a web address and a broker of MQTT that are away for a time."""
+"""Delivery of events to a web address and an MQTT broker, with failures and retries."""
 
 import json
 import re
@@ -137,7 +137,7 @@ def test_redirect_is_not_followed_and_counts_as_a_failure(tmp_path: Path, status
 
 
 class Holding:
-    """Receiver that does not return, as long as its test lasts."""
+    """Receiver that does not return until its test releases it."""
 
     name = "holding"
 

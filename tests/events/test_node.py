@@ -100,7 +100,7 @@ def test_event_that_a_killed_process_did_not_publish_is_published_under_its_numb
     again.close()
 
 
-def test_everybody_disappears_before_a_new_run(tmp_path: Path) -> None:
+def test_all_people_disappear_before_a_new_run(tmp_path: Path) -> None:
     node, _ = start(tmp_path)
     see(node, 0)
     node.close()
@@ -111,7 +111,7 @@ def test_everybody_disappears_before_a_new_run(tmp_path: Path) -> None:
     node.close()
 
 
-def test_repeated_recording_begins_anew_and_old_tracks_are_counted(tmp_path: Path) -> None:
+def test_repeated_recording_restarts_people_and_old_tracks_are_counted(tmp_path: Path) -> None:
     node, _ = start(tmp_path)
     see(node, 100)
     assert see(node, 99.9) == []

@@ -1,4 +1,4 @@
-"""Rules: each event once, over restarts, too."""
+"""Rules of events: each event once, also over restarts."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -82,7 +82,7 @@ def test_long_stay_is_one_event() -> None:
     assert found[-1].dwell_s == 3.0
 
 
-def test_count_is_reached_again_after_somebody_left() -> None:
+def test_count_is_reached_again_after_a_person_left() -> None:
     zone = Zone(name="door", corners_m=SQUARE.corners_m, count=2)
     rules = rules_of(zone)
     first = rules.update(at(0, (1, 1, 1), (2, 1, 0.5)), None)
@@ -135,7 +135,7 @@ def test_restart_at_any_time_makes_each_event_once(cut: int) -> None:
     assert [event.sequence for event in found] == list(range(len(expected)))
 
 
-def test_everybody_disappears_when_a_run_ends() -> None:
+def test_all_people_disappear_when_a_run_ends() -> None:
     rules = rules_of(SQUARE)
     rules.update(at(0, (1, 1, 1), (2, 5, 5)), None)
     assert kinds(rules.close()) == [("left", 1), ("disappeared", 1), ("disappeared", 2)]

@@ -79,7 +79,7 @@ def test_predictions_are_published_at_their_rate_and_not_per_frame() -> None:
     assert sum(one is not None for one in found) == 31
 
 
-def test_tracks_of_another_cameras_clock_do_not_begin_anew() -> None:
+def test_tracks_with_another_clock_cause_no_restart() -> None:
     node = node_of()
     walk(node, 20, 10**12)
     hour_ahead = tracks(walker(9), stamp_ns=2 * 10**12, camera="back")
@@ -91,7 +91,7 @@ def test_tracks_of_another_cameras_clock_do_not_begin_anew() -> None:
     assert node.handle(hour_ahead, 4 * 10**9)
 
 
-def test_a_clock_that_goes_back_begins_anew_and_old_tracks_are_dropped() -> None:
+def test_clock_reset_restarts_and_old_tracks_are_dropped() -> None:
     node = node_of()
     walk(node, 20, 10**12)
     assert answer(node, tracks(walker(), stamp_ns=10**12)) is not None  # 1.9 s back: a reset

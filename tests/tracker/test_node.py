@@ -212,11 +212,11 @@ def test_loop_of_transforms_is_reported_and_changes_no_pose() -> None:
     assert target.status().counters["transform_changes"] == 0
 
 
-def test_a_looped_recording_begins_anew_with_new_identities() -> None:
+def test_looped_recording_gives_new_identities() -> None:
     target = node(tracker="sort3d")
     loop = [detected(k) for k in range(30)]
     first = feed(target, [TRANSFORM, *loop])
-    assert feed(target, loop[:10]) == []  # maybe of another publisher, until the old time ceases
+    assert feed(target, loop[:10]) == []  # held: may be another publisher
     second = tracks(target.tick(SILENT_NS)) + feed(target, loop[10:], SILENT_NS)
     assert numbers(second) == list(range(30))
     assert {p.id for t in first for p in t.tracks} == {1}
@@ -262,7 +262,7 @@ def test_without_transform_the_camera_stands_at_the_origin() -> None:
     status = target.status()
     assert status.state == "degraded"
     assert status.reason.startswith("no transform map <- camera_optical")
-    # When the transform comes, people would jump by 10 m: they begin anew.
+    # The transform moves people by 10 m: tracks restart.
     (results,) = feed(target, [TRANSFORM, detected(1, [person(0.5)])])
     assert [p.id for p in results.tracks] == [2]
     np.testing.assert_allclose(results.tracks[0].position_m, [13.0, -0.5, 1.0])
@@ -362,7 +362,7 @@ def test_predictions_change_nothing_for_the_frames_that_follow() -> None:
     ]
 
 
-def test_a_slow_playback_is_no_outage() -> None:
+def test_slow_playback_is_no_outage() -> None:
     # Lock-step on a slow machine: a frame every second, recorded 100 ms apart.
     target = node(tracker="sort3d")
     target.handle(TRANSFORM, 0)

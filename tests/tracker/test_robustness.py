@@ -29,7 +29,7 @@ every_tracker = pytest.mark.parametrize("config", CONFIGS.values(), ids=CONFIGS.
 
 
 def detection(rng: np.random.Generator, x: float, z: float) -> Detection:
-    """A person of whom depth, covariance and heading may be missing, and anything may be absurd."""
+    """Detection with random faults: missing depth, covariance or heading, and absurd values."""
     left, top = 320 + 600 * x / z - 150 / z, 240 - 500 / z
     box = np.array([left, top, left + 300 / z, top + 1000 / z])
     fate = rng.random()
@@ -55,7 +55,7 @@ def detection(rng: np.random.Generator, x: float, z: float) -> Detection:
 
 
 def stream(seed: int, frames: int = 120, people: int = 4) -> list[Message]:
-    """A stream with all that goes wrong: empty frames, gaps, duplicates, late and missing parts."""
+    """Stream with empty frames, gaps, duplicates, late messages and missing embeddings."""
     rng = np.random.default_rng(seed)
     x, z = rng.uniform(-2, 2, people), rng.uniform(1.5, 6, people)
     speed, results, stamp_ns = rng.normal(0, 0.05, people), list[Message](), 1_000 * MS
@@ -104,7 +104,7 @@ def play(config: TrackerConfig, messages: Sequence[Message]) -> list[Tracks]:
 
 
 def check(results: Sequence[Tracks]) -> None:
-    for tracks in results:  # that numbers are finite, Track checks itself
+    for tracks in results:  # Track itself checks that numbers are finite
         ids = [person.id for person in tracks.tracks]
         assert len(set(ids)) == len(ids)
         for person in tracks.tracks:
@@ -124,7 +124,7 @@ def test_stream_with_all_faults_at_once(config: TrackerConfig, seed: int) -> Non
 def test_two_hundred_people(config: TrackerConfig) -> None:
     results = play(config, stream(7, frames=6, people=200))
     check(results)
-    # 128 detections of a frame are used, and some are no tracks yet, or in the place of others.
+    # 128 detections of a frame are used, and not all of them become tracks.
     assert max(len(tracks.tracks) for tracks in results) > 80
 
 

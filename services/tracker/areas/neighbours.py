@@ -141,7 +141,7 @@ class Neighbours:
         """Return a conflict of names or numbers of areas; empty without one."""
         area, number = message.area, message.number
         if area == self.name:
-            return f"another tracker calls itself area {area}, too"
+            return f"another tracker calls itself area {area}"
         if number == self._config.number:
             return f"area {area} has number {number}, as this one: identities are not unique"
         for name, other in self._heard.items():

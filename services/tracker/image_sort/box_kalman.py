@@ -5,7 +5,7 @@ In SORT all initial covariances are diagonal, and neither motion nor measurement
 So the filter of seven states equals three filters of [position, velocity] and one of [position],
 computed for all tracks at once.
 
-Source: docs/method.md, section 7; the constants are those of [Bewley 2016].
+Source: docs/method.md, section 7; constants of [Bewley 2016].
 """
 
 from typing import Any, TypeAlias

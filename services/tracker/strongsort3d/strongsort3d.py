@@ -86,7 +86,7 @@ class StrongSort3d(TrackSetTracker, AreaTracker):
         self._policies.identity.learn_neighbours(known)
 
     def rename(self, identities: Mapping[int, int | None]) -> None:
-        """Change the identities of tracks to those of neighbours; None: a new identity."""
+        """Change tracks to the identities of neighbours; None: a new identity."""
         given = {to for to in identities.values() if to is not None}
         self.tracks.end(given)  # lost tracks of the same people
         for record in self.tracks.records:
@@ -98,7 +98,7 @@ class StrongSort3d(TrackSetTracker, AreaTracker):
                 record.identity = IdentityDecision("new", 0.5, "the identity is tracked elsewhere")
             else:
                 record.id = identity
-                record.identity = IdentityDecision("continued", 0.9, "a neighbour sees them, too")
+                record.identity = IdentityDecision("continued", 0.9, "tracked by a neighbour")
             self._policies.identity.rename(before, identity)
 
     def checkpoint(self) -> TrackerCheckpoint:

@@ -1,4 +1,4 @@
-"""Identities of people who walk from one area to the next, and areas that cannot be right."""
+"""Hand-over of identities between areas, and conflicts of areas."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -32,7 +32,7 @@ def area(name: str, number: int, *neighbours: str, **fields: Any) -> TrackerNode
 
 
 class Site:
-    """Areas a and b, fed by turns with a frame a tenth of a second; they hear each other.
+    """Areas a and b with ten frames a second each; they exchange messages.
 
     Args:
         fields: Of the configuration of both.
@@ -51,7 +51,7 @@ class Site:
         appearance: Sequence[float] = RED,
         stamp_ahead_ns: int = 0,
     ) -> Sequence[Track]:
-        """Show one area people of one appearance, and the other none; return its last tracks."""
+        """Add people of one appearance to one area, none to the other; return its tracks."""
         for k in numbers:
             now_ns = (k + 10) * FRAME_NS
             for name in self.nodes:
@@ -65,7 +65,7 @@ class Site:
     def feed(
         self, sender: str, frame: Detections, appearances: Sequence[Sequence[float]], now_ns: int
     ) -> None:
-        """Give a frame to an area, and what it sends to the other."""
+        """Add a frame to an area, and pass its messages to the other area."""
         node = self.nodes[sender]
         outputs = [
             *node.handle(embeddings_of(frame, appearances), now_ns),
@@ -147,7 +147,7 @@ def test_identities_of_an_area_are_its_number_and_thousands() -> None:
 def test_person_tracked_by_both_areas_gets_the_older_identity() -> None:
     site = Site()
     site.see(range(20), "a", -1.0)
-    # b begins with somebody else, too far to be the same, who then meets the person of a.
+    # The person in b is first too far away from the person in a, and then meets that person.
     for k in range(20, 60):
         now_ns = (k + 10) * FRAME_NS
         there_m = 1.0 - min(k - 20, 20) * 0.1
@@ -238,7 +238,7 @@ def test_impossible_areas_are_refused_and_reported(
 
 
 def take_over(*people: AreaPerson, **fields: Any) -> tuple[list[int], TrackerNode]:
-    """Show area a a red person, of whom a message came before."""
+    """Add frames of a red person to area a after messages with people of area b."""
     node = area("a", 1, "b")
     tracks: Sequence[Track] = ()
     for k in range(10):

@@ -1,4 +1,4 @@
-"""Cameras of several that send nothing, or find none of the people before them."""
+"""Cameras that send nothing, or miss the people in their view."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ def run(
     cameras: dict[str, int],
     people: tuple[Track, ...] = (track(),),
 ) -> int:
-    """Give ten frames a second of each camera, which finds so many people; return the time."""
+    """Add ten frames a second of each camera with a number of people; return the time."""
     now_ns = 0
     for k in range(seconds.start * 10, seconds.stop * 10):
         now_ns = k * 100 * MS
@@ -85,13 +85,13 @@ def test_covered_camera_is_reported() -> None:
 @pytest.mark.parametrize(
     ("found_before", "people"),
     [
-        (0, (track(),)),  # behind a wall: it never found them
+        (0, (track(),)),  # behind a wall: people were never in view
         (1, (track(9.0),)),  # beyond the range of depth
         (1, (track(3.0, 1.4),)),  # at the edge of the image
-        (1, ()),  # no one is there
+        (1, ()),  # no people
     ],
 )
-def test_camera_that_need_find_no_one_is_not_covered(
+def test_camera_without_people_in_view_is_not_covered(
     found_before: int, people: tuple[Track, ...]
 ) -> None:
     watch = CameraAbsence()

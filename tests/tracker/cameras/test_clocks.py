@@ -27,7 +27,7 @@ MOUNTS = [builders.static_transform(LINK_FROM_OPTICAL, child="camera_optical")] 
 
 
 def view_of(number: int, camera: str, ahead_ms: float = 0.0, phase_ms: float = 0.0) -> Detections:
-    """A person who walks to the right, as a camera sees them whose clock is ahead."""
+    """Frame of a camera whose clock is ahead; a person walks to the right."""
     true_ms = number * PERIOD_MS + phase_ms
     people = [person(-2.0 + SPEED_MPS * true_ms / 1000 % 4.0)]
     frame = detected(0, people, camera)
@@ -38,7 +38,7 @@ def view_of(number: int, camera: str, ahead_ms: float = 0.0, phase_ms: float = 0
 def arrivals(
     camera: str, ahead_ms: float = 0.0, phase_ms: float = 0.0
 ) -> list[tuple[float, Detections]]:
-    """Frames of a camera with the time of their arrival [ms]."""
+    """Frames of a camera with their times of arrival [ms]."""
     return [
         (number * PERIOD_MS + phase_ms + DELAY_MS, view_of(number, camera, ahead_ms, phase_ms))
         for number in range(FRAMES)
@@ -50,7 +50,7 @@ def play(
     *streams: Sequence[tuple[float, Detections]],
     mounts: Iterable[StaticTransform] = MOUNTS,
 ) -> list[Tracks]:
-    """Feed frames in the order of their arrival, with a tick when the node wants one."""
+    """Feed frames in the order of their arrival, with ticks at the wake times of the node."""
     results = [t for mount in mounts for t in tracks(target.handle(mount, 0))]
     for at_ms, frame in sorted(itertools.chain(*streams), key=lambda item: item[0]):
         now_ns = int(at_ms * MS)
@@ -61,7 +61,7 @@ def play(
 
 
 def answered(results: Iterable[Tracks], camera: str) -> list[Tracks]:
-    """Return the answers to frames of a camera, without predictions."""
+    """Answers to frames of a camera, without predictions."""
     return [t for t in results if t.camera == camera and t.trace]
 
 
@@ -78,12 +78,12 @@ def test_frames_of_a_camera_with_another_clock_are_tracked_at_their_corrected_ti
     assert target.status().gauges["camera_offset_front_ms"] == 0.0
 
 
-def test_a_person_before_two_cameras_keeps_one_identity_and_velocity() -> None:
+def test_person_in_view_of_two_cameras_keeps_one_identity_and_velocity() -> None:
     target = node(tracker="sort3d")
     results = play(target, arrivals("front")[:28], arrivals("back", -500.0, phase_ms=30.0)[:28])
     people = [person for t in results[20:] for person in t.tracks]
     assert {person.id for person in people} == {1}
-    # At the stamps as they are they would jump by 0.5 m from frame to frame.
+    # With uncorrected stamps positions would jump by 0.5 m between frames.
     speeds = [-person.velocity_mps[1] for person in people]
     np.testing.assert_allclose(speeds, SPEED_MPS, atol=0.1)
 
@@ -122,7 +122,7 @@ def test_a_clock_set_back_during_the_run_is_measured_again() -> None:
     assert target.status().gauges["camera_offset_back_ms"] == pytest.approx(-700.0, abs=2.0)
 
 
-def test_the_reference_may_end() -> None:
+def test_other_cameras_continue_after_the_reference_ended() -> None:
     target = node(tracker="sort3d")
     results = play(target, arrivals("front")[:40], arrivals("back", -500.0, phase_ms=30.0))
     assert len(answered(results, "back")) >= FRAMES - 5

@@ -1,4 +1,4 @@
-"""Watch of camera poses: a camera that was knocked is named, others are not."""
+"""Watch of camera poses: only a camera that was knocked is named."""
 
 import math
 from dataclasses import replace
@@ -26,7 +26,7 @@ POSES = {
 
 
 def people(t_s: float) -> F64:
-    """Return two people who walk 3 m apart."""
+    """Positions of two people who walk 3 m apart."""
     x, y = 1.2 * math.sin(0.5 * t_s), 0.8 * math.sin(0.37 * t_s)
     return np.array([[x - 1.5, y, 1.1], [x + 1.5, -y, 1.1]])
 
@@ -34,7 +34,7 @@ def people(t_s: float) -> F64:
 def observation(
     camera: str, t_s: float, believed: F64, true: F64, rng: np.random.Generator
 ) -> Observation:
-    """Build what a camera sees that stands at `true` and is believed to stand at `believed`."""
+    """Observation of a camera at pose `true` with the calibration `believed`."""
     optical = apply(invert(true), people(t_s)) + rng.normal(0, 0.04, (2, 3))
     measurements = tuple(
         Measurement(index=k, box_xyxy_px=BOX, score=0.9, position_m=at, forward_m=3.0)
@@ -65,7 +65,7 @@ def track_of(detection: int, velocity_mps: F64) -> Track:
 
 
 def watch(true: dict[str, F64], seconds: float = 40.0, others: float = 0.0) -> CameraDrift:
-    """Let cameras look; in a share of their frames they see somebody else 0.8 m beside."""
+    """Run the watch; in a share of the frames positions are of another person, 0.8 m away."""
     drift, rng = CameraDrift(), np.random.default_rng(1)
     for k in range(int(seconds * 10)):
         for number, camera in enumerate(true):
@@ -124,7 +124,7 @@ def test_camera_knocked_by_five_degrees_is_named(camera: str) -> None:
 
 
 @pytest.mark.parametrize("degrees", [0.0, 5.0])
-def test_other_people_taken_for_the_same_hide_no_knock_and_make_none(degrees: float) -> None:
+def test_confused_people_neither_hide_nor_cause_a_movement(degrees: float) -> None:
     found = watch(turned("b", degrees), others=0.1).movement
     assert (found.camera if found else None) == ("b" if degrees else None)
 
@@ -137,13 +137,13 @@ def test_of_two_cameras_either_may_have_moved() -> None:
     assert "calibrate again" in reason
 
 
-def test_after_a_calibration_the_watch_begins_anew() -> None:
+def test_watch_restarts_after_a_calibration() -> None:
     drift = watch(turned("c", 5.0))
     drift.clear()
     assert drift.reasons() == []
 
 
-def test_single_camera_and_frames_without_pose_or_people_are_no_matter() -> None:
+def test_single_camera_and_frames_without_pose_or_people_show_no_movement() -> None:
     drift, rng = CameraDrift(), np.random.default_rng(1)
     for k in range(100):
         drift.add_frame(observation("a", k * 0.1, POSES["a"], POSES["a"], rng))

@@ -1,4 +1,4 @@
-"""Errors of stamps by people before two cameras."""
+"""Errors of stamps by people in view of two cameras."""
 
 import numpy as np
 import pytest
@@ -10,14 +10,14 @@ COUNT = 100
 
 
 def path_m(t_s: F64) -> F64:
-    """Return positions (Nx3) of a person who walks to and fro, from a camera at the origin."""
+    """Positions (Nx3) of a person who walks to and fro, from a camera at the origin."""
     return np.stack([1.5 * np.sin(0.7 * t_s), 3.5 + np.sin(0.45 * t_s), np.ones(len(t_s))], axis=1)
 
 
 def walked(
     ahead_s: float, turn_rad: float = 0.0, seed: int = 0, others: int = 0, count: int = COUNT
 ) -> Walked:
-    """Return people whom the first camera has too early by `ahead_s`, and turned."""
+    """Samples with stamps of the first camera ahead by `ahead_s`, and its pose turned."""
     rng = np.random.default_rng(seed)
     t_s = np.linspace(0.0, 0.2 * count, count)
     between_s: F64 = rng.uniform(-0.1, 0.1, count)
@@ -54,12 +54,12 @@ def test_error_of_a_camera_is_found_through_another() -> None:
     assert found["c"].sigma_s > found["b"].sigma_s
 
 
-def test_other_people_taken_for_the_same_change_little() -> None:
+def test_confused_people_change_the_error_little() -> None:
     found = stamp_errors({("a", "b"): walked(0.1, others=15)}, "b")["a"]
     assert found.ahead_s == pytest.approx(0.1, abs=0.03)
 
 
-def test_few_people_and_people_who_stand_say_nothing() -> None:
+def test_few_or_standing_people_give_no_error() -> None:
     few = walked(0.1, count=SAMPLES_MIN - 1)
     still = walked(0.1)._replace(velocity_mps=np.zeros((COUNT, 3)))
     unknown = walked(0.1)._replace(velocity_mps=np.full((COUNT, 3), np.nan))
@@ -67,7 +67,7 @@ def test_few_people_and_people_who_stand_say_nothing() -> None:
         assert stamp_errors({("a", "b"): people}, "b") == {}
 
 
-def test_people_who_all_walk_in_one_direction_are_no_proof() -> None:
+def test_walking_in_one_direction_gives_no_significant_error() -> None:
     people = walked(0.1)
     t_s = np.arange(COUNT) * 0.2
     velocity = np.tile((1.0, 0.0, 0.0), (COUNT, 1))

@@ -1,4 +1,4 @@
-"""SORT in the image as the service runs it: people with and without a place, turns, restarts."""
+"""SORT in the image in the node: people with and without depth, turns, restarts."""
 
 import math
 from collections.abc import Sequence
@@ -54,7 +54,7 @@ def answers(target: TrackerNode, *messages: Message) -> list[tuple[ImageTracks, 
 
 
 def flat(left: float, width: float = 100.0) -> Detection:
-    """Somebody without a place."""
+    """Detection without depth."""
     return Detection(box_xyxy_px=np.array([left, 100, left + width, 400], np.float32), score=0.9)
 
 
@@ -82,7 +82,7 @@ def test_identity_is_stable_while_depth_is_intermittent() -> None:
     people = [flat(320), person(0.0), flat(320), person(0.0)]
     results = answers(image_node(), TRANSFORM, *(detected(k, [p]) for k, p in enumerate(people)))
     assert [[p.id for p in boxes.tracks] for boxes, _ in results] == [[1]] * 4
-    # Without depth the place is predicted, once there was one.
+    # Without depth a known position is predicted.
     assert [[(p.id, p.state) for p in tracks.tracks] for _, tracks in results] == [
         [],
         [(1, "confirmed")],

@@ -1,4 +1,4 @@
-"""People who stand and people who walk: two models, worked by hand and over time."""
+"""Interacting models of standing and walking people, by hand and over time."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""Yaw by its density on the circle: parts by hand, and people who turn, walk or are mistaken."""
+"""Yaw by its density on the circle: terms by hand, turns and wrong measurements."""
 
 import math
 from collections.abc import Iterable

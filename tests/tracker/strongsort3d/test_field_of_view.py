@@ -1,4 +1,4 @@
-"""A camera that turns away from people has not missed them."""
+"""Tracks out of view of a turning camera are not missed."""
 
 import dataclasses
 import math
@@ -44,13 +44,13 @@ ALL = published(
 
 
 def turned(yaw_deg: float) -> F64:
-    """A camera at the origin of the map, 1 m high, turned to the left."""
+    """Pose of a camera at the origin of the map, 1 m high, turned to the left."""
     turn = rotation_from_rpy(0.0, 0.0, math.radians(yaw_deg))
     return transform_from([0.0, 0.0, 1.0], turn @ LINK_FROM_OPTICAL[:3, :3])
 
 
 def detected(number: int, yaw_deg: float, embeddings: bool) -> Observation:
-    """People who stand, and a camera that turns: those in view to the middle are detected."""
+    """Frame of a turned camera with two standing people, detected if their centre is in view."""
     pose = turned(yaw_deg)
     found = []
     for index, (position_m, appearance) in enumerate(zip(PEOPLE, (RED, BLUE), strict=True)):
@@ -91,9 +91,8 @@ def test_visible_ratio_at_the_edge_of_the_image() -> None:
 def test_people_left_and_right_of_a_camera_that_weaves_keep_their_identities(
     embeddings: bool,
 ) -> None:
-    # 60 degrees to the left and back within 2.4 s, over and over: everyone is cut off at an edge
-    # and out of view for more than a second each time, far longer than the wait for a person
-    # who leaves, and more often than a lost track may be missed.
+    # The camera repeatedly turns by 60 degrees and back within 2.4 s: both people are cut off and
+    # out of view for more than a second each time, longer than EMPTY_S and a_max frames.
     tracker = build_strongsort3d(published_config(strongsort3d=ALL))
     tracks: list[Track] = []
     for number in range(100):
@@ -103,7 +102,7 @@ def test_people_left_and_right_of_a_camera_that_weaves_keep_their_identities(
     assert {track.id for track in tracks} == {1, 2}
 
 
-def test_person_who_walks_out_below_the_image_ends_at_once() -> None:
+def test_track_of_a_person_who_leaves_below_the_image_ends_at_once() -> None:
     # A camera that looks down on a person who walks towards it: the torso leaves the image at the
     # bottom, the box does not reach its sides, and no other person hides it.
     tracker = build_strongsort3d(published_config(strongsort3d=ALL))

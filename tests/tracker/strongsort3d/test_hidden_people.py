@@ -1,4 +1,4 @@
-"""People hidden behind others keep their tracks."""
+"""Occluded people keep their tracks."""
 
 import itertools
 
@@ -35,7 +35,7 @@ def test_people_behind_detected_ones_are_occluded() -> None:
 
 
 def test_person_detected_for_the_first_time_occludes_others() -> None:
-    # A stands at 4 m; B comes for the first time, before A for a frame. One miss would end A.
+    # A stands at 4 m; new person B occludes A for one frame. One miss would end A.
     sort = tracker(a_max=1)
     for number in range(5):
         sort.update(with_pose(number, person(4, 0, embedding=RED)))
@@ -63,7 +63,7 @@ def test_occluded_person_who_comes_out_beside_the_prediction_goes_on(
 
 
 def test_track_of_few_matches_ends_behind_others() -> None:
-    # Found in 2 frames, it outlives 3 frames behind the other person, not 4.
+    # A track of 2 matches survives 3 occluded frames, not 4.
     strong = published(visibility=True, n_init=2, lifetime="hits")
     sort = build_strongsort3d(published_config(strongsort3d=strong))
     before = person(2, 0)
@@ -74,7 +74,7 @@ def test_track_of_few_matches_ends_behind_others() -> None:
 
 
 def crossing(sort: StrongSort3d) -> list[list[Track]]:
-    """B walks behind A, who stands, and is not seen for 1 s, from frame 13 to 22."""
+    """B walks behind the standing A, occluded for 1 s, from frame 13 to 22."""
     result = []
     for number in range(30):
         y = -1.2 + 0.06 * number

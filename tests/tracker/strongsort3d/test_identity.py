@@ -1,4 +1,4 @@
-"""People who leave and come back."""
+"""Re-identification of returning people."""
 
 import dataclasses
 
@@ -26,7 +26,7 @@ def tracker(identity: IdentityConfig | None = None) -> StrongSort3d:
 def stay(
     sort: StrongSort3d, first: int, count: int, *people: Measurement
 ) -> list[tuple[int, str, str | None]]:
-    """Let people stand for some frames; return the newest tracks that are no longer tentative."""
+    """Add frames of standing people; return the last tracks that are not tentative."""
     tracks: list[Track] = []
     for number in range(first, first + count):
         tracks = sort.update(frame(number, *people))
@@ -69,8 +69,8 @@ def test_lost_track_ends_when_its_person_is_reidentified() -> None:
 
 @pytest.mark.parametrize(("first", "ids"), [(9, [1, 2]), (10, [1])])
 def test_person_found_beside_another_is_not_that_one(first: int, ids: list[int]) -> None:
-    # Dressed alike, 1 m apart; one is lost after frame 9, the other found in that frame, or in the
-    # next: then they could be one person.
+    # Equal embeddings, 1 m apart. One track is lost after frame 9; the other begins in that frame,
+    # or in the next one: then both may be one person.
     strong = published(
         identity=IdentityConfig(enabled=True), a_max=9, sigma_measurement_m=0.1, distance_max_m=0.4
     )
@@ -101,7 +101,7 @@ def test_of_two_similar_people_the_absent_one_returns() -> None:
 
 
 def test_one_crop_decides_at_the_second_match() -> None:
-    # RED left; who comes then is published with the second match, and is RED or not.
+    # RED left; a new track is published with the second match, as RED or as a new person.
     def published_ids(embedding: tuple[float, ...]) -> list[tuple[int, str, str | None]]:
         strong = published(identity=IdentityConfig(enabled=True), a_max=5, n_init=2)
         sort = build_strongsort3d(published_config(strongsort3d=strong))
@@ -188,7 +188,7 @@ def test_people_apart_continue_after_a_time_without_frames(
 
 
 def test_people_near_each_other_are_reidentified_after_a_time_without_frames() -> None:
-    # They changed sides meanwhile.
+    # The people changed places.
     sort = tracker()
     both = person(3, -0.3, 0, embedding=RED), person(3, 0.3, 1, embedding=BLUE)
     (red,) = (

@@ -47,7 +47,7 @@ def test_a_max_unmatched_frames_delete() -> None:
 
 
 def test_by_hits_matches_need_not_be_in_a_row() -> None:
-    # Found, found, missed, found: the third match confirms. By streak the second begins anew.
+    # Match, match, miss, match: "hits" confirms at the third match; "streak" starts a new track.
     def last(lifetime: Literal["streak", "hits"]) -> list[tuple[int, str]]:
         sort = tracker(lifetime=lifetime)
         for number in (0, 1):
@@ -82,7 +82,7 @@ def test_by_hits_a_track_behind_others_ends_after_the_square_of_its_matches(
 
 
 def test_while_several_cameras_send_a_third_match_confirms() -> None:
-    # A false alarm that one camera has in two frames is no person.
+    # Two matches by one of several cameras may be a false alarm.
     sort = tracker(lifetime="hits", n_init=2)
     for number in range(0, 4, 2):
         sort.update(frame(number, person(3, 0)))
@@ -95,7 +95,7 @@ def test_while_several_cameras_send_a_third_match_confirms() -> None:
 
 
 def test_while_several_cameras_send_a_tentative_track_ends_after_a_second() -> None:
-    # Its own camera does not miss it where a person stands before it.
+    # Its own camera may be occluded and never miss it.
     def lasts(*cameras: str) -> int:
         sort = tracker(lifetime="hits", n_init=2)
         sort.update(frame(0, person(3, 0)))
