@@ -20,6 +20,8 @@ from rosbags.rosbag1 import reader as rosbag1_reader
 from rosbags.rosbag2 import Reader as Reader2
 from rosbags.rosbag2 import reader as rosbag2_reader
 from rosbags.rosbag2 import storage_mcap, storage_sqlite3
+from ruamel.yaml.constructor import SafeConstructor
+from ruamel.yaml.nodes import MappingNode
 
 from common.io.files import MAX_CHARACTERS, inside, parse_yaml, read_text
 from common.io.ros_bag_files import check_written
@@ -30,18 +32,17 @@ MAX_RATIO = 200  # of a compressed file; images shrink to a third or a tenth
 MAX_FILES = 1024  # of a ROS 2 bag
 MAX_STEPS = 10**8  # of the database during the check: seconds
 BLOCK_BYTES = 2**20
+YAML_MAP, YAML_MERGE = "tag:yaml.org,2002:map", "tag:yaml.org,2002:merge"
 
 
 def harden() -> None:
-    """Bound what rosbags unpacks, and keep it from parsing the unused YAML of topics.
+    """Limit the bytes that rosbags unpacks and the YAML that it expands.
 
-    Its readers look these functions up in tables and modules, which is the only way to set limits.
-    Repeating it does no harm, and valid bags read the same.
+    Its readers and its YAML parser find these functions in tables. Valid bags read the same.
     """
     rosbag1_reader.decompressors.update(bz2=_bz2, lz4=_lz4)
     storage_mcap.DECOMPRESSORS.update(lz4=_lz4, zstd=unzstd)
-    for module in (rosbag2_reader, storage_mcap, storage_sqlite3):
-        vars(module)["parse_qos"] = _no_qos
+    SafeConstructor.add_constructor(YAML_MAP, _yaml_map)
     plugins: Any = rosbag2_reader.DirectoryReader.STORAGE_PLUGINS
     plugins.update(sqlite3=QuotedSqlite3Reader)
     plugins = Reader2.STORAGE_PLUGINS
@@ -182,5 +183,8 @@ def _bounded(data: bytes, limit: int) -> bytes:
     return data
 
 
-def _no_qos(_: object) -> list[Any]:
-    return []
+def _yaml_map(constructor: SafeConstructor, node: MappingNode) -> Iterator[dict[Any, Any]]:
+    """Construct a map as ruamel does, but reject merge keys, which can grow exponentially."""
+    if any(key.tag == YAML_MERGE for key, _ in node.value):
+        raise ValueError("its YAML has merge keys (<<), which are not supported")
+    yield from constructor.construct_yaml_map(node)

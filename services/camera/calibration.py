@@ -44,18 +44,12 @@ class Calibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     parent_from_optical: tuple[tuple[float, float, float, float], ...] | None = None  # [m] 4x4
 
 
-class MatNames(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Names of variables in a MATLAB file; dots lead into structures, an empty name is absent."""
-
-    colour: str = "RGB_cam.K"  # 3x3 matrix of the colour camera
-    colour_distortion: str = "RGB_cam.DistCoef"  # its distortion
-    depth: str = "Depth_cam.K"  # 3x3 matrix of the depth camera
-    depth_distortion: str = "Depth_cam.DistCoef"  # its distortion
-    rotation: str = "R_d_to_rgb"  # 3x3, colour_from_depth
-    translation: str = "T_d_to_rgb"  # [m] 3, colour_from_depth
+# Variables of a MATLAB calibration: structures of colour and depth, with K and DistCoef
+MAT_CAMERAS = ("RGB_cam", "Depth_cam")
+MAT_ROTATION, MAT_TRANSLATION = "R_d_to_rgb", "T_d_to_rgb"  # 3x3, [m] 3, colour_from_depth
 
 
-def read_calibration(path: Path, names: MatNames) -> Calibration:
+def read_calibration(path: Path) -> Calibration:
     """Read a calibration of one of the kinds below; SourceError if it is incomplete."""
     readers: dict[str, Callable[[], Calibration]] = {
         ".toml": lambda: _from_table(parse_toml(read_text(path))),
@@ -65,7 +59,7 @@ def read_calibration(path: Path, names: MatNames) -> Calibration:
         ".txt": lambda: _from_matrix(read_text(path)),
         ".csv": lambda: _from_matrix(read_text(path)),
         ".npz": lambda: _from_npz(path),
-        ".mat": lambda: _from_mat(path, names),
+        ".mat": lambda: _from_mat(path),
     }
     if path.suffix not in readers:
         raise SourceError(f"calibration {path}: expected one of {', '.join(readers)}")
@@ -136,8 +130,7 @@ def registration(
         raise SourceError(
             f"depth is {depth_size[1]}x{depth_size[0]}, colour {colour.width}x{colour.height}: "
             "it cannot be aligned without a calibration of depth",
-            "Give it as [depth] in a calibration file, as options.depth_intrinsics of a folder, or "
-            "as options.depth_info_topic of a bag.",
+            "Give it as [depth] in a calibration file, or as options.depth_info_topic of a bag.",
         )
     colour_from_depth = np.eye(4)
     if calibration.rotation is not None:
@@ -210,28 +203,17 @@ def _from_npz(path: Path) -> Calibration:
     )
 
 
-def _from_mat(path: Path, names: MatNames) -> Calibration:
-    arrays = read_mat(path)
-    colour = to_intrinsics(_array(arrays, names.colour), _array(arrays, names.colour_distortion))
-    if not names.depth:
-        return Calibration(colour=colour)
-    x, y, z = _array(arrays, names.translation).ravel().tolist()
+def _from_mat(path: Path) -> Calibration:
+    arrays: Any = read_mat(path)
+    colour, depth = (
+        to_intrinsics(arrays[name]["K"], arrays[name]["DistCoef"]) for name in MAT_CAMERAS
+    )
     return Calibration(
         colour=colour,
-        depth=to_intrinsics(_array(arrays, names.depth), _array(arrays, names.depth_distortion)),
-        rotation=tuple(tuple(row) for row in _array(arrays, names.rotation).tolist()),
-        translation_m=(x, y, z),
+        depth=depth,
+        rotation=tuple(map(tuple, arrays[MAT_ROTATION].tolist())),
+        translation_m=tuple(arrays[MAT_TRANSLATION].ravel().tolist()),
     )
-
-
-def _array(arrays: Mapping[str, Any], name: str) -> F64:
-    """Return the array of a dotted name."""
-    if not name:
-        return np.zeros(0)
-    value: Any = arrays
-    for part in name.split("."):
-        value = value[part]
-    return np.asarray(value, np.float64)
 
 
 def to_intrinsics(matrix: F64, distortion: Any = (), width: int = 0, height: int = 0) -> Intrinsics:

@@ -29,7 +29,7 @@ from evaluation.methods import read_method
 from lab.catalogue import load_scenario
 from people4d.codec import encode
 from people4d.messages import CompressedRgbdFrame
-from services.camera.calibration import MatNames, read_calibration
+from services.camera.calibration import read_calibration
 from tests import DEMO, ROOT
 from tests.contract.examples import BY_NAME
 from tests.docs.pages import Block, Command, blocks, commands
@@ -151,7 +151,7 @@ def test_settings_of_toml_block_exist(block: Block, tmp_path: Path) -> None:
     elif "people" in values:
         load_scenario(str(file))
     elif "colour" in values:
-        read_calibration(file, MatNames())
+        read_calibration(file)
     else:
         assert values.keys() <= set(SERVICES)
         for service in values:

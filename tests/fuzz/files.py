@@ -12,7 +12,7 @@ import scipy.io
 from common.io.images import encode_jpeg
 from common.io.recording import RecordingWriter, open_recording
 from people4d.errors import People4dError
-from services.camera.calibration import MatNames, read_calibration
+from services.camera.calibration import read_calibration
 from services.camera.describe import describe
 from services.camera.folder.source import FolderOptions, FolderSource
 from services.camera.recording import RecordingOptions, RecordingSource
@@ -103,7 +103,7 @@ def _metadata_seeds(folder: Path) -> Sequence[bytes]:
 def _calibration(data: bytes, folder: Path) -> None:
     path = folder / f"camera{SUFFIXES[(data[0] if data else 0) % len(SUFFIXES)]}"
     path.write_bytes(data[1:])
-    read_calibration(path, MatNames())
+    read_calibration(path)
 
 
 def _calibration_seeds(folder: Path) -> Sequence[bytes]:

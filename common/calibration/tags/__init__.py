@@ -1,1 +1,1 @@
-"""AprilTags and chessboards at measured positions in the map, see docs/method.md."""
+"""AprilTags at measured positions in the map, see docs/method.md."""

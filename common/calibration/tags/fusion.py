@@ -1,4 +1,4 @@
-"""Poses by tags and boards, joined with those by walking: what two cameras see of the map."""
+"""Poses by tags, joined with the poses by walking if two cameras or more see tags."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ STEP = 1e-6  # of derivatives
 
 @dataclass(frozen=True, slots=True)
 class TagPose:
-    """Pose of a camera by tags and boards."""
+    """Pose of a camera by tags."""
 
     map_from_camera: F64  # 4x4
     covariance: F64  # 6x6: rotation [rad], translation [m], in the frame of the camera

@@ -1,21 +1,22 @@
-"""AprilTags and chessboards at measured positions in the map: a calibration gets exact metres.
+"""AprilTags at measured positions, which place a calibration in the map.
 
-Poses by walking are relative to a reference camera. Cameras that see a tag of the family 36h11 or a
-chessboard at a known position say where all of them are in the map.
+Poses by walking are relative to a reference camera. Cameras that see a tag of the family 36h11 at a
+known position determine the poses of all cameras in the map.
 """
 
 from collections import defaultdict, deque
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Annotated
 
 import cv2
 import msgspec
 import numpy as np
+from msgspec import Meta
 from scipy.spatial.transform import Rotation
 
 from common.calibration.solve import CalibrationResult
-from common.calibration.tags.boards import Board, Tag
 from common.geometry.transform_history import displacement
 from common.geometry.transforms import apply, camera_matrix, invert, transform_from
 from common.io.files import read_toml
@@ -23,8 +24,9 @@ from people4d.errors import CalibrationError, SourceError
 from people4d.messages import F32, F64, U8, CameraInfo
 from people4d.messages.base import MAX_CAMERAS
 
+Coordinate = Annotated[float, Meta(ge=-1e4, le=1e4)]  # [m]
 FAMILY = cv2.aruco.DICT_APRILTAG_36h11
-TAGS_MAX = 200  # of a file
+TAGS_MAX = 200  # tags of a file
 FIRST_PX = np.float32(0), np.float32(0.5)  # middle of the first pixel, by each detector
 EVERY_NS = 500_000_000  # between two images of a camera in which tags are detected
 VIEWS_MAX = 40  # of one tag by one camera
@@ -35,51 +37,64 @@ AMBIGUOUS_PX = 0.2  # added to the error of the first
 APART_M, APART_RAD = 0.15, np.radians(3)  # of one camera by tags and by walking
 
 
+class Tag(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """An AprilTag on a wall, or flat on the floor or a table."""
+
+    size_m: Annotated[float, Meta(ge=0.01, le=5)]  # [m] side of its black square
+    position_m: tuple[Coordinate, Coordinate, Coordinate]  # [m] centre, frame: map
+    # [deg] from x of the map towards y: direction of its normal; of its upper edge if it is flat
+    facing_deg: Annotated[float, Meta(ge=-360, le=360)]
+    flat: bool = False
+
+    @property
+    def corners_m(self) -> F64:
+        """Corners (4x3) in the map: upper left, upper right, lower right, lower left."""
+        angle = np.radians(self.facing_deg)
+        direction, vertical = np.array([np.cos(angle), np.sin(angle), 0.0]), np.array([0, 0, 1.0])
+        normal, up = (vertical, direction) if self.flat else (direction, vertical)
+        signs = np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]])
+        axes = np.array([np.cross(up, normal), up])
+        return np.asarray(np.array(self.position_m) + signs * self.size_m / 2 @ axes)
+
+
 class TagsFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """All tags and boards of a site."""
+    """All tags of a site."""
 
     tags: dict[str, Tag] = {}  # by number
-    boards: dict[str, Board] = {}  # by name
 
 
-def read_tags(path: Path) -> dict[str, Tag | Board]:
-    """Read a file of tags and boards, by "tag" and number or "board" and name.
+def read_tags(path: Path) -> dict[int, Tag]:
+    """Read a file of tags, by number.
 
     Raises:
-        SourceError: It cannot be read, or a tag or board is impossible.
+        SourceError: It cannot be read, or a tag is impossible.
     """
     try:
         found = msgspec.convert(read_toml(path), TagsFile)
-        tags: dict[str, Tag | Board] = {
-            f"tag {int(number)}": tag for number, tag in found.tags.items()
-        }
-        sizes = [(board.columns, board.rows) for board in found.boards.values()]
-        if len(set(sizes)) < len(sizes):
-            raise ValueError("two boards have as many columns and rows, they cannot be told apart")
-        tags |= {f"board {name}": board for name, board in found.boards.items()}
+        tags = {int(number): tag for number, tag in found.tags.items()}
     except OSError as error:
         raise SourceError(f"tags {path} cannot be read: {error.strerror}") from error
     except ValueError as error:
         raise SourceError(f"tags {path}: {error}") from error
     if not tags or len(tags) > TAGS_MAX:
-        raise SourceError(f"tags {path}: expected 1 to {TAGS_MAX} tags and boards, got {len(tags)}")
+        raise SourceError(f"tags {path}: expected 1 to {TAGS_MAX} tags, got {len(tags)}")
     return tags
 
 
 class TagObserver:
-    """Corners of known tags and boards in the images of cameras.
+    """Corners of known tags in the images of cameras.
 
     Args:
-        tags: As `read_tags` returns them; other tags in the images are left out.
+        tags: Known tags by number; other tags in the images are left out.
     """
 
-    def __init__(self, tags: Mapping[str, Tag | Board]) -> None:
+    def __init__(self, tags: Mapping[int, Tag]) -> None:
         self._tags = dict(tags)
         # Lines along the edges give the best corners, but only of most tags.
         methods = cv2.aruco.CORNER_REFINE_SUBPIX, cv2.aruco.CORNER_REFINE_APRILTAG
         self._detectors = [_detector(method) for method in methods]
         self._last_ns: dict[str, int] = {}
-        self._corners: dict[str, dict[str, deque[F32]]] = {}
+        self._corners: dict[str, dict[int, deque[F32]]] = {}
 
     def copy(self) -> "TagObserver":
         """Return the observer as it is now."""
@@ -97,31 +112,28 @@ class TagObserver:
             return len(self._last_ns) < MAX_CAMERAS
         return not 0 <= stamp_ns - last_ns < EVERY_NS
 
-    def add(self, camera: str, stamp_ns: int, rgb: U8) -> None:
-        """Detect tags and boards in an image (HxWx3)."""
+    def add_image(self, camera: str, stamp_ns: int, rgb: U8) -> None:
+        """Detect tags in an image (HxWx3)."""
         self._last_ns[camera] = stamp_ns
         grey = cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY)
-        found = dict[str, F32]()
+        found = dict[int, F32]()
         for detector, first_px in zip(self._detectors, FIRST_PX, strict=True):
             corners, numbers, _ = detector.detectMarkers(grey)
             for one, number in zip(corners, np.ravel(numbers), strict=True) if corners else ():
-                found[f"tag {int(number)}"] = np.asarray(one, np.float32).reshape(4, 2) - first_px
-        for name, board in self._tags.items():
-            if isinstance(board, Board) and (pixels := board.find(grey)) is not None:
-                found[name] = pixels
+                found[int(number)] = np.asarray(one, np.float32).reshape(4, 2) - first_px
         self.add_corners(camera, found)
 
-    def add_corners(self, camera: str, pixels: Mapping[str, F32]) -> None:
-        """Take the corners (Nx2) of tags and boards in an image; unknown ones are left out."""
+    def add_corners(self, camera: str, pixels: Mapping[int, F32]) -> None:
+        """Store the corners (4x2) of the tags in an image; unknown tags are left out."""
         views = self._corners.setdefault(camera, defaultdict(lambda: deque(maxlen=VIEWS_MAX)))
         for known in sorted(pixels.keys() & self._tags.keys()):
             views[known].append(pixels[known])
 
     def poses(self, infos: Mapping[str, CameraInfo]) -> dict[str, F64]:
-        """Return map_from_camera (4x4) of the cameras that saw tags or boards.
+        """Return map_from_camera (4x4) of the cameras that saw tags.
 
         Raises:
-            CalibrationError: One is elsewhere than the file says, or leaves two poses.
+            CalibrationError: A tag is elsewhere than the file says, or leaves two poses.
         """
         found = {}
         for camera, views in self._corners.items():
@@ -144,7 +156,7 @@ def move_to_map(found: CalibrationResult, by_tags: Mapping[str, F64]) -> Calibra
     """
     common = sorted(set(by_tags) & set(found.map_from_camera))
     if not common:
-        raise CalibrationError("no camera saw a tag or board", "Bring one of the file into view.")
+        raise CalibrationError("no camera saw a tag", "Bring a tag of the file into view.")
     moves = np.array([by_tags[name] @ invert(found.map_from_camera[name]) for name in common])
     rotation = Rotation.from_matrix(moves[:, :3, :3]).mean().as_matrix()
     origins = np.array([found.map_from_camera[name][:3, 3] for name in common])
@@ -155,7 +167,7 @@ def move_to_map(found: CalibrationResult, by_tags: Mapping[str, F64]) -> Calibra
         apart_m, apart_rad = displacement(invert(poses[name]) @ by_tags[name])
         if apart_m > APART_M or apart_rad > APART_RAD:
             raise CalibrationError(
-                f"tags and boards have {name} {100 * apart_m:.0f} cm and "
+                f"tags have {name} {100 * apart_m:.0f} cm and "
                 f"{np.degrees(apart_rad):.1f} deg from where walking has it",
                 "Measure the positions of its tags again, or walk longer.",
             )
@@ -171,8 +183,8 @@ def _detector(refinement: int) -> cv2.aruco.ArucoDetector:
     return cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(FAMILY), parameters)
 
 
-def _pose(info: CameraInfo, corners_m: F64, pixels: F64, names: Iterable[str]) -> F64:
-    """Return map_from_camera by corners of tags and boards."""
+def _pose(info: CameraInfo, corners_m: F64, pixels: F64, numbers: Iterable[int]) -> F64:
+    """Return map_from_camera by the corners of tags."""
     matrix, distortion = camera_matrix(info), np.array(info.distortion)
     flat = np.linalg.matrix_rank(corners_m - corners_m.mean(axis=0), tol=1e-6) < 3
     flags = cv2.SOLVEPNP_IPPE if flat else cv2.SOLVEPNP_SQPNP
@@ -186,7 +198,7 @@ def _pose(info: CameraInfo, corners_m: F64, pixels: F64, names: Iterable[str]) -
         error_px = float(np.sqrt(((projected[:, 0] - pixels) ** 2).sum(axis=1).mean()))
         pose = transform_from(refined[1].ravel(), cv2.Rodrigues(refined[0])[0])
         solutions.append((error_px, invert(pose)))
-    named = ", ".join(names)
+    named = ", ".join(f"tag {number}" for number in numbers)
     if not solutions or min(s[0] for s in solutions) > ERROR_MAX_PX:
         raise CalibrationError(
             f"{named}: not where the file says, by {info.camera}",

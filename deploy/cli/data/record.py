@@ -13,7 +13,7 @@ from deploy.anonymise.colourless import without_colour
 from deploy.cli.data.targets import Force, check_target
 from deploy.cli.options import Connect, Robot, kinds_of, open_client
 from deploy.cli.terminal import signals_interrupt
-from deploy.recorder.conditions import PERSON, condition_of
+from deploy.recorder.conditions import PERSON, Condition
 from deploy.recorder.outputs import (
     EventFiles,
     RecorderOutput,
@@ -66,7 +66,7 @@ def record(
     first = part_path(file, 1) if limit_mb or last_s else file
     check_target(first, None, force)
     recorded = kinds_of(topics)
-    condition = condition_of(on)
+    condition = Condition(on)
     output: RecorderOutput
     if limit_mb:
         output = RotatingParts(file, limit_mb, RecordingWriter)

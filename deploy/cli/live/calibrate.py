@@ -61,9 +61,7 @@ def calibrate(
     ] = 180.0,
     tags: Annotated[
         Path | None,
-        typer.Option(
-            help="File of AprilTags and chessboards at known positions, which define the map."
-        ),
+        typer.Option(help="File of AprilTags at known positions, which define the map."),
     ] = None,
     offset_s: Annotated[
         float,
@@ -170,7 +168,7 @@ class CalibrationSession:
         if for_floor:
             self._collector.add_depth(*at, frame.depth_mm)
         if self._tags and for_tags:
-            self._tags.add(*at, frame.rgb)
+            self._tags.add_image(*at, frame.rgb)
 
     def solve(self) -> CalibrationResult:
         """Return the calibration; CalibrationError if something is missing."""

@@ -33,7 +33,7 @@ Value: TypeAlias = npt.NDArray[Any] | dict[str, Any]
 _TAG = struct.Struct("<II")
 
 
-def read_mat(path: Path, names: Sequence[str] | None = None) -> Mapping[str, Value]:
+def read_mat(path: Path) -> Mapping[str, Value]:
     """Read arrays of numbers, and structures of them as mappings; the rest is skipped.
 
     Raises:
@@ -53,7 +53,7 @@ def read_mat(path: Path, names: Sequence[str] | None = None) -> Mapping[str, Val
             inner = list(_elements(body))
         for kind, body in inner:
             name, value = _matrix(kind, body, MAX_DEPTH)
-            if value is not None and (names is None or name in names):
+            if value is not None:
                 found[name] = value
     return found
 

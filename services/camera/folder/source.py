@@ -20,8 +20,6 @@ from people4d.messages import F64, U8, U16, Odometry
 from people4d.messages.base import NonNegative, Positive
 from services.camera.calibration import (
     Calibration,
-    Intrinsics,
-    MatNames,
     camera_info,
     read_calibration,
     registration,
@@ -44,6 +42,7 @@ CALIBRATIONS = (
     *("camera_matrix.csv", "camera-intrinsics.txt"),  # of Stray Scanner, and of 7-Scenes
 )
 TRACK = "gt.npz"
+MAT_DEPTH = "depth_array"  # name of the depth image in .mat files
 HEADS = 9  # pairs of which the most common size counts
 
 
@@ -56,14 +55,9 @@ class FolderOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     track: str = ""  # NPZ with times `t` [s] and `odom`; empty: gt.npz in the folder
     sync_slop_s: NonNegative = 0.02  # [s] largest distance in time of pairs from lists; of TUM
     depth_scale: NonNegative = 0.0  # depth units in a metre; 0: 5000 with TUM's lists, else 1000
-    mat_array: str = "depth_array"  # name of the depth image in .mat files
     calibration: str = ""  # calibration file; empty: one of the usual names in the folder
-    mat: MatNames = MatNames()  # names in a calibration .mat
-    intrinsics: Intrinsics | None = None  # calibration of colour, instead of the file's
-    depth_intrinsics: Intrinsics | None = None  # calibration of depth that is not aligned
-    rotation: tuple[tuple[float, float, float], ...] | None = None  # 3x3, colour_from_depth
-    translation_m: tuple[float, float, float] | None = None  # [m] colour_from_depth
-    depth_offset_px: tuple[float, float] | None = None  # [px] u, v, see Registration
+    # [px] u, v, see Registration; None: as in the calibration file
+    depth_offset_px: tuple[float, float] | None = None
 
 
 class FolderSource(Source):
@@ -90,7 +84,7 @@ class FolderSource(Source):
         if calibration.colour is None:
             raise SourceError(
                 f"folder {path} has no calibration ({', '.join(CALIBRATIONS)})",
-                "Set options.intrinsics.fx, fy, cx and cy, or options.calibration to a file.",
+                "Write camera.toml with fx, fy, cx and cy, or set options.calibration to a file.",
             )
         self.info = camera_info(calibration.colour, size)
         self.registration = registration(calibration, self.info, depth_size)
@@ -136,7 +130,7 @@ class FolderSource(Source):
     def _read(self, pair: ImagePair) -> tuple[U8, U16]:
         rgb = _read_image(pair.colour, cv2.IMREAD_COLOR_RGB)
         if pair.depth.suffix == ".mat":
-            depth = _read_mat(pair.depth, self._options.mat_array)
+            depth = _read_mat(pair.depth)
         elif pair.depth.suffix == ".npy":
             depth = _read_npy(pair.depth)
         else:
@@ -170,19 +164,13 @@ def _track(path: Path, options: FolderOptions) -> tuple[F64 | None, list[Odometr
 
 
 def _calibration(path: Path, options: FolderOptions) -> Calibration:
-    """Read the calibration file and apply the options to it."""
+    """Read the calibration file, with the depth offset of the options if it has one."""
     files = [Path(options.calibration)] if options.calibration else []
     files += [path / name for name in CALIBRATIONS if (path / name).is_file()]
-    calibration = read_calibration(files[0], options.mat) if files else Calibration()
-    options_given = {
-        "colour": options.intrinsics,
-        "depth": options.depth_intrinsics,
-        "rotation": options.rotation,
-        "translation_m": options.translation_m,
-        "depth_offset_px": options.depth_offset_px,
-    }
-    known = {name: value for name, value in options_given.items() if value is not None}
-    return msgspec.structs.replace(calibration, **known)
+    calibration = read_calibration(files[0]) if files else Calibration()
+    if options.depth_offset_px is None:
+        return calibration
+    return msgspec.structs.replace(calibration, depth_offset_px=options.depth_offset_px)
 
 
 def _read_image(path: Path, flags: int) -> npt.NDArray[Any]:
@@ -194,11 +182,11 @@ def _read_image(path: Path, flags: int) -> npt.NDArray[Any]:
         raise SourceError(f"{path} is not a readable image: {error}") from error
 
 
-def _read_mat(path: Path, name: str) -> npt.NDArray[Any]:
+def _read_mat(path: Path) -> npt.NDArray[Any]:
     try:
-        return np.asarray(read_mat(path, [name])[name])
+        return np.asarray(read_mat(path)[MAT_DEPTH])
     except (OSError, KeyError, ValueError) as error:
-        raise SourceError(f"{path} has no array {name!r} that can be read: {error}") from error
+        raise SourceError(f"{path} has no array {MAT_DEPTH} that can be read: {error}") from error
 
 
 def _read_npy(path: Path) -> npt.NDArray[Any]:

@@ -16,7 +16,6 @@ from people4d.messages import F64, CameraInfo, StaticTransform
 from services.camera.calibration import (
     Calibration,
     Intrinsics,
-    MatNames,
     camera_info,
     read_calibration,
     registration,
@@ -153,7 +152,7 @@ def _calibration(
     topics: Topics, options: RosbagOptions, tree: FrameTree, heads: tuple[ImageHead, ImageHead]
 ) -> Calibration:
     if options.calibration:
-        return read_calibration(Path(options.calibration), MatNames())
+        return read_calibration(Path(options.calibration))
     colour, depth = heads
     if colour.info is None:
         raise SourceError(

@@ -4,7 +4,6 @@ import time
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import closing
-from dataclasses import replace
 from functools import partial
 from typing import Any, ClassVar
 
@@ -24,7 +23,7 @@ from services.camera.ros.camera import RosbagOptions
 from services.camera.ros.drivers import candidates, image_kind, info_topic
 from services.camera.ros.images import colour_image, depth_image
 from services.camera.ros.live_camera import LiveCamera
-from services.camera.ros.motion import WheelReader, odometry_of
+from services.camera.ros.motion import MotionReader
 from services.camera.ros.sample_queue import IMAGES_MAX, OTHERS_MAX, SampleQueue, TopicSample
 from services.camera.ros.topics import CAMERA_INFO, JOINTS, ODOMETRY, RGBD, TF, Topics
 from services.camera.source import MotionMessage, Source, SourceFrame, SourceItem
@@ -71,7 +70,7 @@ class LiveRosSource(Source):
         self._config = msgspec.structs.replace(options.ros2, transport=transport)
         self._queue = SampleQueue(self.counters)
         self._pairing = Pairing[tuple[int, Any]](int(options.sync_slop_s * 1e9))
-        self._wheels = WheelReader(options.wheels)
+        self._motion = MotionReader(self.counters, options.wheels, options.map_frame)
         self._stamps: dict[str, int] = {}  # last stamp in a header, by topic
         self._since_s = 0.0
         self.problem = "waits for the first messages"
@@ -216,41 +215,24 @@ class LiveRosSource(Source):
         self, sample: TopicSample, message: Any, camera: LiveCamera
     ) -> Iterator[MotionMessage]:
         static = self._options.tf_as_static or sample.topic.endswith("tf_static")
-        for edge in edges_of(message):
-            if not (edge.parent and edge.child):
-                self.counters["bad_transforms"] += 1
-                continue
+        edges = list(edges_of(message))
+        usable = [edge for edge in edges if edge.parent and edge.child]
+        self.counters["bad_transforms"] += len(edges) - len(usable)
+        for edge in usable:
             camera.add_edge(edge, static)
-            if camera.camera is None or (edge.parent, edge.child) not in camera.camera.moving:
-                continue
-            parent = "map" if edge.parent == self._options.map_frame else edge.parent
-            stamp_ns, number = edge.stamp_ns or sample.received_ns, self.counters["moving"]
-            try:
-                moved = replace(edge, parent=parent).moving(stamp_ns, number)
-            except DecodeError:
-                self.counters["bad_transforms"] += 1
-                continue
-            self.counters["moving"] += 1
-            yield moved
+        moving = camera.camera.moving if camera.camera else ()
+        yield from self._motion.transforms(usable, moving, sample.received_ns)
 
     def _odometry(
         self, sample: TopicSample, kind: str, message: Any, camera: LiveCamera
     ) -> Iterator[Odometry]:
-        try:
-            stamp_ns = self._stamp(message, sample)
-            if stamp_ns is None:
-                return
-            if kind == JOINTS:
-                odometry = self._wheels.joints(message, stamp_ns)
-            else:
-                odometry = odometry_of(message, stamp_ns, self.counters["odometry"])
-        except DecodeError:
-            self.counters["bad_odometry"] += 1
+        stamp_ns = self._stamp(message, sample)
+        if stamp_ns is None:
             return
-        if not self._options.base_frame:
-            camera.add_base(odometry.frame_id, odometry.child_frame_id)
-        self.counters["odometry"] += 1
-        yield odometry
+        for odometry in self._motion.odometry(kind, message, stamp_ns):
+            if not self._options.base_frame:
+                camera.add_base(odometry.frame_id, odometry.child_frame_id)
+            yield odometry
 
     def _stamp(self, message: Any, sample: TopicSample) -> int | None:
         """Return the stamp of the header, or the time of reception if a driver leaves it empty.

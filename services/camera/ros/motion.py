@@ -1,7 +1,9 @@
 """Motion in messages of ROS: odometry, transforms over time, wheels."""
 
 import math
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Container, Iterable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,8 +11,10 @@ import numpy as np
 from common.geometry.transforms import invert
 from common.geometry.wheel_odometry import WheelConfig, WheelOdometry
 from common.ros2.frame_names import frame_name
+from common.ros2.transforms import StampedTransform
 from people4d.errors import DecodeError
-from people4d.messages import F64, Odometry
+from people4d.messages import F64, MovingTransform, Odometry
+from services.camera.ros.topics import JOINTS, ODOMETRY
 
 CLIMB_MAX = 32  # transforms between a camera and the root of its tree
 FRAMES_MAX = 4096  # bounds the memory that made-up names take
@@ -116,3 +120,57 @@ class WheelReader:
         if not (abs(left) < 2**53 and abs(right) < 2**53):  # NaN included
             raise DecodeError(f"wheels: expected finite positions, got {left}, {right}")
         return self._odometry.add_reading(stamp_ns, left, right)
+
+
+class MotionReader:
+    """Odometry and moving transforms in the messages of a source, and their counters.
+
+    Args:
+        counters: Counters of the source, to which `odometry`, `moving_transforms`, `bad_odometry`
+            and `bad_transforms` are added.
+        wheels: Wheels of the base.
+        map_frame: Frame of ROS that is renamed to `map`.
+    """
+
+    def __init__(self, counters: Counter[str], wheels: WheelConfig, map_frame: str) -> None:
+        self._counters, self._map_frame = counters, map_frame
+        self._wheels = WheelReader(wheels)
+
+    def odometry(
+        self, kind: str, message: Any, stamp_ns: int, is_left: bool = False
+    ) -> Iterator[Odometry]:
+        """Yield the odometry in an Odometry, a JointState or the number of one wheel."""
+        found: Odometry | None
+        try:
+            if kind == ODOMETRY:
+                found = odometry_of(message, stamp_ns, self._counters["odometry"])
+            elif kind == JOINTS:
+                found = self._wheels.joints(message, stamp_ns)
+            else:
+                found = self._wheels.side(is_left, message, stamp_ns)
+        except DecodeError:
+            self._counters["bad_odometry"] += 1
+            return
+        if found:
+            self._counters["odometry"] += 1
+            yield found
+
+    def transforms(
+        self,
+        edges: Iterable[StampedTransform],
+        moving: Container[tuple[str, str]],
+        default_ns: int,
+    ) -> Iterator[MovingTransform]:
+        """Yield the transforms of moving pairs of frames; `default_ns` replaces a stamp of 0."""
+        for edge in edges:
+            if (edge.parent, edge.child) not in moving:
+                continue
+            parent = "map" if edge.parent == self._map_frame else edge.parent
+            number = self._counters["moving_transforms"]
+            try:
+                moved = replace(edge, parent=parent).moving(edge.stamp_ns or default_ns, number)
+            except DecodeError:
+                self._counters["bad_transforms"] += 1
+                continue
+            self._counters["moving_transforms"] += 1
+            yield moved

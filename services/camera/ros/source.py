@@ -3,7 +3,6 @@
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -11,12 +10,11 @@ from typing import Any
 from common.io.ros_bag import Bag
 from common.ros2.transforms import edges_of, stamp_of
 from people4d.errors import DecodeError, SourceError
-from people4d.messages import Odometry
 from services.camera.folder.pairing import Pairing
 from services.camera.ros.camera import RosbagOptions, read_camera
 from services.camera.ros.heads import MILLIMETRE, depth_unit_m, encodings, simulated_topics
 from services.camera.ros.images import colour_image, depth_image, millimetres
-from services.camera.ros.motion import WheelReader, odometry_of
+from services.camera.ros.motion import MotionReader
 from services.camera.ros.topics import (
     JOINTS,
     ODOMETRY,
@@ -57,7 +55,7 @@ class RosbagSource(Source):
             self.topics = find_topics(types, wanted, partial(encodings, bag))
             camera = read_camera(bag, self.topics, options)
             self._unit_m = depth_unit_m(bag, self.topics.depth)
-            self._joints = _reads_joints(bag, options.wheel_topics)
+            _check_wheels(bag, options.wheel_topics)
             self._moving = camera.moving
             self.moves = bool(self._moving)
             self._motion = options.wheel_topics or (self.topics.odometry,)
@@ -76,15 +74,20 @@ class RosbagSource(Source):
     def __iter__(self) -> Iterator[SourceFrame | MotionMessage]:
         """Yield pairs of colour and depth, and motion, in the order of the bag."""
         pairing = Pairing[StampedImage](self._slop_ns)
-        wheels = WheelReader(self._options.wheels)
+        motion = MotionReader(self.counters, self._options.wheels, self._options.map_frame)
         before = Counter(self.counters)
         # Opened here, by the thread that reads: SQLite insists.
         with open_bag(self._path) as bag:
             for topic, time_ns, message in bag.messages(self._played):
                 if topic in self._tf:
-                    yield from self._transforms(topic, message, time_ns)
+                    default_ns = 0 if topic in self._simulated else time_ns
+                    yield from motion.transforms(edges_of(message), self._moving, default_ns)
                 elif topic in self._motion:
-                    yield from self._odometry(wheels, topic, time_ns, message)
+                    kind = bag.types[topic]
+                    stamped = kind in (ODOMETRY, JOINTS)  # a number has no stamp
+                    stamp_ns = self._stamp(topic, message, time_ns) if stamped else time_ns
+                    is_left = topic == self._motion[0]
+                    yield from motion.odometry(kind, message, stamp_ns, is_left)
                 else:
                     stamp_ns = self._stamp(topic, message, time_ns)
                     yield from self._frames(self._pair(pairing, topic, (stamp_ns, message)))
@@ -116,46 +119,6 @@ class RosbagSource(Source):
                 self.counters["loose_pairs"] += 1
             yield SourceFrame(rgb, depth_mm, stamp_ns)
 
-    def _odometry(
-        self, wheels: WheelReader, topic: str, time_ns: int, message: Any
-    ) -> Iterator[Odometry]:
-        try:
-            odometry = self._read_odometry(wheels, topic, time_ns, message)
-        except DecodeError:
-            self.counters["bad_odometry"] += 1
-            return
-        if odometry:
-            self.counters["odometry"] += 1
-            yield odometry
-
-    def _read_odometry(
-        self, wheels: WheelReader, topic: str, time_ns: int, message: Any
-    ) -> Odometry | None:
-        topics = self._options.wheel_topics
-        if not topics:
-            stamp_ns = self._stamp(topic, message, time_ns)
-            return odometry_of(message, stamp_ns, self.counters["odometry"])
-        if self._joints:
-            return wheels.joints(message, self._stamp(topic, message, time_ns))
-        return wheels.side(topic == topics[0], message, time_ns)  # a number has no stamp
-
-    def _transforms(self, topic: str, message: Any, time_ns: int) -> Iterator[MotionMessage]:
-        for edge in edges_of(message):
-            if (edge.parent, edge.child) not in self._moving:
-                continue
-            parent = "map" if edge.parent == self._options.map_frame else edge.parent
-            stamp_ns = edge.stamp_ns
-            if not stamp_ns and topic not in self._simulated:
-                stamp_ns = time_ns
-            try:
-                number = self.counters["moving_transforms"]
-                moved = replace(edge, parent=parent).moving(stamp_ns, number)
-            except DecodeError:
-                self.counters["bad_transforms"] += 1
-                continue
-            self.counters["moving_transforms"] += 1
-            yield moved
-
     def _stamp(self, topic: str, message: Any, time_ns: int) -> int:
         """Return the stamp of the header, or the time of the bag if a driver leaves it empty."""
         stamp_ns = stamp_of(message)
@@ -165,8 +128,8 @@ class RosbagSource(Source):
         return time_ns
 
 
-def _reads_joints(bag: Bag, topics: tuple[str, ...]) -> bool:
-    """Check that wheels are joints; else they are numbers, or SourceError is raised."""
+def _check_wheels(bag: Bag, topics: tuple[str, ...]) -> None:
+    """Check that the topics of wheels are one of joints or two of numbers; else SourceError."""
     kinds = [bag.types.get(topic, "absent") for topic in topics]
     numbers = len(kinds) == 2 and all(NUMBER.fullmatch(kind) for kind in kinds)
     if kinds and kinds != [JOINTS] and not numbers:
@@ -175,4 +138,3 @@ def _reads_joints(bag: Bag, topics: tuple[str, ...]) -> bool:
             f"wheel_topics: expected a topic of {JOINTS} or two of a number, got {got}",
             "Numbers are of std_msgs, such as Int32; the left wheel comes first.",
         )
-    return kinds == [JOINTS]

@@ -11,7 +11,7 @@ import scipy.io
 
 from people4d.errors import ConfigError, SourceError
 from people4d.messages import Odometry
-from services.camera.calibration import Intrinsics, MatNames, read_calibration
+from services.camera.calibration import read_calibration
 from services.camera.folder.source import FolderOptions, FolderSource
 from services.camera.source import SourceFrame
 from services.camera.sources import open_source
@@ -53,7 +53,8 @@ def test_pairs_by_number_not_by_name(tmp_path: Path) -> None:
 def test_patterns_of_ones_own(tmp_path: Path) -> None:
     put(tmp_path / "a_1_left.png", 5, depth=False)
     put(tmp_path / "z_1.png", 900, depth=True)
-    options = {"colour": "a_*_left.png", "depth": "z_*.png", "intrinsics": LENS}
+    (tmp_path / "camera.json").write_text(json.dumps(LENS))
+    options = {"colour": "a_*_left.png", "depth": "z_*.png"}
     (capture,) = list(open_source(str(tmp_path), options=options))
     assert isinstance(capture, SourceFrame)
     assert capture.depth_mm[0, 0] == 900
@@ -120,10 +121,12 @@ def test_mat_depth_is_registered_with_the_calibration_of_a_mat_file(tmp_path: Pa
     assert capture.depth_mm[0].tolist() == [0, 0] + [1000] * 6
     (capture,) = captures(FolderSource(tmp_path, FolderOptions(depth_offset_px=(1, 0))))
     assert capture.depth_mm[0].tolist() == [0, 0, 0] + [1000] * 5
-    with pytest.raises(SourceError, match="has no 'K1'"):
-        read_calibration(file, MatNames(colour="K1"))
-    with pytest.raises(SourceError, match="has no array 'z'"):
-        FolderSource(tmp_path, FolderOptions(mat_array="z"))
+    scipy.io.savemat(file, {"RGB_cam": camera})
+    with pytest.raises(SourceError, match="has no 'Depth_cam'"):
+        read_calibration(file)
+    scipy.io.savemat(tmp_path / "im7.mat", {"z": np.full((6, 8), 1000, np.uint16)})
+    with pytest.raises(SourceError, match="has no array depth_array"):
+        FolderSource(tmp_path, FolderOptions())
 
 
 def test_ros_calibration_yaml(tmp_path: Path) -> None:
@@ -133,7 +136,7 @@ def test_ros_calibration_yaml(tmp_path: Path) -> None:
         "camera_matrix: {rows: 3, cols: 3, data: [10, 0, 4, 0, 11, 3, 0, 0, 1]}\n"
         "distortion_coefficients: {rows: 1, cols: 5, data: [0.1, 0.2, 0, 0, 0]}\n"
     )
-    intrinsics = read_calibration(file, MatNames()).colour
+    intrinsics = read_calibration(file).colour
     assert intrinsics is not None
     assert (intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy) == (10, 11, 4, 3)
     assert (intrinsics.width, intrinsics.height) == (8, 6)
@@ -215,7 +218,7 @@ def test_calibration_file_in_the_documentation(tmp_path: Path) -> None:
     begin = text.index("\ntranslation_m =")
     file = tmp_path / "camera.toml"
     file.write_text(text[begin : text.index("\n```", begin)])
-    calibration = read_calibration(file, MatNames())
+    calibration = read_calibration(file)
     assert calibration.colour is not None
     assert calibration.depth is not None
     assert (calibration.colour.fx, calibration.depth.fx) == (534.3, 567.9)
@@ -231,9 +234,7 @@ def test_a_list_does_not_lead_out_of_its_folder(tmp_path: Path) -> None:
     for name in ("../secret.png", str(tmp_path / "secret.png"), "link.png", "depth/../../x"):
         (folder / "rgb.txt").write_text(f"1.0 {name}\n")
         with pytest.raises(SourceError, match=r"leads out of the folder.*Copy the file"):
-            FolderSource(
-                folder, FolderOptions(intrinsics=Intrinsics(fx=10.0, fy=10.0, cx=4.0, cy=3.0))
-            )
+            FolderSource(folder, FolderOptions())
 
 
 def test_link_out_of_the_folder_is_refused(tmp_path: Path) -> None:
@@ -278,7 +279,7 @@ def test_a_calibration_with_aliases_is_refused(tmp_path: Path) -> None:
     lines += [f"a{k}: &a{k} [{','.join([f'*a{k - 1}'] * 10)}]" for k in range(1, 9)]
     (tmp_path / "camera_info.yaml").write_text("\n".join([*lines, "camera_matrix: {data: *a8}"]))
     with pytest.raises(SourceError, match="it has aliases"):
-        read_calibration(tmp_path / "camera_info.yaml", MatNames())
+        read_calibration(tmp_path / "camera_info.yaml")
     (tmp_path / "camera_info.yaml").write_text("!!python/object/apply:os.system ['true']")
     with pytest.raises(SourceError, match="could not determine a constructor"):
-        read_calibration(tmp_path / "camera_info.yaml", MatNames())
+        read_calibration(tmp_path / "camera_info.yaml")

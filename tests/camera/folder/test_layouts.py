@@ -10,7 +10,7 @@ import pytest
 
 from common.io.images import decode_jpeg, encode_jpeg
 from people4d.errors import SourceError
-from services.camera.calibration import MatNames, read_calibration
+from services.camera.calibration import read_calibration
 from services.camera.folder.source import FolderOptions, FolderSource
 from tests.camera.folder.test_folder import LENS, captures, numbered, put
 
@@ -86,7 +86,7 @@ def test_depth_of_another_size_without_a_calibration_is_refused(tmp_path: Path) 
     folder = numbered(tmp_path)
     for path in (folder / "depth").iterdir():
         cv2.imwrite(str(path), np.full((3, 4), 1000, np.uint16))
-    with pytest.raises(SourceError, match=r"depth is 4x3, colour 8x6.*depth_intrinsics"):
+    with pytest.raises(SourceError, match=r"depth is 4x3, colour 8x6.*calibration file"):
         FolderSource(folder, FolderOptions())
     lens = {"fx": 5.0, "fy": 5.0, "cx": 2.0, "cy": 1.5}
     (folder / "camera.json").write_text(json.dumps({"colour": LENS, "depth": lens}))
@@ -177,4 +177,4 @@ def test_calibration_of_another_kind_is_refused(
 ) -> None:
     (tmp_path / name).write_text(text)
     with pytest.raises(SourceError, match=message):
-        read_calibration(tmp_path / name, MatNames())
+        read_calibration(tmp_path / name)

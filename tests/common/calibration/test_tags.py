@@ -7,13 +7,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from msgspec.structs import replace
 
 from common.calibration.observations import CameraObservations
 from common.calibration.solve import calibrate
-from common.calibration.tags.boards import Board, Tag
 from common.calibration.tags.fusion import TagPose, tag_poses
-from common.calibration.tags.observer import FAMILY, TagObserver, move_to_map, read_tags
+from common.calibration.tags.observer import FAMILY, Tag, TagObserver, move_to_map, read_tags
 from common.geometry.transforms import apply, invert, project, transform_from
 from people4d.errors import CalibrationError, SourceError
 from people4d.messages import F64, U8, CameraInfo
@@ -36,15 +34,6 @@ INFO = camera_info(
     distortion_model="plumb_bob",
     distortion=(0.02, -0.01, 0.0, 0.0, 0.0),
 )
-HALL = Board(columns=9, rows=6, square_m=0.12, position_m=(1.6, 0.2, 1.2), facing_deg=170)
-BOARD_TEXT = """
-[boards.{}]
-columns = {}
-rows = {}
-square_m = 0.08
-position_m = [0, 0, 1]
-facing_deg = 0
-"""
 POSE = camera("c", -2.5, -0.2, 0.0).map_from_camera
 
 
@@ -69,50 +58,11 @@ def image_of(tags: dict[int, Tag], pose: F64, info: CameraInfo = INFO) -> U8:
     return np.repeat(image[:, :, None], 3, axis=2)
 
 
-def image_of_board(board: Board, pose: F64, info: CameraInfo = INFO) -> U8:
-    """Draw a chessboard before a grey wall, by the projection of its inner corners."""
-    cells = np.indices((board.rows + 1, board.columns + 1)).sum(axis=0) % 2 * 255
-    paper = np.pad(cells.repeat(CELL_PX, 0).repeat(CELL_PX, 1), CELL_PX, constant_values=255)
-    columns, rows = np.meshgrid(np.arange(board.columns), np.arange(board.rows))
-    at = CELL_PX * (np.column_stack([columns.ravel(), rows.ravel()]) + 2) - 0.5
-    size = (FINE * info.width, FINE * info.height)
-    pixels = FINE * (project(apply(invert(pose), board.corners_m), info) + 0.5) - 0.5
-    warp, _ = cv2.findHomography(at, pixels)
-    drawn = cv2.warpPerspective(paper.astype(np.uint8), warp, size, borderValue=150)
-    image = cv2.resize(drawn, (info.width, info.height), interpolation=cv2.INTER_AREA)
-    return np.repeat(image[:, :, None], 3, axis=2)
-
-
-@pytest.mark.parametrize("upside_down", [False, True])
-def test_pose_of_a_camera_before_a_chessboard(upside_down: bool) -> None:
-    roll = np.diag([-1.0, -1.0, 1.0, 1.0]) if upside_down else np.eye(4)
-    pose = POSE @ roll
-    observer = TagObserver({"board hall": HALL})
-    observer.add("c", 0, image_of_board(HALL, pose))
-    apart = invert(pose) @ observer.poses({"c": INFO})["c"]
-    assert np.linalg.norm(apart[:3, 3]) < 0.01
-    assert np.linalg.norm(cv2.Rodrigues(apart[:3, :3])[0]) < np.radians(0.2)
-
-
-def test_chessboard_that_is_elsewhere_than_a_tag_says_is_refused() -> None:
-    observer = TagObserver({"board hall": HALL, "tag 3": WALL})
-    observer.add("c", 0, image_of_board(replace(HALL, facing_deg=150), POSE))
-    observer.add("c", 10**9, image_of({3: WALL}, POSE))
-    with pytest.raises(CalibrationError, match="board hall, tag 3: not where the file says, by c"):
-        observer.poses({"c": INFO})
-
-
-def test_chessboard_that_is_not_in_the_image_is_left_out() -> None:
-    observer = TagObserver({"board hall": replace(HALL, columns=7, rows=4)})
-    observer.add("c", 0, image_of_board(HALL, POSE))
-    assert observer.poses({"c": INFO}) == {}
-
-
 def poses(shown: dict[int, Tag], known: dict[int, Tag]) -> dict[str, F64]:
-    observer = TagObserver({f"tag {number}": tag for number, tag in known.items()})
+    observer = TagObserver(known)
     for k in range(3):
         assert observer.wants("c", k * 10**9)
-        observer.add("c", k * 10**9, image_of(shown, POSE))
+        observer.add_image("c", k * 10**9, image_of(shown, POSE))
         assert not observer.wants("c", k * 10**9 + 10**8)
     return observer.copy().poses({"c": INFO})
 
@@ -158,23 +108,18 @@ def test_a_calibration_by_walking_is_moved_to_the_map_of_the_tags() -> None:
     assert np.abs(path[:, :2]).max() < 4.0
     only_a = move_to_map(walked, {"a": truth["a"]}).map_from_camera["b"]
     assert np.linalg.norm(only_a[:3, 3] - truth["b"][:3, 3]) < 0.15
-    with pytest.raises(CalibrationError, match="no camera saw a tag or board"):
+    with pytest.raises(CalibrationError, match="no camera saw a tag"):
         move_to_map(walked, {})
     moved = {**truth, "b": transform_from((0.5, 0, 0), np.eye(3)) @ truth["b"]}
-    with pytest.raises(
-        CalibrationError, match=r"tags and boards have a 2\d cm and .* from where walking has"
-    ):
+    with pytest.raises(CalibrationError, match=r"tags have a 2\d cm and .* from where walking has"):
         move_to_map(walked, moved)
 
 
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        ("", "expected 1 to 200 tags and boards, got 0"),
-        ("[tags]", "expected 1 to 200 tags and boards, got 0"),
-        (BOARD_TEXT.format("x", 8, 6), "columns, rows: expected one odd and one even, got 8 and 6"),
-        (BOARD_TEXT.format("x", 2, 7), "columns"),
-        (BOARD_TEXT.format("x", 9, 6) + BOARD_TEXT.format("y", 9, 6), "cannot be told apart"),
+        ("", "expected 1 to 200 tags, got 0"),
+        ("[tags]", "expected 1 to 200 tags, got 0"),
         ("[tags.x]\nsize_m = 0.1\nposition_m = [0, 0, 0]\nfacing_deg = 0", "invalid literal"),
         ("[tags.1]\nsize_m = -1\nposition_m = [0, 0, 0]\nfacing_deg = 0", "0.01"),
         ("[tags.1]\nsize_m = 0.1\nposition_m = [0, 0]\nfacing_deg = 0", "length 3"),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from common.io.recording import RecordingWriter, open_recording
-from deploy.recorder.conditions import PersonEnters, TopicPublishes, condition_of
+from deploy.recorder.conditions import PERSON, Condition
 from deploy.recorder.outputs import EventFiles, RotatingParts
 from people4d.errors import ConfigError, SourceError
 from people4d.messages import Message, Odometry, Tracks, Truth
@@ -51,7 +51,7 @@ def test_parts_stay_within_the_limit_and_begin_with_calibration(tmp_path: Path) 
 
 
 def test_an_event_writes_the_seconds_before_and_after_it(tmp_path: Path) -> None:
-    output = EventFiles(tmp_path / "x.mcap", 2.0, PersonEnters(), 1.0, RecordingWriter)
+    output = EventFiles(tmp_path / "x.mcap", 2.0, Condition(PERSON), 1.0, RecordingWriter)
     output.write(builders.static_transform(np.eye(4)), 0)
     for tenth in range(200):
         output.write(odometry(tenth), tenth * S // 10)
@@ -66,7 +66,7 @@ def test_an_event_writes_the_seconds_before_and_after_it(tmp_path: Path) -> None
 
 
 def test_a_buffer_that_is_too_small_is_counted(tmp_path: Path) -> None:
-    output = EventFiles(tmp_path / "x.mcap", 60.0, PersonEnters(), 0.002, RecordingWriter)
+    output = EventFiles(tmp_path / "x.mcap", 60.0, Condition(PERSON), 0.002, RecordingWriter)
     for tenth in range(100):
         output.write(odometry(tenth), tenth * S // 10)
     output.write(entering(1), 10 * S)
@@ -79,7 +79,7 @@ def test_a_buffer_that_is_too_small_is_counted(tmp_path: Path) -> None:
 
 
 def test_a_person_enters_once() -> None:
-    condition = PersonEnters()
+    condition = Condition(PERSON)
     assert not condition.is_met(builders.tracks(builders.track(state="tentative")))
     assert [condition.is_met(m) for m in (entering(1), entering(1), entering(1, 2))] == [
         True,
@@ -89,11 +89,9 @@ def test_a_person_enters_once() -> None:
 
 
 def test_conditions_are_named() -> None:
-    met = condition_of("truth")
-    assert isinstance(met, TopicPublishes)
-    assert met.message is Truth
+    assert Condition("truth").message is Truth
     with pytest.raises(ConfigError, match="there is no condition 'fire'"):
-        condition_of("fire")
+        Condition("fire")
 
 
 def test_a_full_disk_ends_with_an_error_and_the_parts_before_remain(tmp_path: Path) -> None:
