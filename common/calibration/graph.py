@@ -20,9 +20,8 @@ class GraphResult:
     """Poses of all cameras that are linked to the reference."""
 
     poses: Mapping[str, LevelPose]  # by camera, in the level frame of the reference
-    linked: Sequence[Pair]  # pairs that the poses agree with
-    contradicting: Sequence[Pair]  # pairs that do not
-    ambiguous: Sequence[Pair]  # pairs with two poses that are as good, and no others to decide
+    contradicting: Sequence[Pair]  # pairs that do not agree with the poses
+    ambiguous: Sequence[Pair]  # pairs with two equally good poses that no other pair decides
 
 
 def is_ambiguous(result: PairResult) -> bool:
@@ -61,18 +60,17 @@ def solve_graph(
             poses[other] = joined(poses[one], pose)
         else:
             poses[one] = joined(poses[other], inverse(pose))
-    linked, contradicting = list[Pair](), list[Pair]()
-    for pair, pose in decided.items():
-        if pair[0] not in poses:
-            continue
-        expected = relative(poses[pair[0]], poses[pair[1]])
-        (linked if agrees(pose, expected, cameras[pair[1]]) else contradicting).append(pair)
+    contradicting = [
+        (a, b)
+        for (a, b), pose in decided.items()
+        if a in poses and not agrees(pose, joined(inverse(poses[a]), poses[b]), cameras[b])
+    ]
     ambiguous = [
         pair
         for pair in usable
         if pair not in decided and not (pair[0] in poses and pair[1] in poses)
     ]
-    return GraphResult(poses, linked, contradicting, ambiguous)
+    return GraphResult(poses, contradicting, ambiguous)
 
 
 def joined(first: LevelPose, then: LevelPose) -> LevelPose:
@@ -87,11 +85,6 @@ def joined(first: LevelPose, then: LevelPose) -> LevelPose:
 def inverse(pose: LevelPose) -> LevelPose:
     """Return the pose of a in b."""
     return LevelPose(-pose.yaw_rad, -(pose.translation_m @ pose.rotation), -pose.offset_s)
-
-
-def relative(a: LevelPose, b: LevelPose) -> LevelPose:
-    """Return the pose of b in a, of both in a third frame."""
-    return joined(inverse(a), b)
 
 
 def agrees(pose: LevelPose, expected: LevelPose, b: LevelPaths) -> bool:

@@ -7,7 +7,6 @@ brings the most people of both cameras together, and lets the fewest vanish, is 
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from common.calibration.level_paths import LevelPaths
 from common.calibration.tracklets import STEP_S
@@ -58,16 +57,6 @@ class LevelPose:
             or moved > DISTINCT_M
             or abs(self.offset_s - other.offset_s) > DISTINCT_S
         )
-
-
-@dataclass(frozen=True, slots=True)
-class Correspondences:
-    """Positions of the same people in two cameras; level frames."""
-
-    steps: npt.NDArray[np.int64]  # N, of a
-    a_m: F64  # Nx3
-    b_m: F64  # Nx3, later by the offset of the clocks
-    b_mps: F64  # Nx3
 
 
 @dataclass(frozen=True)
@@ -180,15 +169,17 @@ def score(a: LevelPaths, b: LevelPaths, pose: LevelPose) -> LevelPose:
     return replace(pose, score=matched - MISSING_WEIGHT * missing, matched=matched, missing=missing)
 
 
-def correspond(a: LevelPaths, b: LevelPaths, pose: LevelPose, gate_m: float) -> Correspondences:
-    """Return the positions of the same people in both cameras at a pose, nearest to each other."""
+def _correspond(
+    a: LevelPaths, b: LevelPaths, pose: LevelPose, gate_m: float
+) -> tuple[F64, F64, F64]:
+    """Return positions of the same people at a pose: in a, in b, and velocities in b, Nx3 each."""
     shift, share = divmod(pose.offset_s / STEP_S, 1.0)
     rows_a, rows_b = _overlap(a, b, int(shift))
     positions, velocities = b.between(share)
     pa, pb, vb = a.positions_m[rows_a], positions[rows_b], velocities[rows_b]
     if not len(pa):
         empty = np.zeros((0, 3))
-        return Correspondences(np.zeros(0, np.int64), empty, empty, empty)
+        return empty, empty, empty
     distance = _distances(pa, pose.apply(pb))
     nearest = distance.argmin(axis=2)
     mutual = distance.argmin(axis=1)
@@ -196,18 +187,18 @@ def correspond(a: LevelPaths, b: LevelPaths, pose: LevelPose, gate_m: float) -> 
     j = nearest[t, i]
     good = mutual[t, j] == i
     t, i, j = t[good], i[good], j[good]
-    return Correspondences(t + rows_a.start + a.first, pa[t, i], pb[t, j], vb[t, j])
+    return pa[t, i], pb[t, j], vb[t, j]
 
 
 def refine(a: LevelPaths, b: LevelPaths, pose: LevelPose) -> LevelPose:
     """Return a pose fitted to all positions that it brings together, with its score."""
     for k in range(ROUNDS):
-        found = correspond(a, b, pose, GATE_M if k < 3 else 0.2)
-        if len(found.steps) < OVERLAP_STEPS:
+        at_a, at_b, moving_b = _correspond(a, b, pose, GATE_M if k < 3 else 0.2)
+        if len(at_a) < OVERLAP_STEPS:
             break
-        b_m = pose.apply(found.b_m)
-        velocity = found.b_mps @ pose.rotation.T
-        error = found.a_m - b_m
+        b_m = pose.apply(at_b)
+        velocity = moving_b @ pose.rotation.T
+        error = at_a - b_m
         about = b_m - pose.translation_m
         n = len(error)
         jacobian = np.zeros((n, 3, 5))  # yaw, translation, offset

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from itertools import combinations
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import approx_fprime, least_squares
 from scipy.spatial.transform import Rotation
 
 from common.calibration.floor import MeasuredFloor
@@ -198,12 +198,12 @@ class Residuals:
 
     def _covariance(self, x: F64) -> F64:
         free, at = self._free, x.copy()
-        values = x[free]
-        base = self.residuals(x)
-        jacobian = np.empty((len(base), len(values)))
-        for k in range(len(values)):
-            at[free] = values + STEP * (np.arange(len(values)) == k)
-            jacobian[:, k] = (self.residuals(at) - base) / STEP
+
+        def of(values: F64) -> F64:
+            at[free] = values
+            return self.residuals(at)
+
+        base, jacobian = self.residuals(x), approx_fprime(x[free], of, STEP)
         # The variance of residuals as it is; consecutive ones are alike.
         torsos = self.groups.torsos
         count = int(self.groups.has[:torsos].sum())

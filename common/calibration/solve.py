@@ -1,7 +1,7 @@
 """Calibration of several cameras: all steps."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -81,7 +81,7 @@ def calibrate(
     adjustment = adjust(cameras, graph.poses, reference, floors, tags or {})
     check_adjustment(adjustment, reference)
     poses = {
-        name: _with_clock(pose, origin_ns[name] - origin_ns[reference])
+        name: replace(pose, offset_s=pose.offset_s + (origin_ns[name] - origin_ns[reference]) / 1e9)
         for name, pose in adjustment.poses.items()
     }
     from_reference, floor_people = _map_from_reference(observed, adjustment.floor, poses, upright)
@@ -109,12 +109,6 @@ def _origin_ns(camera: CameraObservations, observed: Sequence[CameraObservations
     first = observed[0]
     assert first.delay_ns is not None
     return first.frames[0].stamp_ns + first.delay_ns - camera.delay_ns
-
-
-def _with_clock(pose: CameraPose, origin_ns: int) -> CameraPose:
-    """Return a pose whose offset is that of the stamps."""
-    values = {field: getattr(pose, field) for field in pose.__dataclass_fields__}
-    return CameraPose(**{**values, "offset_s": pose.offset_s + origin_ns / 1e9})
 
 
 def _uprightness(camera: CameraObservations, paths: Sequence[Tracklet]) -> Uprightness:

@@ -1,8 +1,9 @@
 """Rectangles that cover heads, and how they go on while nothing is detected."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
+from typing import TypeAlias
 
 import numpy as np
 
@@ -68,15 +69,7 @@ def cover_of(box_xyxy_px: F32, keypoints: F32 | None) -> Cover:
     return Cover(box, head)
 
 
-@dataclass(slots=True, eq=False)  # equal only to itself: arrays have no truth value
-class _Tracklet:
-    """One person in frames that follow each other, by index of the frame."""
-
-    covers: dict[int, Cover] = field(default_factory=dict)
-
-    @property
-    def last(self) -> int:
-        return max(self.covers)
+Tracklet: TypeAlias = dict[int, Cover]  # covers of one person by index of the frame
 
 
 def cover_frames(detected: Sequence[Sequence[Cover]], times_s: Sequence[float]) -> list[list[F64]]:
@@ -95,41 +88,40 @@ def cover_frames(detected: Sequence[Sequence[Cover]], times_s: Sequence[float]) 
     """
     rectangles = [[cover.head_xyxy_px for cover in covers] for covers in detected]
     for tracklet in _link(detected, times_s):
-        frames = sorted(tracklet.covers)
+        frames = sorted(tracklet)
         for before, after in pairwise(frames):
             for k in range(before + 1, after):
                 share = (times_s[k] - times_s[before]) / (times_s[after] - times_s[before])
-                ends = tracklet.covers[before].head_xyxy_px, tracklet.covers[after].head_xyxy_px
+                ends = tracklet[before].head_xyxy_px, tracklet[after].head_xyxy_px
                 rectangles[k].append(_grown((1 - share) * ends[0] + share * ends[1], 0.25))
         for end, step in ((frames[0], -1), (frames[-1], 1)):
             k = end + step
             while 0 <= k < len(times_s) and abs(times_s[k] - times_s[end]) <= HOLD_S:
                 share = abs(times_s[k] - times_s[end]) / HOLD_S
-                rectangles[k].append(_grown(tracklet.covers[end].head_xyxy_px, GROWTH * share))
+                rectangles[k].append(_grown(tracklet[end].head_xyxy_px, GROWTH * share))
                 k += step
     return rectangles
 
 
-def _link(detected: Sequence[Sequence[Cover]], times_s: Sequence[float]) -> list[_Tracklet]:
+def _link(detected: Sequence[Sequence[Cover]], times_s: Sequence[float]) -> list[Tracklet]:
     """Link the covers of each frame to the tracklet whose last box overlaps most."""
-    done: list[_Tracklet] = []
-    open_ones: list[_Tracklet] = []
+    done: list[Tracklet] = []
+    open_ones: list[Tracklet] = []
     for k, covers in enumerate(detected):
-        ended = [t for t in open_ones if times_s[k] - times_s[t.last] > GAP_S]
-        done += ended
-        open_ones = [t for t in open_ones if t not in ended]
+        done += [t for t in open_ones if times_s[k] - times_s[max(t)] > GAP_S]
+        open_ones = [t for t in open_ones if times_s[k] - times_s[max(t)] <= GAP_S]
         if not covers:
             continue
         boxes = np.array([cover.box_xyxy_px for cover in covers])
         free = set(range(len(covers)))
-        for tracklet in sorted(open_ones, key=lambda t: -t.last):
-            last = tracklet.covers[tracklet.last].box_xyxy_px
+        for tracklet in sorted(open_ones, key=lambda t: -max(t)):
+            last = tracklet[max(tracklet)].box_xyxy_px
             overlap = iou_xyxy(last[None], boxes)[0]
             best = max(free, key=lambda j: overlap[j], default=None)
             if best is not None and overlap[best] >= LINK_IOU:
-                tracklet.covers[k] = covers[best]
+                tracklet[k] = covers[best]
                 free.remove(best)
-        open_ones += [_Tracklet({k: covers[j]}) for j in sorted(free)]
+        open_ones += [{k: covers[j]} for j in sorted(free)]
     return done + open_ones
 
 

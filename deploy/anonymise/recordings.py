@@ -1,7 +1,8 @@
 """Anonymised copies of recordings."""
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections import defaultdict
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
@@ -37,14 +38,6 @@ class AnonymisedCounts:
     covers: int = 0  # rectangles blacked out
     bad_images: int = 0  # frames left out since they could not be decoded
     left_out: int = 0  # crops and embeddings
-
-
-@dataclass
-class _CameraFrames:
-    """Frames of one camera and the covers that were detected in them."""
-
-    stamps_ns: list[int] = field(default_factory=list)
-    detected: list[list[Cover]] = field(default_factory=list)
 
 
 def model() -> PersonModel:
@@ -134,32 +127,28 @@ def cover_recording(
         if isinstance(message, Detections):
             covers = [cover_of(d.box_xyxy_px, d.keypoints) for d in message.detections]
             known[message.camera, message.stamp_ns] = covers
-    cameras: dict[str, _CameraFrames] = {}
+    stamps_ns, detected = (
+        defaultdict[str, list[int]](list),
+        defaultdict[str, list[list[Cover]]](list),
+    )
     total = max(sum(n for t, n in recording.summary.topics.items() if t.endswith("compressed")), 1)
-    for k, frame in enumerate(_frames(recording)):
+    for k, (_, frame) in enumerate(recording.messages(CompressedRgbdFrame)):
+        assert isinstance(frame, CompressedRgbdFrame)
         try:
             found = detect(decode_jpeg(frame.rgb_jpeg), network)
         except DecodeError:
             continue
-        frames = cameras.setdefault(frame.camera, _CameraFrames())
-        frames.stamps_ns.append(frame.stamp_ns)
-        frames.detected.append(found + known.get((frame.camera, frame.stamp_ns), []))
+        stamps_ns[frame.camera].append(frame.stamp_ns)
+        detected[frame.camera].append(found + known.get((frame.camera, frame.stamp_ns), []))
         on_progress((k + 1) / total)
     rectangles = {}
-    for camera, frames in cameras.items():
-        times_s = [(stamp_ns - frames.stamps_ns[0]) / 1e9 for stamp_ns in frames.stamps_ns]
-        covered = cover_frames(frames.detected, times_s)
-        for stamp_ns, found_ones in zip(frames.stamps_ns, covered, strict=True):
-            rectangles[camera, stamp_ns] = found_ones
+    for camera, times_ns in stamps_ns.items():
+        times_s = [(time_ns - times_ns[0]) / 1e9 for time_ns in times_ns]
+        covered = cover_frames(detected[camera], times_s)
+        rectangles |= {(camera, t): found for t, found in zip(times_ns, covered, strict=True)}
     return rectangles
 
 
 def _covered(frame: CompressedRgbdFrame, rectangles: list[F64]) -> CompressedRgbdFrame:
     covered = encode_jpeg(black_out(decode_jpeg(frame.rgb_jpeg), rectangles), QUALITY)
     return msgspec.structs.replace(frame, rgb_jpeg=covered)
-
-
-def _frames(recording: Recording) -> Iterator[CompressedRgbdFrame]:
-    for _, message in recording.messages(CompressedRgbdFrame):
-        if isinstance(message, CompressedRgbdFrame):
-            yield message

@@ -27,7 +27,7 @@ from services.camera.calibration import renamed, static_transform
 from services.camera.config import CameraConfig
 from services.camera.frame_check import FrameCheck
 from services.camera.pacing import RecordedPacing, SourceRate, is_jump, pacing_of
-from services.camera.playback import Selection, play
+from services.camera.playback import play
 from services.camera.prefetch import Prefetch, PrefetchedItem
 from services.camera.source import Source, SourceFrame, SourceItem, SourceSetup
 from services.camera.upright import (
@@ -69,13 +69,10 @@ class CameraNode(Node):
         self._transforms: Sequence[StaticTransform] = ()
         self._motion = _motion(config)
         self.foreign_inputs: Sequence[ForeignTopic] = self._motion.topics if self._motion else ()
-        selection = Selection(
-            config.start_s, config.duration_s, config.max_frames, config.stride, config.loop
-        )
         info = None if source.calibrates_late else source.info
         self._check = FrameCheck(info, source.depth_in_metres)
         self._prefetch = Prefetch(
-            lambda: play(source, selection, self._accept), FRAMES_AHEAD, source.live
+            lambda: play(source, config, self._accept), FRAMES_AHEAD, source.live
         )
         self._wake: Callable[[], None] | None = None
         self._begin_ns: int | None = None  # time from which frames are sent

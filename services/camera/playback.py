@@ -1,7 +1,7 @@
 """Playback of a part of a source, once or in a loop."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -9,22 +9,12 @@ import msgspec
 from common.io.odometry_order import odometry_first
 from common.io.recording import open_recording
 from people4d.messages import CompressedRgbdFrame, MovingTransform, Odometry, RgbdFrame
+from services.camera.config import CameraConfig
 from services.camera.pacing import MAX_GAP_NS
 from services.camera.source import Source, SourceFrame, SourceItem, SourceSetup
 from services.camera.sources import kind_of, open_source
 
 ONE_FRAME_NS = 33_333_333  # stands in for the time between frames where there is one frame only
-
-
-@dataclass(frozen=True)
-class Selection:
-    """The part of a source that is played."""
-
-    start_s: float = 0.0  # seconds left out at the beginning
-    duration_s: float = 0.0  # seconds played; 0 plays all
-    max_frames: int = 0  # frames played in all; 0 plays all
-    stride: int = 1  # every n-th frame is played
-    loop: bool = False  # repeat from the start
 
 
 class RoundLength:
@@ -59,25 +49,25 @@ class RoundLength:
 
 def play(
     source: Source,
-    selection: Selection,
+    config: CameraConfig,
     accept: Callable[[SourceItem], SourceItem | None] = lambda item: item,
 ) -> Iterator[SourceItem]:
-    """Yield the selected part of a source; each repetition shifts the stamps, so that they rise.
+    """Yield the configured part of a source; each repetition shifts the stamps, so that they rise.
 
     `accept` returns an item as it is used, or None to leave it out.
     """
     sent, shift_ns = 0, 0
     while True:
         length = RoundLength()
-        for item in _one_round(source, selection, accept):
+        for item in _one_round(source, config, accept):
             yield _shifted(item, shift_ns)
             if isinstance(item, Odometry | MovingTransform | SourceSetup):
                 continue
             length.add(item.stamp_ns)
             sent += 1
-            if sent == selection.max_frames:
+            if sent == config.max_frames:
                 return
-        if not selection.loop or not length.count:
+        if not config.loop or not length.count:
             return
         shift_ns += length.length_ns
 
@@ -101,17 +91,17 @@ def loop_period_s(source: str) -> float:
 
 
 def _one_round(
-    source: Source, selection: Selection, accept: Callable[[SourceItem], SourceItem | None]
+    source: Source, config: CameraConfig, accept: Callable[[SourceItem], SourceItem | None]
 ) -> Iterator[SourceItem]:
     index = 0
-    is_part = selection.start_s or selection.duration_s
-    items = source.part(selection.start_s, selection.duration_s) if is_part else iter(source)
+    is_part = config.start_s or config.duration_s
+    items = source.part(config.start_s, config.duration_s) if is_part else iter(source)
     items = (used for item in items if (used := accept(item)) is not None)
     for item in items if source.live else odometry_first(items):
         if isinstance(item, Odometry | MovingTransform | SourceSetup):
             yield item
             continue
-        if index % selection.stride == 0:
+        if index % config.stride == 0:
             yield item
         index += 1
 

@@ -2,7 +2,8 @@
 
 import pytest
 
-from services.camera.playback import Selection, loop_period_s, play
+from services.camera.config import CameraConfig
+from services.camera.playback import loop_period_s, play
 from services.camera.source import SourceFrame
 from services.camera.sources import open_source
 from tests import ROOT
@@ -18,7 +19,9 @@ def test_the_period_is_what_a_looping_camera_adds_to_its_stamps() -> None:
 @pytest.mark.slow
 def test_the_period_is_that_of_the_frames_played() -> None:
     source = open_source(str(DEMO))
-    frames = (item for item in play(source, Selection(loop=True)) if isinstance(item, SourceFrame))
+    frames = (
+        item for item in play(source, CameraConfig(loop=True)) if isinstance(item, SourceFrame)
+    )
     stamps_ns = [next(frames).stamp_ns for _ in range(136)]
     assert stamps_ns[135] - stamps_ns[0] == round(loop_period_s(str(DEMO)) * 1e9)
 

@@ -2,8 +2,9 @@
 
 import pytest
 
+from services.camera.config import CameraConfig
 from services.camera.pacing import LockstepPacing, RecordedPacing, SourceRate
-from services.camera.playback import Selection, play
+from services.camera.playback import play
 from services.camera.source import Source
 from tests.camera.memory import MemorySource, capture, odometry
 
@@ -11,7 +12,7 @@ MS = 1_000_000
 SECOND = 1_000_000_000
 
 
-def stamps_ms(source: Source, selection: Selection, limit: int = 100) -> list[int]:
+def stamps_ms(source: Source, selection: CameraConfig, limit: int = 100) -> list[int]:
     items = play(source, selection)
     return [item.stamp_ns // MS for _, item in zip(range(limit), items, strict=False)]
 
@@ -20,39 +21,39 @@ SOURCE = MemorySource([capture(5000 + 100 * k) for k in range(10)])
 
 
 def test_all() -> None:
-    assert stamps_ms(SOURCE, Selection()) == [5000 + 100 * k for k in range(10)]
+    assert stamps_ms(SOURCE, CameraConfig()) == [5000 + 100 * k for k in range(10)]
 
 
 def test_start_duration_stride_and_count() -> None:
     # From 0.25 s on the first frame is at 0.3; up to 0.25 + 0.5 s the last one is at 0.7.
-    assert stamps_ms(SOURCE, Selection(start_s=0.25, duration_s=0.5)) == [
+    assert stamps_ms(SOURCE, CameraConfig(start_s=0.25, duration_s=0.5)) == [
         5300,
         5400,
         5500,
         5600,
         5700,
     ]
-    assert stamps_ms(SOURCE, Selection(stride=4)) == [5000, 5400, 5800]
-    assert stamps_ms(SOURCE, Selection(max_frames=2)) == [5000, 5100]
+    assert stamps_ms(SOURCE, CameraConfig(stride=4)) == [5000, 5400, 5800]
+    assert stamps_ms(SOURCE, CameraConfig(max_frames=2)) == [5000, 5100]
 
 
 def test_loop_keeps_the_rhythm_and_rises() -> None:
     # Three frames at 0, 100, 200 ms: the next round begins at 300 ms.
     source = MemorySource([capture(0), odometry(100), capture(100), capture(200)])
     expected = [0, 100, 100, 200, 300, 400, 400, 500, 600]
-    assert stamps_ms(source, Selection(loop=True), limit=9) == expected
-    assert stamps_ms(source, Selection(loop=True, max_frames=4)) == [0, 100, 100, 200, 300]
+    assert stamps_ms(source, CameraConfig(loop=True), limit=9) == expected
+    assert stamps_ms(source, CameraConfig(loop=True, max_frames=4)) == [0, 100, 100, 200, 300]
 
 
 def test_loop_of_one_frame_and_of_none_at_all() -> None:
-    assert stamps_ms(MemorySource([capture(7)]), Selection(loop=True), limit=3) == [7, 40, 73]
-    assert stamps_ms(MemorySource([odometry(7)]), Selection(loop=True)) == [7]
+    assert stamps_ms(MemorySource([capture(7)]), CameraConfig(loop=True), limit=3) == [7, 40, 73]
+    assert stamps_ms(MemorySource([odometry(7)]), CameraConfig(loop=True)) == [7]
 
 
 def test_loop_over_a_clock_that_jumps_back_still_rises_between_rounds() -> None:
     # 1000, 1100, 0, 100: from least to most 1100 ms and one mean gap (1100 / 3 = 366) more.
     source = MemorySource([capture(t) for t in (1000, 1100, 0, 100)])
-    assert stamps_ms(source, Selection(loop=True), limit=5) == [1000, 1100, 0, 100, 2466]
+    assert stamps_ms(source, CameraConfig(loop=True), limit=5) == [1000, 1100, 0, 100, 2466]
 
 
 def test_loop_over_a_clock_that_is_set_lasts_as_long_as_the_frames() -> None:
@@ -60,7 +61,7 @@ def test_loop_over_a_clock_that_is_set_lasts_as_long_as_the_frames() -> None:
     # (200 / 3 = 66 ms) make a round of 266 ms, not of 56 years, without end.
     late = 56 * 365 * 86_400_000
     source = MemorySource([capture(t) for t in (0, 100, late, late + 100)])
-    stamps = stamps_ms(source, Selection(loop=True), limit=4000)
+    stamps = stamps_ms(source, CameraConfig(loop=True), limit=4000)
     assert stamps[:4] == [0, 100, late, late + 100]
     assert stamps[4:8] == [266, 366, late + 266, late + 366]
     assert len(stamps) == 4000

@@ -23,7 +23,6 @@ from people4d.messages import (
     StaticTransform,
 )
 from services.camera.config import CameraConfig
-from services.camera.playback import Selection
 from services.camera.playback import play as play_source
 from services.camera.source import SourceFrame
 from services.camera.sources import kind_of, open_source
@@ -125,7 +124,7 @@ def test_what_is_left_out_is_not_drawn(tmp_path: Path, monkeypatch: pytest.Monke
         return draw(renderer, index)
 
     monkeypatch.setattr(FrameRenderer, "view", counting)
-    late = list(play_source(source, Selection(start_s=0.75, duration_s=0.3)))
+    late = list(play_source(source, CameraConfig(start_s=0.75, duration_s=0.3)))
     assert drawn == [8, 9, 10]  # at 0.8, 0.9 and 1.0 s
     wanted = [item for item in everything if 75 <= (item.stamp_ns - EPOCH_NS) / 10**7 <= 105]
     assert [item.stamp_ns for item in late] == [item.stamp_ns for item in wanted]

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import approx_fprime
 from scipy.spatial.transform import Rotation
 
 from common.geometry.transforms import apply, invert, project, transform_from
@@ -31,7 +32,7 @@ class TagPose:
                 apply(invert(map_from_camera @ _motion(motion)), corners_m), info
             ).ravel()
 
-        jacobian = _jacobian(pixels, np.zeros(6))
+        jacobian = approx_fprime(np.zeros(6), pixels, STEP)
         covariance = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True) * CORNER_SIGMA_PX**2
         return cls(map_from_camera, np.asarray(covariance + np.diag(MEASURED_SIGMAS**2)))
 
@@ -62,7 +63,7 @@ def fuse(
     for k, tag in enumerate(others):
         rows = slice(6 * k, 6 * k + 6)
         noise[rows, rows] += tag.covariance
-    error, jacobian = differences(values), _jacobian(differences, values)
+    error, jacobian = differences(values), approx_fprime(values, differences, STEP)
     total = jacobian @ covariance @ jacobian.T + noise
     if np.sqrt(error @ np.linalg.solve(total, error) / len(error)) > CONTRADICTION:
         return values, covariance
@@ -92,9 +93,3 @@ def _adjoint(motion: F64) -> F64:
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     turn = motion[:3, :3]
     return np.block([[turn, np.zeros((3, 3))], [cross @ turn, turn]])
-
-
-def _jacobian(function: Callable[[F64], F64], at: F64) -> F64:
-    base = function(at)
-    columns = [(function(at + STEP * unit) - base) / STEP for unit in np.eye(len(at))]
-    return np.stack(columns, axis=1)

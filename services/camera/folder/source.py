@@ -33,6 +33,7 @@ from services.camera.folder.layout import (
     wheel_odometry,
 )
 from services.camera.folder.mat_file import read_mat
+from services.camera.ros.images import millimetres
 from services.camera.source import Source, SourceFrame
 
 # Calibration files, the first in the folder counts, unless one is configured.
@@ -128,25 +129,15 @@ class FolderSource(Source):
         return size, depth_size
 
     def _read(self, pair: ImagePair) -> tuple[U8, U16]:
-        rgb = _read_image(pair.colour, cv2.IMREAD_COLOR_RGB)
-        if pair.depth.suffix == ".mat":
-            depth = _read_mat(pair.depth)
-        elif pair.depth.suffix == ".npy":
-            depth = _read_npy(pair.depth)
-        else:
-            depth = _read_image(pair.depth, cv2.IMREAD_UNCHANGED)
+        rgb, depth = _read_image(pair.colour, cv2.IMREAD_COLOR_RGB), _read_image(pair.depth)
         if depth.ndim != 2 or depth.dtype != np.uint16:
             raise SourceError(
                 f"{pair.depth}: expected 16 bits grey, got {depth.dtype} of shape {depth.shape}",
                 "Write depth as whole millimetres: uint16, one channel, without losses.",
             )
-        return np.asarray(rgb, np.uint8), self._millimetres(depth)
-
-    def _millimetres(self, depth: U16) -> U16:
-        if self._units_per_m == 1000:
-            return depth
-        scaled = np.rint(depth * np.float32(1000 / self._units_per_m))
-        return np.where(scaled <= 65535, scaled, 0).astype(np.uint16)
+        if self._units_per_m != 1000:
+            depth = millimetres(depth / np.float32(self._units_per_m))
+        return np.asarray(rgb, np.uint8), np.asarray(depth)
 
 
 def _track(path: Path, options: FolderOptions) -> tuple[F64 | None, list[Odometry]]:
@@ -173,24 +164,17 @@ def _calibration(path: Path, options: FolderOptions) -> Calibration:
     return msgspec.structs.replace(calibration, depth_offset_px=options.depth_offset_px)
 
 
-def _read_image(path: Path, flags: int) -> npt.NDArray[Any]:
+def _read_image(path: Path, flags: int = cv2.IMREAD_UNCHANGED) -> npt.NDArray[Any]:
+    """Read an image, or the array of a .mat or .npy file; SourceError if there is none."""
     try:
         if not path.is_file():  # opening a pipe would block
             raise SourceError(f"{path} is not a file")
+        if path.suffix == ".mat":
+            return np.asarray(read_mat(path)[MAT_DEPTH])
+        if path.suffix == ".npy":
+            return read_array(path)
         return decode_image(read_bytes(path, MAX_FILE_BYTES), flags)
-    except (OSError, DecodeError) as error:
+    except KeyError as error:
+        raise SourceError(f"{path} has no array {error}") from error
+    except (OSError, ValueError, DecodeError) as error:
         raise SourceError(f"{path} is not a readable image: {error}") from error
-
-
-def _read_mat(path: Path) -> npt.NDArray[Any]:
-    try:
-        return np.asarray(read_mat(path)[MAT_DEPTH])
-    except (OSError, KeyError, ValueError) as error:
-        raise SourceError(f"{path} has no array {MAT_DEPTH} that can be read: {error}") from error
-
-
-def _read_npy(path: Path) -> npt.NDArray[Any]:
-    try:
-        return read_array(path)
-    except (OSError, ValueError) as error:
-        raise SourceError(f"{path} is not a readable array: {error}") from error

@@ -125,7 +125,7 @@ def test_mat_depth_is_registered_with_the_calibration_of_a_mat_file(tmp_path: Pa
     with pytest.raises(SourceError, match="has no 'Depth_cam'"):
         read_calibration(file)
     scipy.io.savemat(tmp_path / "im7.mat", {"z": np.full((6, 8), 1000, np.uint16)})
-    with pytest.raises(SourceError, match="has no array depth_array"):
+    with pytest.raises(SourceError, match="has no array 'depth_array'"):
         FolderSource(tmp_path, FolderOptions())
 
 

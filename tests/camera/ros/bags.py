@@ -1,13 +1,14 @@
 """Small ROS bags, written with the ROS types of their distribution."""
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
+from rosbags.interfaces import Nodetype
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
@@ -31,14 +32,30 @@ class Ros:
         self.store = make_typestore(version, DEFINITIONS)
 
     def make(self, kind: str, **fields: Any) -> Any:
-        return self.store.types[kind](**fields)
+        """Make a message; fields left out are zero, and messages inside may be mappings."""
+        values = {
+            name: fields[name] if name in fields else self._zero(node, detail)
+            for name, (node, detail) in self.store.fielddefs[kind][1]
+        }
+        for name, (node, detail) in self.store.fielddefs[kind][1]:
+            if node is Nodetype.NAME and isinstance(values[name], Mapping):
+                values[name] = self.make(str(detail), **values[name])
+        return self.store.types[kind](**values)
+
+    def _zero(self, node: Nodetype, detail: Any) -> Any:
+        """Return the value of a field that is left out."""
+        if node is Nodetype.NAME:
+            return {}
+        if node is Nodetype.BASE:
+            return "" if detail[0] == "string" else 0
+        (inner, (name, *_)), size = detail
+        if inner is Nodetype.BASE and name != "string":
+            return np.zeros(size if node is Nodetype.ARRAY else 0, name)
+        return []
 
     def header(self, stamp_ns: int, frame: str = FRAME) -> Any:
-        stamp = self.make(
-            "builtin_interfaces/msg/Time", sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9
-        )
-        extra = {"seq": 0} if self.version == 1 else {}
-        return self.make("std_msgs/msg/Header", stamp=stamp, frame_id=frame, **extra)
+        stamp = {"sec": stamp_ns // 10**9, "nanosec": stamp_ns % 10**9}
+        return self.make("std_msgs/msg/Header", stamp=stamp, frame_id=frame)
 
     def image(
         self,
@@ -86,97 +103,58 @@ class Ros:
             "p": np.zeros(12),
         }
         names = {name.upper(): value for name, value in upper.items()}
-        roi = self.make(
-            "sensor_msgs/msg/RegionOfInterest",
-            x_offset=0,
-            y_offset=0,
-            height=0,
-            width=0,
-            do_rectify=False,
-        )
         return self.make(
             "sensor_msgs/msg/CameraInfo",
             header=self.header(0, frame),
             height=height,
             width=width,
             distortion_model=model,
-            binning_x=0,
-            binning_y=0,
-            roi=roi,
             **(names if self.version == 1 else upper),
         )
 
     def transform(
         self, parent: str, child: str, xyz: Sequence[float], xyzw: Sequence[float]
     ) -> Any:
-        x, y, z = xyz
-        qx, qy, qz, qw = xyzw
-        make = self.make
-        item = make(
+        item = self.make(
             "geometry_msgs/msg/TransformStamped",
             header=self.header(0, parent),
             child_frame_id=child,
-            transform=make(
-                "geometry_msgs/msg/Transform",
-                translation=make("geometry_msgs/msg/Vector3", x=x, y=y, z=z),
-                rotation=make("geometry_msgs/msg/Quaternion", x=qx, y=qy, z=qz, w=qw),
-            ),
+            transform={
+                "translation": dict(zip("xyz", xyz, strict=True)),
+                "rotation": dict(zip("xyzw", xyzw, strict=True)),
+            },
         )
-        return make("tf2_msgs/msg/TFMessage", transforms=[item])
+        return self.make("tf2_msgs/msg/TFMessage", transforms=[item])
 
     def odometry(self, x: float, y: float, yaw_rad: float, stamp_ns: int) -> Any:
-        make = self.make
-        zero = make("geometry_msgs/msg/Vector3", x=0.5, y=0.0, z=0.0)
-        turn = make("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=0.25)
-        pose = make(
-            "geometry_msgs/msg/Pose",
-            position=make("geometry_msgs/msg/Point", x=x, y=y, z=0.0),
-            orientation=make(
-                "geometry_msgs/msg/Quaternion",
-                x=0.0,
-                y=0.0,
-                z=float(np.sin(yaw_rad / 2)),
-                w=float(np.cos(yaw_rad / 2)),
-            ),
-        )
         covariance = np.zeros((6, 6))
         covariance[[0, 1, 5], [0, 1, 5]] = 0.1, 0.2, 0.3
-        return make(
+        turn = {"z": float(np.sin(yaw_rad / 2)), "w": float(np.cos(yaw_rad / 2))}
+        return self.make(
             "nav_msgs/msg/Odometry",
             header=self.header(stamp_ns, "odom"),
             child_frame_id="base_link",
-            pose=make(
-                "geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=covariance.ravel()
-            ),
-            twist=make(
-                "geometry_msgs/msg/TwistWithCovariance",
-                twist=make("geometry_msgs/msg/Twist", linear=zero, angular=turn),
-                covariance=np.zeros(36),
-            ),
+            pose={
+                "pose": {"position": {"x": x, "y": y}, "orientation": turn},
+                "covariance": covariance.ravel(),
+            },
+            twist={"twist": {"linear": {"x": 0.5}, "angular": {"z": 0.25}}},
         )
 
     def write(self, path: Path, entries: Sequence[Entry]) -> Path:
         """Write a bag: one file for ROS 1, else a folder; its storage is MCAP if named so."""
-        if self.version == 1:
-            with Writer1(path) as writer1:
-                links1 = {
-                    topic: writer1.add_connection(topic, kind, typestore=self.store)
-                    for topic, kind in {entry[0]: entry[1] for entry in entries}.items()
-                }
-                for topic, kind, time_ns, message in entries:
-                    raw = self.store.serialize_ros1(message, kind)
-                    writer1.write(links1[topic], time_ns, bytes(raw))
-            return path
         storage = StoragePlugin.MCAP if "mcap" in path.name else StoragePlugin.SQLITE3
-        with Writer2(path, version=9, storage_plugin=storage) as writer2:
-            links2 = {
-                topic: writer2.add_connection(topic, kind, typestore=self.store)
+        bag: Any = (
+            Writer1(path) if self.version == 1 else Writer2(path, version=9, storage_plugin=storage)
+        )
+        pack = self.store.serialize_ros1 if self.version == 1 else self.store.serialize_cdr
+        with bag as writer:
+            links = {
+                topic: writer.add_connection(topic, kind, typestore=self.store)
                 for topic, kind in {entry[0]: entry[1] for entry in entries}.items()
             }
             for topic, kind, time_ns, message in entries:
-                writer2.write(
-                    links2[topic], time_ns, bytes(self.store.serialize_cdr(message, kind))
-                )
+                writer.write(links[topic], time_ns, bytes(pack(message, kind)))
         return path
 
 

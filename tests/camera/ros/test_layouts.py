@@ -11,7 +11,8 @@ import pytest
 
 from people4d.errors import SourceError
 from people4d.messages import Odometry
-from services.camera.playback import Selection, play
+from services.camera.config import CameraConfig
+from services.camera.playback import play
 from services.camera.ros.camera import RosbagOptions
 from services.camera.ros.source import RosbagSource
 from services.camera.source import SourceFrame
@@ -214,7 +215,7 @@ def test_stamps_of_a_simulation_begin_at_0_s(tmp_path: Path) -> None:
 def test_loop_of_a_simulation_lasts_as_long_as_the_recording(tmp_path: Path) -> None:
     # Three frames 0.1 s apart: each round takes 0.3 s, without end.
     source = opened(tmp_path, at_zero(frames(Ros(2))))
-    stamps = [item.stamp_ns for item in itertools.islice(play(source, Selection(loop=True)), 30)]
+    stamps = [item.stamp_ns for item in itertools.islice(play(source, CameraConfig(loop=True)), 30)]
     assert stamps == [k * 10**8 for k in range(30)]
 
 
