@@ -1,1 +1,1 @@
-"""Extrinsics and clocks of several cameras from people who walk about, see docs/method.md."""
+"""Extrinsics and clocks of several cameras from walking people, see docs/method.md."""

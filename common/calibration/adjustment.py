@@ -2,7 +2,7 @@
 
 Unknown of each camera but the reference: rotation and translation, offset and drift of its clock.
 Unknown of each camera: by how much positions lie before or behind the person (bias along the ray).
-Residuals are those of `residuals.Residuals`: of people, and of the floor.
+Residuals are defined in `residuals.Residuals`: of people, and of the floor.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,19 +21,18 @@ from common.calibration.tags.fusion import TagPose
 from people4d.errors import CalibrationError
 from people4d.messages import F64
 
-GATES_M = (0.45, 0.4, 0.35)  # of two positions of one person, by round
-# By which the floor of a camera may differ from that of all [m, rad]: at poses by people alone, and
-# in the end.
+GATES_M = (0.45, 0.4, 0.35)  # maximum distance of two positions of one person, by round
+# Maximum difference of a camera's floor from the common one [m, rad]: at first poses, at final ones
 FLOOR_FIRST, FLOOR_LAST = (0.2, np.radians(3)), (0.04, np.radians(0.7))
 
 
 @dataclass(frozen=True, slots=True)
 class CameraPose:
-    """Pose of a camera's optical frame in that of the reference, and its clock."""
+    """Pose of a camera's optical frame in the reference's, and its clock."""
 
     matrix: F64  # 4x4, reference_from_camera
     offset_s: float  # its clock minus the reference's, in the middle of the time
-    drift: float  # growth of that offset in a second
+    drift: float  # growth of the offset in a second
     bias_m: float  # added to the distance of every position
     covariance: F64  # 8x8: rotation [rad], translation [m], offset [s], drift
     scales: tuple[float, float]  # across and along the axis that fit best, 1 if right
@@ -57,15 +56,15 @@ class CameraPose:
 
 @dataclass(frozen=True)
 class AdjustmentResult:
-    """Poses of all cameras, and what is left of the differences."""
+    """Poses of all cameras, and the remaining differences."""
 
     poses: Mapping[str, CameraPose]
     pair_rms_m: Mapping[Pair, float]
-    pair_seconds: Mapping[Pair, float]  # in which both saw a person
+    pair_seconds: Mapping[Pair, float]  # [s] time in which both saw a person
     rms_m: float
-    floor: MeasuredFloor | None  # as depth has it, in the frame of the reference
-    floor_cameras: Sequence[str]  # that see it
-    odd_floors: Sequence[str]  # cameras that see another: higher, lower or tilted
+    floor: MeasuredFloor | None  # floor by depth, in the frame of the reference
+    floor_cameras: Sequence[str]  # cameras that see the floor
+    odd_floors: Sequence[str]  # cameras with another floor: higher, lower or tilted
 
 
 def adjust(
@@ -156,7 +155,7 @@ def adjust(
 def _leave_odd_floors(
     problem: Residuals, used: dict[int, MeasuredFloor], x: F64, limits: tuple[float, float]
 ) -> bool:
-    """Leave out the floors that differ the most, until all are alike; return True if any was."""
+    """Remove the most different floors until all agree; return True if one was removed."""
     before = len(used)
     while True:
         odd = {
@@ -167,7 +166,7 @@ def _leave_odd_floors(
         if worst <= 1:
             return len(used) < before
         for k in [k for k, share in odd.items() if share == worst or len(odd) == 2]:
-            del used[k]  # of two either may be wrong
+            del used[k]  # if there are two, either may be wrong
         problem.set_floors(used)
 
 

@@ -1,4 +1,4 @@
-"""Reasons to refuse a calibration, and what to do about each."""
+"""Reasons to refuse a calibration, with their remedies."""
 
 from collections.abc import Mapping, Sequence
 
@@ -11,11 +11,11 @@ from common.calibration.pairs import PairResult
 from common.calibration.tracklets import Tracklet
 from people4d.errors import CalibrationError
 
-WALK_M = 1.0  # extent of a path of a person who walks
-PEOPLE_MIN = 30  # positions of people in a camera
-RMS_MAX_M = 0.2  # of the distances of one person's positions by two cameras
-SIGMA_MAX_M, SIGMA_MAX_RAD = 0.04, 0.0175  # of a pose that is sure enough
-SCALE_MAX, SCALE_SIGMAS = 0.04, 4.0  # change of scale that right intrinsics do not need
+WALK_M = 1.0  # minimum extent of the path of a walking person
+PEOPLE_MIN = 30  # minimum number of positions of people in a camera
+RMS_MAX_M = 0.2  # maximum RMS distance of one person's positions by two cameras
+SIGMA_MAX_M, SIGMA_MAX_RAD = 0.04, 0.0175  # maximum standard deviation of an accepted pose
+SCALE_MAX, SCALE_SIGMAS = 0.04, 4.0  # maximum change of scale of right intrinsics
 WALK_HINT = "Let one or two people walk about in curves, for a minute, in view of two cameras each."
 
 
@@ -48,7 +48,7 @@ def check_cameras(observed: Sequence[CameraObservations], reference: str) -> Non
 def check_walks(
     observed: Sequence[CameraObservations], paths: Mapping[str, Sequence[Tracklet]]
 ) -> None:
-    """Check that people walked before each camera."""
+    """Check that people walked in view of each camera."""
     still = [
         c.camera
         for c in observed
@@ -85,7 +85,7 @@ def check_graph(names: Sequence[str], pairs: Mapping[Pair, PairResult], graph: G
 
 
 def check_adjustment(adjustment: AdjustmentResult, reference: str) -> None:
-    """Check that poses are sure, and intrinsics right."""
+    """Check the accuracy of poses, and the intrinsics."""
     if adjustment.rms_m > RMS_MAX_M:
         raise CalibrationError(
             f"positions of one person differ by {adjustment.rms_m:.2f} m from camera to camera",

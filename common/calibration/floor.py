@@ -1,7 +1,7 @@
 """Floor before a camera, from the depth of its pixels: the direction up, and its own height.
 
-People say where to look: the floor is the plane at their feet, so a table, a shelf or a wall is
-none. The depth of some hundred pixels says exactly where it is.
+The floor is the plane at people's feet, so a table, a shelf or a wall is excluded. It follows from
+the depth of some hundred pixels.
 """
 
 from collections.abc import Sequence
@@ -12,17 +12,17 @@ import numpy as np
 from common.geometry.transforms import deproject
 from people4d.messages import F64, U16, CameraInfo
 
-PIXELS = 80  # of the longer side of an image that are kept
-IMAGES_MIN = 3  # of a camera
-READ_MIN = 0.3  # share of the images in which a pixel has a reading
-GATES_M = (0.25, 0.15, 0.08)  # from the plane, by round
-NOISE_M, NOISE_PER_M = 0.01, 0.004  # of a pixel's median at depth z: s + k z^2
-PIXELS_MIN = 150  # on the floor
-EXTENT_MIN_M = 0.2  # standard deviation of their positions along either direction
-ALIKE = 5.0  # neighbours among the pixels that have one error
-TILT_MAX = np.radians(3)  # from the direction in which people stand
-HEIGHT_SIGMA = 0.005  # of the camera's height, as a share of it: the scale of depth
-TILT_SIGMA_RAD = 0.003
+PIXELS = 80  # pixels of the longer side of a thinned image
+IMAGES_MIN = 3  # minimum number of images of a camera
+READ_MIN = 0.3  # minimum share of the images in which a pixel has a reading
+GATES_M = (0.25, 0.15, 0.08)  # maximum distance from the plane, by round
+NOISE_M, NOISE_PER_M = 0.01, 0.004  # error of a pixel's median at depth z: s + k z^2
+PIXELS_MIN = 150  # minimum number of pixels on the floor
+EXTENT_MIN_M = 0.2  # minimum standard deviation of their positions along either direction
+ALIKE = 5.0  # number of neighbouring pixels with a common error
+TILT_MAX = np.radians(3)  # maximum tilt from the direction up of people
+HEIGHT_SIGMA = 0.005  # relative error of the camera's height: the scale of depth
+TILT_SIGMA_RAD = 0.003  # error of the tilt
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class MeasuredFloor:
     up: F64  # 3, unit length
     middle_m: F64  # 3, a point on it, where it is known best
     sigma_m: float  # standard deviation of the height of that point
-    sigma_rad: float  # and of the direction up
+    sigma_rad: float  # standard deviation of the direction up
 
     @property
     def camera_m(self) -> float:
@@ -49,12 +49,12 @@ def thinned(depth_mm: U16) -> U16:
 def find_floor(
     images_mm: Sequence[U16], info: CameraInfo, up: F64, camera_m: float
 ) -> MeasuredFloor | None:
-    """Return the floor in the depth of a camera that stands still; None: it sees none.
+    """Return the floor in the depth of a static camera; None if it sees no floor.
 
     Args:
         images_mm: Depth of some images by `thinned`, 0 = no reading.
         info: Calibration of the camera.
-        up: Direction up as people show it, optical frame.
+        up: Direction up by people, optical frame.
         camera_m: Height of the camera over their feet.
     """
     points = _background_m(images_mm, info)
@@ -82,7 +82,7 @@ def _step_px(shape: tuple[int, ...]) -> int:
 
 
 def _background_m(images_mm: Sequence[U16], info: CameraInfo) -> F64:
-    """Return the points (Nx3) that a camera sees while no person is before them."""
+    """Return the background points (Nx3) of a camera."""
     step = _step_px((info.height, info.width))
     shape = -(-info.height // step), -(-info.width // step)
     fitting = [image for image in images_mm if image.shape == shape]

@@ -1,4 +1,4 @@
-"""Pose graph of cameras: first poses from the surest pairs, and the pairs that contradict them."""
+"""Pose graph of cameras: first poses from the best pairs, and the pairs that contradict them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -8,9 +8,9 @@ import numpy as np
 from common.calibration.level_paths import LevelPaths
 from common.calibration.pairs import LevelPose, PairResult
 
-MATCHED_MIN = 40  # positions together that link two cameras: 4 s
-AMBIGUOUS = 0.75  # share of the best score from which a different pose is as good
-LOOP_M, LOOP_RAD, LOOP_S = 0.5, 0.2, 0.25  # by which a pair may differ from the poses of others
+MATCHED_MIN = 40  # minimum number of matched positions that link two cameras: 4 s
+AMBIGUOUS = 0.75  # share of the best score from which a distinct pose is equally good
+LOOP_M, LOOP_RAD, LOOP_S = 0.5, 0.2, 0.25  # maximum difference of a pair from the other poses
 
 Pair = tuple[str, str]
 
@@ -38,7 +38,7 @@ def solve_graph(
     Args:
         cameras: Paths by name.
         pairs: Results by names of two cameras, a and b.
-        reference: Camera whose level frame is that of the poses.
+        reference: Camera whose level frame is the frame of the poses.
     """
     usable = {
         pair: result.best
@@ -74,7 +74,7 @@ def solve_graph(
 
 
 def joined(first: LevelPose, then: LevelPose) -> LevelPose:
-    """Return the pose of c in a, of b in a and c in b."""
+    """Return the pose of c in a from the poses of b in a and c in b."""
     return LevelPose(
         first.yaw_rad + then.yaw_rad,
         first.apply(then.translation_m),

@@ -1,4 +1,4 @@
-"""Positions of one person by all cameras that see the person at one time."""
+"""Positions of one person in all cameras at one time."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,15 +11,15 @@ from common.calibration.pairs import HEIGHT_GATE_M, LevelPose
 from common.calibration.tracklets import LIMBS_COUNT, STEP_S
 from people4d.messages import F64
 
-TIMES_MAX = 2000  # that are used
-LIMB_STEPS = 4  # from use to use of a joint
+TIMES_MAX = 2000  # maximum number of times
+LIMB_STEPS = 4  # times from one use of a joint to the next
 
 
 @dataclass(frozen=True, slots=True)
 class Groups:
-    """Positions of people whom two cameras or more see: G people and times, C cameras.
+    """Positions of people in view of two cameras or more: G people and times, C cameras.
 
-    First the torsos, then joints, whose distance is that of the torso.
+    First the torsos, then joints at the distance of their torso.
     """
 
     torsos: int  # number of rows that are torsos
@@ -28,7 +28,7 @@ class Groups:
     points_m: F64  # GxCx3, frames: optical; a metre ahead where it does not
     velocities_mps: F64  # GxCx3
     step_s: float  # from time to time
-    offsets_s: F64  # C, by which the positions are later, on the clocks of the cameras
+    offsets_s: F64  # C, delay of the positions on the clocks of the cameras
 
     def pair(self, a: int, b: int) -> BOOL:
         """Return flags (G) of the torsos that both of two cameras see."""
@@ -108,7 +108,7 @@ def find_groups(
 
 
 def _join(positions_m: Sequence[F64], gate_m: float) -> list[dict[int, int]]:
-    """Return the people whom two cameras or more see at one time: their columns by camera."""
+    """Return the people in two cameras or more at one time: their columns by camera."""
     columns = [np.flatnonzero(~np.isnan(at[:, 0])) for at in positions_m]
     links: list[tuple[float, tuple[int, int], tuple[int, int]]] = []
     for a, b in combinations(range(len(positions_m)), 2):

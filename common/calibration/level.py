@@ -1,4 +1,4 @@
-"""Direction up, and the height of the floor, from people who stand and walk upright."""
+"""Direction up, and the height of the floor, from upright people."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -9,11 +9,13 @@ from common.calibration.observations import ObservedPerson
 from common.calibration.tracklets import Tracklet
 from people4d.messages import F64
 
-UPRIGHT_SIGMA_RAD = 0.12  # of a body's axis in the image: people lean, and one foot is in front
-HEIGHT_SIGMA_M = 0.06  # of a torso's height over the floor while walking
+UPRIGHT_SIGMA_RAD = (
+    0.12  # [rad] error of a body's axis in the image: people lean, one foot is in front
+)
+HEIGHT_SIGMA_M = 0.06  # [m] variation of a torso's height over the floor while walking
 SAMPLES_STEP = 5  # grid steps between samples of a path that count as independent
 ANKLE_M = 0.12  # mean height of both ankles over the floor while walking
-PERSONS_MAX = 4000  # of whose axes the direction is made
+PERSONS_MAX = 4000  # maximum number of observed people that are used
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +43,7 @@ class Uprightness:
 
 
 def uprightness(people: Sequence[ObservedPerson], paths: Sequence[Tracklet]) -> Uprightness:
-    """Return what the people in one camera say about the direction up.
+    """Return the evidence of the people in one camera for the direction up.
 
     The axis of a body lies in the plane of its torso and its feet or shoulders in the image; a
     torso stays at one height while its person walks.

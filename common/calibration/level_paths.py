@@ -11,8 +11,8 @@ from common.calibration.tracklets import LIMBS_COUNT, STEP_S, Tracklet
 from people4d.messages import F64, CameraInfo
 
 BOOL = npt.NDArray[np.bool_]
-MARGIN = 0.1  # of the image in which people may be missed
-NEAR_M, FAR_SHARE = 1.2, 0.8  # depth in which people are found, share of the largest
+MARGIN = 0.1  # share of the image at its border in which people may be missed
+NEAR_M, FAR_SHARE = 1.2, 0.8  # depth range of reliable detections, share of the maximum
 
 
 @dataclass(frozen=True)

@@ -11,13 +11,13 @@ from common.geometry.transforms import deproject
 from people4d.messages import F64, U16, CameraInfo, Detection, Detections
 from people4d.messages.base import MAX_CAMERAS
 
-FRAMES_MAX = 60_000  # of one camera: 33 minutes at 30 Hz
+FRAMES_MAX = 60_000  # frames of one camera: 33 minutes at 30 Hz
 SHOULDERS, HIPS, ANKLES = [5, 6], [11, 12], [15, 16]  # COCO
-CONTRADICTIONS_MAX = 10  # of a camera that is started anew, or whose detectors are
+CONTRADICTIONS_MAX = 10  # contradictions after a restart of a camera or its detector
 LIMBS = [5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16]  # shoulders to ankles
-DEPTHS_MAX, DEPTH_EVERY_NS = 60, 1_000_000_000  # images of a camera, and between two of them
-CONFIDENCE_MIN = 0.3  # of keypoints that are used
-LIMB_CONFIDENCE_MIN = 0.6  # hidden ones are guessed
+DEPTHS_MAX, DEPTH_EVERY_NS = 60, 1_000_000_000  # images of a camera, [ns] between two of them
+CONFIDENCE_MIN = 0.3  # minimum confidence of shoulders, hips and ankles
+LIMB_CONFIDENCE_MIN = 0.6  # minimum confidence of limbs: hidden ones are guessed
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,7 @@ class ObservedPerson:
 
     position_m: F64  # 3, torso
     low_ray: F64 | None  # 3, towards the middle of the ankles, or of the hips; None: not found
-    is_low_ankle: bool  # of low_ray: ankles
+    is_low_ankle: bool  # low_ray is of the ankles
     high_ray: F64 | None  # 3, towards the middle of the shoulders
     limbs: F64 | None = None  # 12x2, rays to shoulders ... ankles at z = 1, NaN: not found
 
@@ -49,10 +49,10 @@ class CameraObservations:
     frames: list[ObservedFrame] = field(default_factory=list)
     delay_ns: int | None = None  # least time from stamp to arrival, on two clocks
     unlocated: int = 0  # people without a position
-    sequence: int = -1  # of the last frame
+    sequence: int = -1  # sequence number of the last frame
     depths_mm: deque[U16] = field(default_factory=lambda: deque(maxlen=DEPTHS_MAX))  # thinned
     depth_ns: int | None = None  # stamp of the last of these
-    contradictions: int = 0  # frames that are later by their stamp and not by their number
+    contradictions: int = 0  # frames whose stamp rises and whose number does not
 
     @property
     def people(self) -> int:
@@ -78,7 +78,7 @@ class CameraObservations:
 
 
 class ObservationCollector:
-    """Collects what a calibration needs from messages."""
+    """Collects the observations of a calibration from messages."""
 
     def __init__(self) -> None:
         self._cameras: dict[str, CameraObservations] = {}
@@ -90,7 +90,7 @@ class ObservationCollector:
         return sorted((c for c in self._cameras.values() if c.frames), key=lambda c: c.camera)
 
     def copy(self) -> "ObservationCollector":
-        """Return what was collected so far, which later messages do not change."""
+        """Return a copy that later messages do not change."""
         other = ObservationCollector()
         other._cameras = {
             name: replace(camera, frames=list(camera.frames), depths_mm=camera.depths_mm.copy())
@@ -106,13 +106,13 @@ class ObservationCollector:
         return known.depth_ns is None or not 0 <= stamp_ns - known.depth_ns < DEPTH_EVERY_NS
 
     def add_depth(self, camera: str, stamp_ns: int, depth_mm: U16) -> None:
-        """Take a depth image (HxW) of a camera, for the floor."""
+        """Store a depth image (HxW) of a camera, for the floor."""
         known = self._cameras[camera]
         known.depth_ns = stamp_ns
         known.depths_mm.append(thinned(depth_mm))
 
     def add(self, message: CameraInfo | Detections, arrived_ns: int) -> None:
-        """Take a message; frames that go back in time, or are too many, are counted and dropped.
+        """Store a message; late frames, and frames beyond a limit, are counted and dropped.
 
         Args:
             message: Calibration or detections of any camera.

@@ -1,7 +1,7 @@
-"""Relative pose and clock offset of two cameras, from paths whose persons are not known.
+"""Relative pose and clock offset of two cameras, from paths of unidentified people.
 
-Each pair of paths that overlap in time proposes a pose for each offset of the clocks; the pose that
-brings the most people of both cameras together, and lets the fewest vanish, is taken.
+Each pair of paths that overlap in time proposes a pose for each offset of the clocks. The pose with
+the most matched and the fewest missing people is used.
 """
 
 from dataclasses import dataclass, replace
@@ -12,16 +12,16 @@ from common.calibration.level_paths import LevelPaths
 from common.calibration.tracklets import STEP_S
 from people4d.messages import F64
 
-OVERLAP_STEPS = 15  # of two paths that propose a pose
-EXTENT_M = 0.6  # of the shorter of them
-RMS_MAX_M = 0.15  # of their distance at the proposed pose
-PROPOSALS_MAX = 240  # that are scored
-GATE_M, HEIGHT_GATE_M = 0.3, 0.3  # of two positions of one person
-APART_M = 0.7  # a person without another so near is missing in the other camera
+OVERLAP_STEPS = 15  # minimum overlap of two paths that propose a pose
+EXTENT_M = 0.6  # minimum extent of these paths
+RMS_MAX_M = 0.15  # maximum RMS distance of these paths at the proposed pose
+PROPOSALS_MAX = 240  # maximum number of scored proposals
+GATE_M, HEIGHT_GATE_M = 0.3, 0.3  # maximum distance of two positions of one person
+APART_M = 0.7  # distance beyond which a person is missing in the other camera
 MISSING_WEIGHT = 0.5
-DISTINCT_M, DISTINCT_RAD, DISTINCT_S = 0.5, 0.25, 0.35  # of two different answers
-REFINED = 4  # answers that are refined
-ROUNDS = 6
+DISTINCT_M, DISTINCT_RAD, DISTINCT_S = 0.5, 0.25, 0.35  # minimum difference of two distinct poses
+REFINED = 4  # number of refined poses
+ROUNDS = 6  # rounds of the refinement
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,10 +71,10 @@ def match_pair(a: LevelPaths, b: LevelPaths, offset_s: float, search_s: float) -
     """Return the pose of camera b in a, with its clock.
 
     Args:
-        a: The one camera.
-        b: The other.
-        offset_s: Expected clock of b minus that of a.
-        search_s: Largest difference from that.
+        a: Reference camera.
+        b: Camera whose pose is returned.
+        offset_s: Expected clock of b minus the clock of a [s].
+        search_s: Maximum difference from the expectation [s].
     """
     shifts = range(round((offset_s - search_s) / STEP_S), round((offset_s + search_s) / STEP_S) + 1)
     proposals = _proposals(a, b, shifts)
@@ -154,7 +154,7 @@ def _distances(pa: F64, pb: F64) -> F64:
 
 
 def score(a: LevelPaths, b: LevelPaths, pose: LevelPose) -> LevelPose:
-    """Return a pose with its score: people together, less those who are missing."""
+    """Return a pose with its score: matched positions less missing ones."""
     rows_a, rows_b = _overlap(a, b, round(pose.offset_s / STEP_S))
     pa, pb = a.positions_m[rows_a], pose.apply(b.positions_m[rows_b])
     if not len(pa):
@@ -162,7 +162,7 @@ def score(a: LevelPaths, b: LevelPaths, pose: LevelPose) -> LevelPose:
     distance = _distances(pa, pb)
     matched = int((distance.min(axis=1) < GATE_M).sum())
     back = (pa - pose.translation_m) @ pose.rotation
-    # One who is missing in the other camera, though it finds people there.
+    # Missing in the other camera, in the region of its reliable detections.
     lone_b = a.in_view(pb) & ~np.isnan(pb[..., 0]) & (distance.min(axis=1) > APART_M)
     lone_a = b.in_view(back) & ~np.isnan(pa[..., 0]) & (distance.min(axis=2) > APART_M)
     missing = int(lone_a.sum() + lone_b.sum())

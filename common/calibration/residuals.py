@@ -1,7 +1,7 @@
 """Residuals of people and floors as a function of the poses and clocks of all cameras.
 
-A residual is the difference of a camera's position of a person from the mean of all cameras at that
-time, weighted by their covariances, or that of the floors or the directions up of all cameras.
+A residual is the difference of a camera's position of a person from the mean of all cameras at the
+same time, weighted by their covariances. Floors and directions up have residuals of the same form.
 """
 
 from collections.abc import Mapping
@@ -17,19 +17,23 @@ from common.calibration.tags.fusion import TagPose, fuse
 from common.geometry.transforms import transform_from
 from people4d.messages import F64
 
-ACROSS_SIGMA_M, DEPTH_SIGMA_M, DEPTH_SIGMA_PER_M = 0.02, 0.02, 0.001  # at depth z: s + k z^2
-LIMB_ACROSS_SIGMA_M = 0.02
-LIMB_ALONG_SIGMA_M = 1.0  # of joints at the distance of the torso, which is not theirs
-BIAS_SIGMA_M = 0.02  # of the cameras about their mean, which all have by one estimator
-COMMON_BIAS_SIGMA_M = 0.1  # of that mean: the surface lies before the axis of the body
-DRIFT_SIGMA = 1e-4  # 100 ppm
-SCALE_SIGMA = 0.1
-COMMON_SCALE_SIGMA = 1e-3
-UP_SIGMA_RAD = 0.007  # of the direction up that each camera sees by itself
+ACROSS_SIGMA_M, DEPTH_SIGMA_M, DEPTH_SIGMA_PER_M = (
+    0.02,
+    0.02,
+    0.001,
+)  # [m] error at depth z: s + k z^2
+LIMB_ACROSS_SIGMA_M = 0.02  # [m] error of joints across their ray
+LIMB_ALONG_SIGMA_M = 1.0  # [m] error of joints along their ray, whose distance is the torso's
+BIAS_SIGMA_M = 0.02  # [m] deviation of a camera from the mean bias
+COMMON_BIAS_SIGMA_M = 0.1  # [m] mean bias: the surface lies before the axis of the body
+DRIFT_SIGMA = 1e-4  # drift of clocks: 100 ppm
+SCALE_SIGMA = 0.1  # deviation of a scale from 1
+COMMON_SCALE_SIGMA = 1e-3  # deviation of the mean scale from 1
+UP_SIGMA_RAD = 0.007  # [rad] error of the direction up of a single camera
 CORRELATED = 6.0  # consecutive positions, 0.1 s apart, that count as one
 POSE, CLOCK, BIAS, SCALE = slice(0, 6), slice(6, 8), slice(8, 9), slice(9, 11)
-STEP = 1e-6  # of derivatives
-PARAMETERS = 11  # of a camera
+STEP = 1e-6  # step of numeric derivatives
+PARAMETERS = 11  # parameters of a camera
 
 
 class Residuals:
@@ -38,7 +42,7 @@ class Residuals:
     groups: Groups
 
     def __init__(self, ups: F64) -> None:
-        """Args: ups: directions up of all cameras (Cx3) as people show them, optical frames."""
+        """Args: ups: directions up by the people in each camera (Cx3), optical frames."""
         self._count, self._people_up = len(ups), ups
         self.set_floors({})
         self._free = np.zeros((len(ups), PARAMETERS), np.bool_)
@@ -46,7 +50,7 @@ class Residuals:
         self._free[:, BIAS] = True
 
     def set_floors(self, floors: Mapping[int, MeasuredFloor]) -> None:
-        """Take the floors that cameras see, by number; they replace what people show of up."""
+        """Set the floors by number of their camera; they replace the people's direction up."""
         self._floors = dict(floors)
         self._ups, self._up_sigmas = self._people_up.copy(), np.full(self._count, UP_SIGMA_RAD)
         for k, floor in floors.items():
@@ -69,7 +73,7 @@ class Residuals:
         )
 
     def floor_differences(self, x: F64) -> dict[int, tuple[float, float]]:
-        """Return by how much [m, rad] each floor differs from that of all."""
+        """Return the difference [m, rad] of each floor from the common one."""
         common = self.floor(x)
         if common is None:
             return {}
@@ -91,7 +95,7 @@ class Residuals:
     def _moved(self, x: F64) -> tuple[F64, F64, F64]:
         """Return positions and rays (GxCx3) in the frame of the reference, and sigmas (2xGxC).
 
-        The sigmas are those across the ray and along it.
+        The sigmas are across the ray and along it.
         """
         g = self.groups
         turns = Rotation.from_rotvec(x[:, :3]).as_matrix()
@@ -123,7 +127,7 @@ class Residuals:
         return np.asarray((apart / across + rays * on_ray * (1 / along - 1 / across)) * has)
 
     def residuals(self, x: F64) -> F64:
-        """Return whitened differences, and what was known before."""
+        """Return whitened differences, followed by the priors."""
         ups, heights_m = self._levels(x)
         known = [
             ((ups - _mean(ups, self._up_sigmas)) / self._up_sigmas[:, None]).ravel(),

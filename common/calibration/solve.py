@@ -19,8 +19,8 @@ from common.calibration.tracklets import Tracklet, tracklets
 from common.geometry.transforms import apply
 from people4d.messages import F64
 
-SEARCH_S = 1.0  # by which clocks may differ from what times of arrival say
-HEIGHTS_MIN = 20  # people with ankles in view, for the height of the floor
+SEARCH_S = 1.0  # [s] maximum difference of clocks from the times of arrival
+HEIGHTS_MIN = 20  # minimum number of people with visible ankles for the height of the floor
 TORSO_M = 1.08  # height of a torso over the floor where no ankles are in view
 
 
@@ -28,13 +28,13 @@ TORSO_M = 1.08  # height of a torso over the floor where no ankles are in view
 class CalibrationResult:
     """Poses and clocks of all cameras."""
 
-    reference: str  # camera whose clock is that of all
+    reference: str  # camera that defines the origin and the clock
     map_from_camera: Mapping[str, F64]  # 4x4, optical frame, by camera
     poses: Mapping[str, CameraPose]  # in the optical frame of the reference
     adjustment: AdjustmentResult
     contradicting: Sequence[Pair]  # pairs that were left out
     frames: Mapping[str, str]  # optical frame by camera
-    # on whose feet the height of the floor rests if depth has none; 0: on usual statures
+    # Number of people whose feet give the floor if depth has none; 0: usual statures give it
     floor_people: int
     paths_m: Mapping[str, Sequence[F64]]  # Nx3 each, of all people by camera, frame: map
 
@@ -46,17 +46,17 @@ def calibrate(
     search_s: float = SEARCH_S,
     tags: Mapping[str, TagPose] | None = None,
 ) -> CalibrationResult:
-    """Return the poses and clocks of cameras from the people who walked before them.
+    """Return the poses and clocks of cameras from people who walked in their view.
 
     Args:
-        observed: What each camera saw.
+        observed: Observations of each camera.
         reference: Camera that is the origin; empty: the first by name.
         map_from_reference: Its pose (4x4); None: the map is on the floor below it, x forward.
-        search_s: Largest offset of clocks beyond what times of arrival say.
-        tags: Poses by tags of the cameras that see some, which join the others.
+        search_s: Maximum offset of clocks beyond the times of arrival [s].
+        tags: Poses by tags, of the cameras that see tags.
 
     Raises:
-        CalibrationError: The people do not determine the poses; says what is missing.
+        CalibrationError: The people do not determine the poses.
     """
     names = [c.camera for c in observed]
     reference = reference or min(names, default="")

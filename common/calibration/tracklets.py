@@ -10,15 +10,15 @@ from scipy.signal import savgol_filter
 from common.calibration.observations import LIMBS, ObservedFrame, ObservedPerson
 from people4d.messages import F64
 
-STEP_S = 0.1  # of the grid
+STEP_S = 0.1  # [s] step of the grid
 FINE = 4  # steps of smoothing in one of the grid
 WINDOW = 21  # fine steps in a window of smoothing: 0.5 s
-GAP_S = 0.45  # longest without a detection
-LIMB_GAP_S = 0.25  # longest without a joint
+GAP_S = 0.45  # [s] longest gap without a detection
+LIMB_GAP_S = 0.25  # [s] longest gap without a joint
 LIMBS_COUNT = len(LIMBS)
-GATE_M, SPEED_MAX_MPS = 0.35, 2.5  # of detections of one person, on top of the prediction
-CLOSE_M = 0.6  # two people so near may be exchanged: their tracks end
-LENGTH_S = 0.8  # of the shortest track
+GATE_M, SPEED_MAX_MPS = 0.35, 2.5  # maximum distance from the prediction, and its growth
+CLOSE_M = 0.6  # [m] distance below which two people may be exchanged: their tracks end
+LENGTH_S = 0.8  # [s] shortest track
 
 
 @dataclass(frozen=True, slots=True)

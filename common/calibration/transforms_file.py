@@ -16,7 +16,7 @@ if TYPE_CHECKING:  # solving needs scipy, reading does not
     from common.calibration.solve import CalibrationResult
 
 MAP = "map"
-RIGID_M = 1e-4  # by which rows may differ from those of a rotation
+RIGID_M = 1e-4  # tolerance of a rotation matrix
 Row: TypeAlias = tuple[float, float, float, float]
 
 
@@ -27,7 +27,7 @@ class CameraEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     matrix: tuple[Row, Row, Row, Row]  # [m] map_from_optical
     sigma_m: float = 0.0  # [m] standard deviation of the position, against the reference
     sigma_deg: float = 0.0  # [deg] of the rotation
-    clock_offset_ms: float = 0.0  # [ms] its stamps minus those of the reference
+    clock_offset_ms: float = 0.0  # [ms] its clock minus the reference's
     pairs: dict[str, float] = {}  # [s] in which it and another camera saw one person
 
 
@@ -39,7 +39,7 @@ class TransformsFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
 
 
 def write_transforms(path: Path, calibration: "CalibrationResult") -> None:
-    """Write the poses of a calibration; the file is never there by half.
+    """Write the poses of a calibration in one step.
 
     Raises:
         SourceError: It cannot be written.
@@ -107,14 +107,14 @@ def read_pose(path: Path, camera: str) -> F64:
 
 
 def check_tree(transforms: Sequence[StaticTransform], frames: Mapping[str, str]) -> None:
-    """Check that the optical frames of cameras may hang on the map.
+    """Check that the map may become the parent of the cameras' optical frames.
 
     Args:
-        transforms: Those that are published now.
+        transforms: Transforms that are published now.
         frames: Optical frame by camera.
 
     Raises:
-        CalibrationError: A camera hangs on a base, or the transforms form a loop.
+        CalibrationError: A camera is on a base, or the transforms form a loop.
     """
     parents = {t.child: t.parent for t in transforms}
     if loop := find_loop(parents):

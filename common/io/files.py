@@ -8,9 +8,9 @@ from typing import Any
 
 import yaml
 
-MAX_TEXT_BYTES = 2**20  # of a configuration, a calibration, a list of settings
-MAX_CHARACTERS = 2**18  # of YAML
-MAX_DEPTH = 32  # of nested lists and maps
+MAX_TEXT_BYTES = 2**20  # limit of a configuration, a calibration, a list of settings
+MAX_CHARACTERS = 2**18  # limit of YAML
+MAX_DEPTH = 32  # limit of nested lists and maps
 
 # libyaml's loader, where installed, does not recurse and is quick.
 EVENTS: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -19,7 +19,7 @@ EVENTS: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 def read_bytes(path: Path, limit: int) -> bytes:
     """Read a file into memory; OSError if it cannot be read or has more bytes than the limit."""
     with path.open("rb") as file:
-        # The reported size may be wrong; that of a pipe is 0.
+        # The reported size may be wrong; the size of a pipe is 0.
         data = file.read(min(limit, os.fstat(file.fileno()).st_size) + 1)
         while len(data) <= limit and (more := file.read(limit + 1 - len(data))):
             data += more
@@ -40,7 +40,7 @@ def write_private(path: Path, content: bytes) -> None:
 
 
 def replace_file(path: Path, content: bytes, mode: int = 0o666) -> None:
-    """Replace a file by one of a mode, less the process's mask; it is never there by half.
+    """Replace a file by one of a mode, less the process's mask; a reader never sees a part of it.
 
     Raises:
         OSError: The file cannot be written.

@@ -10,9 +10,9 @@ MAX_FILE_BYTES = 64 * 2**20
 # Deflate packs at most 1032 to one, and a JPEG takes at least a bit for each block of 8x8: a
 # larger size is false, but a decoder would allocate it.
 MAX_PIXELS_PER_BYTE = 1100
-MAX_SEGMENTS = 1024  # of a JPEG before its size; a colour profile of 16 MB takes 256
-MAX_SCANS = 64  # of a JPEG: each may take as long as the image itself; ten are usual
-MAX_CHUNKS = 65536  # of a PNG
+MAX_SEGMENTS = 1024  # segments of a JPEG before its size; a colour profile of 16 MB takes 256
+MAX_SCANS = 64  # scans of a JPEG: each may take as long as the image itself; ten are usual
+MAX_CHUNKS = 65536  # chunks of a PNG
 MAX_PACKED = 4  # packed texts and profiles of a PNG, which unpack to 8 MB each and stay in memory
 
 JPEG, PNG = b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n"

@@ -57,8 +57,8 @@ def encode_jpeg(rgb: U8, quality: int = 90) -> bytes:
 def encode_png16(depth_mm: U16, level: int = 1, smooth: bool = False) -> bytes:
     """Encode depth (HxW) as 16-bit PNG; levels 0 to 9 trade time for size.
 
-    Smooth depth has no noise, as that of a simulation: stored as differences from the row above it
-    is a third smaller. With a sensor's noise differences only cost.
+    Smooth depth has no noise, as in a simulation: differences from the row above make its file a
+    third smaller. With a sensor's noise they do not.
     """
     row_filter = cv2.IMWRITE_PNG_FILTER_UP if smooth else cv2.IMWRITE_PNG_FILTER_NONE
     settings = [cv2.IMWRITE_PNG_COMPRESSION, level, cv2.IMWRITE_PNG_FILTER, row_filter]

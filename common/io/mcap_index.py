@@ -14,8 +14,8 @@ from mcap.records import Channel, Header, Metadata
 from people4d.errors import DecodeError, SourceError
 
 MAGIC = b"\x89MCAP0\r\n"
-MAX_HEADER_BYTES = 2**20  # of a header, channel or metadata record
-MAX_DESCRIPTION_BYTES = 16 * 2**20  # of all of them
+MAX_HEADER_BYTES = 2**20  # limit of a header, channel or metadata record
+MAX_DESCRIPTION_BYTES = 16 * 2**20  # limit of all these records
 MAX_MESSAGES = 10_000_000  # 90 hours of frames at 30 Hz; bounds the memory of the index
 MAX_CHANNELS = 4096
 MAX_METADATA = 256
@@ -24,7 +24,7 @@ _RECORD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
 _CHUNK = struct.Struct("<QQQII")
 _LENGTH = struct.Struct("<Q")
-_OPCODES = frozenset({*Opcode, *range(0x80, 0x100)})  # those of MCAP and of private extensions
+_OPCODES = frozenset({*Opcode, *range(0x80, 0x100)})  # opcodes of MCAP and of private extensions
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,10 +44,10 @@ class McapIndex:
     profile: str = ""
     entries: list[MessageEntry] = field(default_factory=list)
     truncated: bool = False  # the file is cut short or damaged; messages before are there
-    topics: dict[int, str] = field(default_factory=dict)  # by number of the channel
+    topics: dict[int, str] = field(default_factory=dict)  # topic by number of the channel
     encodings: dict[str, str] = field(default_factory=dict)  # encoding of messages by topic
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)  # metadata records by name
-    description_bytes: int = 0  # of headers, channels and metadata records read so far
+    description_bytes: int = 0  # [bytes] headers, channels and metadata records read so far
 
 
 def read_profile(path: Path) -> str:

@@ -13,8 +13,8 @@ import numpy.typing as npt
 
 from common.io.files import read_bytes
 
-MAX_BYTES = 256 * 2**20  # of one array
-MAX_HEADER_BYTES = 4096  # of the text with type and shape
+MAX_BYTES = 256 * 2**20  # limit of one array
+MAX_HEADER_BYTES = 4096  # limit of the text with type and shape
 NUMBERS = "biuf"  # kinds of numpy types: booleans, integers, floats
 # Other compressions unpack any number of bytes at once, whatever size is declared.
 PACKINGS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)

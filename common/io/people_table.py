@@ -13,9 +13,9 @@ Cell: TypeAlias = str | int | float | None  # None: unknown, or not of this kind
 class Column:
     """One column."""
 
-    name: str  # its name, unit at the end
+    name: str  # name with the unit at its end
     kind: type[str | int | float]  # type of its cells; an empty cell is possible where `optional`
-    meaning: str  # its content
+    meaning: str  # description of the content
     optional: bool = False  # A cell may be empty
 
 
@@ -32,7 +32,7 @@ COLUMNS = (
     Column("vy_mps", float, "[m/s]", optional=True),
     Column("vz_mps", float, "[m/s]", optional=True),
     Column("yaw_rad", float, "[rad] direction of the chest, 0 = +x, (-pi, pi]", optional=True),
-    Column("path_yaw_rad", float, "[rad] truth: direction of walking, likewise", optional=True),
+    Column("path_yaw_rad", float, "[rad] truth: direction of walking, (-pi, pi]", optional=True),
     Column("state", str, "track: `tentative`, `confirmed`, `lost` (only predicted)", optional=True),
     Column("unseen_s", float, "[s] track: since the last match", optional=True),
     Column("score", float, "track: confidence of the last detection, 0 to 1", optional=True),

@@ -23,14 +23,14 @@ from people4d.codec import MAX_BYTES
 from people4d.errors import SourceError
 
 PEOPLE = "people_msgs/msg/People"
-# Of the definitions that are shipped, those that bags hold, of ROS 1, too.
+# Shipped definitions that occur in bags of ROS 1 and ROS 2
 SHIPPED = ("people_msgs/msg/Person", PEOPLE, "realsense2_camera_msgs/msg/RGBD")
 
-ANY_DIGEST = "*"  # of ROS 1 publishers that relay any type: the name of the type counts
+ANY_DIGEST = "*"  # digest of ROS 1 publishers that relay any type: only the type's name is compared
 
 
 def make_typestore(version: int, definitions: Mapping[str, str]) -> Typestore:
-    """Return the types of ROS 1 (Noetic) or ROS 2 (Humble), those of SHIPPED, and further ones.
+    """Return the types of ROS 1 (Noetic) or ROS 2 (Humble), with SHIPPED and further types.
 
     Definitions are texts of further types by name, in the order of their dependencies.
     """

@@ -1,4 +1,4 @@
-"""Files of a ROS bag, and what a recorder that was killed leaves of them."""
+"""Files of a ROS bag, also of a recorder that was killed."""
 
 from pathlib import Path
 
@@ -6,8 +6,10 @@ from common.io.mcap_index import read_profile
 from people4d.errors import SourceError
 
 ROS1_PROFILE = "ros1"
-WAL_HEADER_BYTES = 32  # of a write-ahead log without messages
-JOURNAL_MAGIC = b"\xd9\xd5\x05\xf9\x20\xa1\x63\xd7"  # of a journal whose changes are not undone
+WAL_HEADER_BYTES = 32  # [bytes] write-ahead log without messages
+JOURNAL_MAGIC = (
+    b"\xd9\xd5\x05\xf9\x20\xa1\x63\xd7"  # start of a journal whose changes are not undone
+)
 REPAIR = "import sqlite3; sqlite3.connect('{}').execute('PRAGMA wal_checkpoint(TRUNCATE)')"
 
 
@@ -63,15 +65,15 @@ def bag_path(path: Path) -> Path:
 def _is_of_ros1(path: Path) -> bool:
     try:
         return read_profile(path) == ROS1_PROFILE
-    except SourceError:  # the reader says what it is
+    except SourceError:  # the reader raises the error
         return False
 
 
 def check_written(database: Path) -> None:
-    """Check that all messages of a SQLite file are in it, and not in a log beside it.
+    """Check that no messages of a SQLite file are in a log next to it.
 
     Raises:
-        SourceError: A log beside it holds messages, as a recorder that is killed leaves it.
+        SourceError: A log next to it holds messages: its recorder was killed.
     """
     wal, journal = (database.with_name(f"{database.name}{end}") for end in ("-wal", "-journal"))
     if wal.is_file() and wal.stat().st_size > WAL_HEADER_BYTES:

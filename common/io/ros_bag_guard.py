@@ -1,7 +1,7 @@
 """Limits of a ROS bag, checked before and while rosbags reads it.
 
-rosbags trusts a file: the unpacked size of chunks, the number of chunks, what a database computes,
-the types that code is generated for. Each is bounded here.
+rosbags trusts a file: the unpacked size of chunks, the number of chunks, views and computed columns
+of a database, YAML. Each is bounded here.
 """
 
 import contextlib
@@ -26,11 +26,11 @@ from ruamel.yaml.nodes import MappingNode
 from common.io.files import MAX_CHARACTERS, inside, parse_yaml, read_text
 from common.io.ros_bag_files import check_written
 
-MAX_CHUNK_BYTES = 256 * 2**20  # of one chunk, unpacked; bags are written in chunks of one megabyte
-MAX_OPEN_BYTES = 512 * 2**20  # of all chunks whose times overlap: they are in memory together
-MAX_RATIO = 200  # of a compressed file; images shrink to a third or a tenth
-MAX_FILES = 1024  # of a ROS 2 bag
-MAX_STEPS = 10**8  # of the database during the check: seconds
+MAX_CHUNK_BYTES = 256 * 2**20  # limit of one unpacked chunk; bags are written in chunks of 1 MB
+MAX_OPEN_BYTES = 512 * 2**20  # limit of chunks whose times overlap: they share memory
+MAX_RATIO = 200  # limit of the compression of a file; images shrink to 1/3 or 1/10
+MAX_FILES = 1024  # files of a ROS 2 bag
+MAX_STEPS = 10**8  # steps of the database during the check: seconds
 BLOCK_BYTES = 2**20
 YAML_MAP, YAML_MERGE = "tag:yaml.org,2002:map", "tag:yaml.org,2002:merge"
 

@@ -39,11 +39,11 @@ class ModelFile(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
     kind: Printable
     # Name in one of the model folders
     file: Annotated[str, Rule("a plain file name", lambda name: bool(FILE_NAME.fullmatch(name)))]
-    licence: Printable  # of the weights, as their source states it
+    licence: Printable  # licence of the weights, as their source states it
     input: Printable  # shape, range and colour order of the input
     get: Printable  # how to get or make the file, commands included
     url: Printable = ""  # page of the source; empty: none
-    score_scale: Positive = 1.0  # its scores are so many times those of its kind
+    score_scale: Positive = 1.0  # factor of its scores relative to other models of its kind
     # Of the file; empty: every export differs, so any file is taken
     sha256: Annotated[str, Rule("64 hexadecimal digits", lambda t: bool(SHA256.fullmatch(t)))] = ""
 

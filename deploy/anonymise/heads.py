@@ -1,4 +1,4 @@
-"""Rectangles that cover heads, and how they go on while nothing is detected."""
+"""Rectangles that cover heads, also between detections."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,17 +17,17 @@ HEADS_TALL = 6.0  # heads in the height of a person, fewer than the usual 7.5: t
 SHOULDER_SHARE = 0.6  # size of a head as a share of the distance of the shoulders
 SIDE, ABOVE, BELOW = 0.8, 0.4, 1.2  # margins of the cover, in sizes of a head
 LINK_IOU = 0.2  # overlap from which two boxes of successive frames are one person
-GAP_S = 2.0  # without a detection, over which the cover is interpolated
-HOLD_S = 0.5  # before the first detection and after the last, for which the cover stays
-GROWTH = 0.5  # of the cover's sides within HOLD_S
+GAP_S = 2.0  # [s] longest gap over which the cover is interpolated
+HOLD_S = 0.5  # [s] time of the cover before the first detection and after the last
+GROWTH = 0.5  # growth of the cover's sides within HOLD_S
 
 
 @dataclass(frozen=True, slots=True)
 class Cover:
     """Cover of a head in one frame."""
 
-    box_xyxy_px: F64  # 4, of the person
-    head_xyxy_px: F64  # 4, what is blacked out
+    box_xyxy_px: F64  # 4, box of the person
+    head_xyxy_px: F64  # 4, area that is blacked out
 
 
 def cover_of(box_xyxy_px: F32, keypoints: F32 | None) -> Cover:
@@ -52,7 +52,7 @@ def cover_of(box_xyxy_px: F32, keypoints: F32 | None) -> Cover:
         if len(shoulders) == 2:
             size = max(size, SHOULDER_SHARE * float(np.linalg.norm(shoulders[1] - shoulders[0])))
         points = face if len(face) else shoulders
-    if not len(points):  # nothing says where in the box the head is: all of its upper part
+    if not len(points):  # without keypoints: the whole upper part of the box
         head = np.array([left - size / 4, top - ABOVE * size, right + size / 4, top + 2 * size])
         return Cover(box, head)
     crown = np.array([[float(points[:, 0].mean()), top]])

@@ -23,10 +23,10 @@ from services.detector.config import ModelSettings
 from services.detector.models.base import PersonModel
 from services.detector.models.registry import load_model
 
-# Lower than the detector's own: a cover too many costs little, a face too many does.
+# Below the detector's own threshold: a false cover costs less than a visible face
 SCORE_MIN = 0.02
 PEOPLE_MAX = 30
-QUALITY = 90  # of JPEG
+QUALITY = 90  # JPEG quality
 OnProgress = Callable[[float], object]
 
 
@@ -48,8 +48,8 @@ def model() -> PersonModel:
 def detect(rgb: U8, network: PersonModel) -> list[Cover]:
     """Return the covers of the people in an image, HxWx3.
 
-    The image is searched as a whole and in two halves that overlap, in which people who are small
-    or cut by its edge are found more often.
+    The model runs on the whole image and on two overlapping parts, which raise the recall of people
+    who are small or cut by the border.
     """
     found = [cover_of(p.box_xyxy_px, p.keypoints) for p in network.detect(rgb)]
     width = rgb.shape[1]

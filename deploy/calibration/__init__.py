@@ -1,1 +1,1 @@
-"""Result of a calibration, for people."""
+"""Page with the result of a calibration."""

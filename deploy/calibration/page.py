@@ -1,4 +1,4 @@
-"""Page with the map of a calibration: cameras, their views and what they saw, and residuals."""
+"""Page with the map of a calibration: cameras, their views, paths of people, and residuals."""
 
 from collections.abc import Sequence
 from html import escape
@@ -19,7 +19,7 @@ STYLE = (
 
 
 def write_page(path: Path, found: CalibrationResult) -> None:
-    """Write the page, which loads nothing.
+    """Write the page; it loads nothing.
 
     Raises:
         SourceError: It cannot be written.
@@ -27,7 +27,7 @@ def write_page(path: Path, found: CalibrationResult) -> None:
     parts = [
         "<!doctype html><meta charset=utf-8><title>Calibration</title>",
         f"<style>{STYLE}</style><h1>Calibration by walking</h1>",
-        "<p>Paths of people as each camera has them: where it is right, they lie on each other. "
+        "<p>Paths of people in each camera; they coincide if the poses are right. "
         "A square is 1 m.</p>",
         _map(found),
         "<h2>Cameras</h2>",
@@ -67,7 +67,7 @@ def write_page(path: Path, found: CalibrationResult) -> None:
 
 
 def floor_text(found: CalibrationResult) -> str:
-    """Return what the floor rests on."""
+    """Return the basis of the floor as a sentence."""
     adjustment = found.adjustment
     if adjustment.floor:
         names, sigma_cm = ", ".join(adjustment.floor_cameras), 100 * adjustment.floor.sigma_m

@@ -81,7 +81,7 @@ class SingleFile(RecorderOutput):
 
 
 class RotatingParts(RecorderOutput):
-    """Output to parts, of which the oldest are deleted beyond a limit.
+    """Output to parts; the oldest are deleted beyond a limit.
 
     Args:
         path: NAME.mcap.
@@ -119,7 +119,7 @@ class BufferedMessage(NamedTuple):
 
 
 class EventFiles(RecorderOutput):
-    """Output to a file for each event, from some seconds before it to some after the last.
+    """Output to a file for each event, with some seconds before and after it.
 
     Waiting messages are bounded in bytes as well: the oldest are left out and counted.
 

@@ -28,8 +28,8 @@ class Intrinsics(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     cx: float  # [px] principal point, horizontal
     cy: float  # [px] principal point, vertical
     distortion: tuple[float, ...] = ()  # k1 k2 p1 p2 k3 k4 k5 k6; 0, 4, 5 or 8 of them
-    width: int = 0  # [px] of its images; 0: any
-    height: int = 0  # [px] of its images; 0: any
+    width: int = 0  # [px] width of its images; 0: any
+    height: int = 0  # [px] height of its images; 0: any
 
 
 class Calibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -50,7 +50,7 @@ MAT_ROTATION, MAT_TRANSLATION = "R_d_to_rgb", "T_d_to_rgb"  # 3x3, [m] 3, colour
 
 
 def read_calibration(path: Path) -> Calibration:
-    """Read a calibration of one of the kinds below; SourceError if it is incomplete."""
+    """Read a calibration file; SourceError if it is incomplete or of another format."""
     readers: dict[str, Callable[[], Calibration]] = {
         ".toml": lambda: _from_table(parse_toml(read_text(path))),
         ".json": lambda: _from_table(json.loads(read_text(path))),
@@ -142,7 +142,7 @@ def registration(
 
 
 def _from_table(table: Mapping[str, Any]) -> Calibration:
-    """Read [colour], [depth] and so on, or of colour alone fx, fy, cx, cy or Open3D's matrix."""
+    """Read the fields of Calibration, or of colour alone fx, fy, cx, cy or Open3D's matrix."""
     if "intrinsic_matrix" in table:
         matrix, size = table["intrinsic_matrix"], (table["width"], table["height"])
         return Calibration(colour=to_intrinsics(_square(matrix), (), *size))
@@ -187,7 +187,7 @@ def _square(numbers: Any) -> F64:
 
 
 def _from_npz(path: Path) -> Calibration:
-    """Read K and the poses T_world_cam, of which the first is the mount."""
+    """Read K and the poses T_world_cam; the first pose is the mount."""
     arrays = read_arrays(path, ["K"], ["T_world_cam"])
     poses = arrays.get("T_world_cam")
     colour = to_intrinsics(arrays["K"])

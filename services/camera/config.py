@@ -25,7 +25,7 @@ class MotionConfig(Config, frozen=True, kw_only=True):
 
     odometry: str = ""  # nav_msgs/Odometry, for example zenoh:odom; empty: none
     joints: str = ""  # sensor_msgs/JointState whose wheels make odometry; empty: none
-    wheels: WheelConfig = WheelConfig()  # of joints
+    wheels: WheelConfig = WheelConfig()  # geometry of the wheels of `joints`
     # tf2_msgs/TFMessage, for example ["zenoh:tf"]: parents of a camera that pans, tilts, swings
     transforms: tuple[str, ...] = ()
     offset_s: float = 0.0  # [s] added to their stamps: from the robot's clock to the camera's
@@ -47,18 +47,18 @@ class CameraConfig(Config, frozen=True, kw_only=True):
 
     source: str = ""  # path of a recording, bag or folder, or module:Class of a plug-in camera
     kind: str = "auto"  # recording, rosbag, folder or plugin; auto: found from the path
-    options: dict[str, Any] = msgspec.field(default_factory=dict)  # of the kind of source
+    options: dict[str, Any] = msgspec.field(default_factory=dict)  # options of the kind of source
     camera: NameOrEmpty = ""  # name in keys and messages; empty: the recording's, else "camera"
     max_depth_m: Positive | None = None  # [m] of valid readings; None: the source's, else 5
     mount_xyz_m: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m] camera_link in mount_parent
     mount_rpy_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [rad] about fixed x, y, z
-    # file of people4d calibrate with the pose of this camera, in place of the source's and mount_*
+    # File of people4d calibrate; its pose replaces the source's and mount_*
     transforms: str = ""
     mount_parent: Name = "map"  # frame of the mount; used if the source has no transform
-    motion: MotionConfig = MotionConfig()  # of the robot, beside the source's
+    motion: MotionConfig = MotionConfig()  # live motion of the robot, in addition to the source's
     playback: Literal["auto", "recorded", "lockstep", "live"] = "auto"  # auto: recorded, or live
-    speed: Positive = 1.0  # of recorded playback, 2 = twice as fast
-    # Frames that may be unanswered in lockstep
+    speed: Positive = 1.0  # speed of recorded playback, 2 = twice as fast
+    # Maximum number of unanswered frames in lockstep
     window: Annotated[int, Meta(ge=1, le=LOCKSTEP_MAX)] = 2
     answer: Literal["people", "detections"] = "people"  # topic whose stamp answers a frame
     answer_timeout_s: Positive = 5.0  # [s] until playback continues without the answer
@@ -67,7 +67,7 @@ class CameraConfig(Config, frozen=True, kw_only=True):
     duration_s: NonNegative = 0.0  # [s] of the recording to play; 0: all
     max_frames: Count = 0  # frames to send; 0: all
     stride: PositiveInt = 1  # send every n-th frame
-    # [Hz] at most so many frames are also sent as JPEG and PNG, which may leave the host; 0: none
+    # [Hz] maximum rate of compressed frames (JPEG and PNG), which may leave the host; 0: none
     compressed_hz: NonNegative = 0.0
     # [s] from calibration to the first frame of a recording, for late subscribers
     start_delay_s: NonNegative = 0.5

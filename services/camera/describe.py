@@ -39,10 +39,10 @@ class Description(msgspec.Struct, frozen=True, kw_only=True):
     topics: tuple[TopicCount, ...] = ()
     duration_s: float = 0.0  # [s] from the first to the last message or frame
     frames: int = 0  # colour images
-    calibration: CameraInfo | None = None  # of colour; None if it cannot be played
+    calibration: CameraInfo | None = None  # calibration of colour; None if it cannot be played
     registered: bool = False  # True: depth is moved into the view of colour while playing
     mounted_in: str = ""  # parent frame of the camera; empty if unknown
-    turned_deg: int = 0  # [deg] by which images are turned clockwise to be upright
+    turned_deg: int = 0  # [deg] clockwise turn that makes images upright
     has_odometry: bool = False
     unlinked_odometry: str = ""  # frame of odometry that no transform links to the map
     has_truth: bool = False  # motion capture, or the virtual lab's

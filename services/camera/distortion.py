@@ -13,11 +13,11 @@ PINHOLES = (
     *("", "none", "plumb_bob", "rational_polynomial"),
     *("brown_conrady", "inverse_brown_conrady", "modified_brown_conrady"),
 )
-LENGTHS = (0, 5, 8)  # of none, plumb_bob and rational_polynomial
+LENGTHS = (0, 5, 8)  # number of coefficients of none, plumb_bob and rational_polynomial
 
 
 def read_distortion(model: str, coefficients: npt.ArrayLike) -> tuple[float, ...]:
-    """Return 0, 5 or 8 coefficients, whose number tells the model; zeros at the end do not count.
+    """Return 0, 5 or 8 coefficients, the number of their model; zeros at the end are ignored.
 
     Raises:
         SourceError: The lens is not a pinhole, or has more coefficients than 8.

@@ -1,4 +1,4 @@
-"""Checks that the frames of a source are as declared, and names what is not."""
+"""Checks that the frames of a source are as declared, with the difference as a sentence."""
 
 import time
 from collections.abc import Mapping
@@ -11,10 +11,10 @@ from services.camera.ros.images import millimetres
 from services.camera.source import MotionMessage, SourceFrame, SourceItem, SourceSetup
 
 METRES_MAX = 50  # largest reading [mm] of a depth image in metres; sensors begin beyond
-RANGE_MAX_M = 65.535  # of 16 bits of millimetres
-GRID = 16  # [px] between the readings that are looked at
-HOPELESS_FRAMES = 20  # rejected, none accepted, after which a source is given up,
-HOPELESS_S = 3.0  # [s] but not before this time since the first
+RANGE_MAX_M = 65.535  # [m] range of 16 bits of millimetres
+GRID = 16  # [px] step between the readings that are checked
+HOPELESS_FRAMES = 20  # rejected frames, with none accepted, after which a source is given up
+HOPELESS_S = 3.0  # [s] minimum time from the first rejected frame until then
 
 
 class FrameCheck:

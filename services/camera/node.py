@@ -65,7 +65,7 @@ class CameraNode(Node):
         self.inputs = (ANSWERS[config.answer],) if self._lockstep else ()
         self._pacing = pacing_of(config, source.live)
         self._info: CameraInfo | None = None
-        self._turns = 0  # quarters by which images are turned clockwise
+        self._turns = 0  # quarter turns of the images, clockwise
         self._transforms: Sequence[StaticTransform] = ()
         self._motion = _motion(config)
         self.foreign_inputs: Sequence[ForeignTopic] = self._motion.topics if self._motion else ()
@@ -146,7 +146,7 @@ class CameraNode(Node):
         return min((time_ns for time_ns in times if time_ns is not None), default=None)
 
     def is_finished(self) -> bool:
-        """Check that the source has ended and all its frames are sent, or that none of it fits."""
+        """Check that the source has ended and its frames are sent, or that no frame is usable."""
         if self._check.hopeless:
             return True
         # In this order, so that an item put before the end is still found.
@@ -241,7 +241,7 @@ class CameraNode(Node):
         poses = [_mount(self._config, named.frame_id)]
         if transforms or moves:
             poses = renamed(transforms, info.frame_id, named.frame_id)
-        # The roll of a camera that pans and tilts is not that of its mount.
+        # The roll of a camera that pans and tilts differs from its mount's.
         swings = moves or bool(self._config.motion.transforms)
         turns = 0 if swings else turns_of(poses, named.frame_id)
         if self._config.transforms:
@@ -269,7 +269,7 @@ class CameraNode(Node):
 
 
 def _acquired_ns(reading: PrefetchedItem, item: SourceFrame) -> int:
-    """Return the acquisition time of a live frame; if it is of another clock, that of reading."""
+    """Return the acquisition time of a live frame, or of its reading if the clocks differ."""
     age_ns = reading.end_ns - item.stamp_ns
     return item.stamp_ns if 0 <= age_ns < MAX_AGE_NS else reading.start_ns
 

@@ -5,15 +5,15 @@ from collections import deque
 from people4d.errors import ConfigError
 from services.camera.config import CameraConfig
 
-MAX_GAP_NS = 10_000_000_000  # a longer pause in the stamps is a jump of the clock
-RATE_NS = 5_000_000_000  # over which the rate of a source is measured
-FEWEST_FRAMES = 3  # for a rate
+MAX_GAP_NS = 10_000_000_000  # [ns] longest pause in the stamps that is no jump of the clock
+RATE_NS = 5_000_000_000  # [ns] period over which the rate of a source is measured
+FEWEST_FRAMES = 3  # minimum number of frames for a rate
 SLOW = 0.8  # share of the wanted rate below which a source is too slow
-MAX_LATE_NS = 1_000_000_000  # beyond this delay, lost time is not caught up
+MAX_LATE_NS = 1_000_000_000  # [ns] delay beyond which lost time is not caught up
 
 
 class Pacing:
-    """Times (monotonic) at which frames are sent; those of a live camera as they come."""
+    """Monotonic times at which frames are sent: for a live camera, at once."""
 
     def due_ns(self, stamp_ns: int, now_ns: int) -> int | None:  # noqa: ARG002
         """Return the time to send the next frame, None if it waits for an answer."""
@@ -107,7 +107,7 @@ class SourceRate:
         self._sent: deque[tuple[int, int]] = deque()  # stamp and time of sending
 
     def add(self, stamp_ns: int, now_ns: int) -> None:
-        """Take a frame that was sent."""
+        """Register a sent frame."""
         if self._sent and is_jump(stamp_ns - self._sent[-1][0]):
             self._sent.clear()
         self._sent.append((stamp_ns, now_ns))

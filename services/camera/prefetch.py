@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 from services.camera.source import SourceFrame, SourceItem
 
-MAX_ITEMS = 1024  # with odometry, of which there may be much between two frames
-RETRY_S = 1.0
+MAX_ITEMS = 1024  # waiting items, including the odometry between frames
+RETRY_S = 1.0  # [s] from a failure of a live device to the next attempt
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class PrefetchedItem:
 
 
 class Prefetch:
-    """Reads items into a bounded queue, of which `frames` may be frames.
+    """Reads items into a bounded queue that holds at most `frames` frames.
 
     If live, the newest frame replaces one that waits, and a device that fails is tried again; else
     reading waits for room and an error ends it. `play` is called in the thread.
@@ -40,7 +40,7 @@ class Prefetch:
         self._thread = threading.Thread(target=self._run, name="camera-prefetch", daemon=True)
         self.ended = False  # no more items
         self.errors = 0  # times that reading failed
-        self.reason = ""  # of the last failure, empty while a live device delivers
+        self.reason = ""  # reason of the last failure, empty while a live device delivers
         self.skipped = 0  # frames replaced by newer ones
 
     @property

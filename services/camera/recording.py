@@ -28,7 +28,7 @@ M = TypeVar("M", bound=Message)
 
 # Functions that make the depth sensor of a recording, by the metadata record that asks for one.
 # They take the recording, the calibration and changes of the sensor, and return None for depth
-# that is measured already. By name, since layers above the services provide them.
+# that is measured already. They are given by name: higher layers provide them.
 DEPTH_SENSORS = {"lab": "lab.depth.metadata:depth_sensor_of"}
 
 

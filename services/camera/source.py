@@ -10,7 +10,7 @@ from common.config import Config
 from people4d.messages import U8, U16, CameraInfo, MovingTransform, Odometry, StaticTransform
 from services.camera.folder.registration import Registration
 
-MotionMessage: TypeAlias = Odometry | MovingTransform  # of the base, or of the camera on it
+MotionMessage: TypeAlias = Odometry | MovingTransform  # motion of the base, or of the camera on it
 
 
 @dataclass(frozen=True)
@@ -26,10 +26,10 @@ class SourceFrame:
 class SourceSetup:
     """Calibration and mount that become known, or change, while a source runs."""
 
-    info: CameraInfo  # of the frames that follow
+    info: CameraInfo  # calibration of the frames that follow
     transforms: Sequence[StaticTransform]  # pose of the camera; empty if unknown
     moves: bool  # True: transforms of the camera follow, so no mount is needed
-    stamp_ns: int  # of the next frame [ns]
+    stamp_ns: int  # [ns] stamp of the next frame
 
 
 SourceItem: TypeAlias = SourceFrame | MotionMessage | SourceSetup

@@ -15,7 +15,7 @@ from people4d.messages import CameraInfo
 from services.camera.config import CameraConfig
 from services.camera.source import Source
 
-LAB = "lab:"  # before the name of a scenario
+LAB = "lab:"  # prefix of the name of a scenario
 ROS2 = re.compile(r"ros2(\+\w*)?:.*")
 PLUGIN = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 # Imported on use, since ROS bags take long to import and the lab is a layer above the services.

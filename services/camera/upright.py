@@ -1,7 +1,7 @@
 """Images of a camera that is mounted upside down or sideways, turned upright.
 
-People are searched upright, and left and right follow from the image: turned by a roll of the
-camera, most are missed and the rest look the wrong way.
+The detector expects upright people, and left and right follow from the image: with a rolled camera
+most people are missed and the others have the wrong heading.
 """
 
 import math
@@ -17,9 +17,9 @@ from people4d.messages import F64, CameraInfo, StaticTransform
 
 T = TypeVar("T", bound=np.generic)
 
-# Cameras that look more steeply than 60 degrees up or down have no upright.
+# Minimum level share of gravity in the image: steeper cameras (60 degrees) are not turned
 LEAST_LEVEL = 0.5
-# From the optical frame to that of the image turned clockwise by 90 degrees: x' = -y, y' = x.
+# Optical frame to the frame of the image turned clockwise by 90 degrees: x' = -y, y' = x
 TURN = np.array([[0.0, -1.0, 0.0, 0.0], [1.0, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
 
 
@@ -69,7 +69,7 @@ def turned_info(info: CameraInfo, turns: int) -> CameraInfo:
 def turned_transforms(
     transforms: Iterable[StaticTransform], frame_id: str, turned: CameraInfo, turns: int
 ) -> list[StaticTransform]:
-    """Return transforms, and the pose of the turned images beside that of the camera."""
+    """Return transforms, with the pose of the turned images added to the camera's."""
     optical_from_turned = np.linalg.matrix_power(TURN.T, turns)
     found = list(transforms)
     for transform in list(found):

@@ -10,10 +10,12 @@ from scipy.spatial.transform import Rotation
 from common.geometry.transforms import apply, invert, project, transform_from
 from people4d.messages import F64, CameraInfo
 
-CORNER_SIGMA_PX = 0.5  # of each corner
-MEASURED_SIGMAS = np.array([0.005, 0.005, 0.005, 0.01, 0.01, 0.01])  # [rad, m] of tags in the map
-CONTRADICTION = 3.0  # RMS of differences by their standard deviations from which tags are not used
-STEP = 1e-6  # of derivatives
+CORNER_SIGMA_PX = 0.5  # error of each corner
+MEASURED_SIGMAS = np.array(
+    [0.005, 0.005, 0.005, 0.01, 0.01, 0.01]
+)  # [rad, m] errors of tags in the map
+CONTRADICTION = 3.0  # minimum RMS of normalised differences at which tags are ignored
+STEP = 1e-6  # step of numeric derivatives
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +27,7 @@ class TagPose:
 
     @classmethod
     def of(cls, map_from_camera: F64, corners_m: F64, info: CameraInfo) -> "TagPose":
-        """Return a pose with the covariance that the errors of corners (Nx3, map) leave."""
+        """Return a pose with its covariance due to errors of the corners (Nx3, map)."""
 
         def pixels(motion: F64) -> F64:
             return project(
@@ -40,15 +42,15 @@ class TagPose:
 def fuse(
     values: F64, covariance: F64, matrices: Callable[[F64], Sequence[F64]], tags: Sequence[TagPose]
 ) -> tuple[F64, F64]:
-    """Return parameters and their covariance, joined with what tags say of cameras.
+    """Return parameters and their covariance, updated by the poses of tags.
 
-    They stay as they are if tags contradict them.
+    They are unchanged if tags contradict them.
 
     Args:
         values: Parameters of all cameras by walking.
-        covariance: Theirs.
+        covariance: Covariance of the parameters.
         matrices: Returns the poses (4x4) of the cameras that see tags, by the parameters.
-        tags: What these see.
+        tags: Poses of these cameras by tags.
     """
     base, *others = tags
     expected = [invert(base.map_from_camera) @ tag.map_from_camera for tag in others]

@@ -28,13 +28,13 @@ Coordinate = Annotated[float, Meta(ge=-1e4, le=1e4)]  # [m]
 FAMILY = cv2.aruco.DICT_APRILTAG_36h11
 TAGS_MAX = 200  # tags of a file
 FIRST_PX = np.float32(0), np.float32(0.5)  # middle of the first pixel, by each detector
-EVERY_NS = 500_000_000  # between two images of a camera in which tags are detected
-VIEWS_MAX = 40  # of one tag by one camera
+EVERY_NS = 500_000_000  # [ns] between two images of a camera in which tags are detected
+VIEWS_MAX = 40  # maximum number of views of one tag by one camera
 
-ERROR_MAX_PX = 2.0  # RMS of the corners, beyond which a tag is elsewhere or of another size
-AMBIGUOUS = 2.0  # a second pose whose error is less than so many times the first is possible
-AMBIGUOUS_PX = 0.2  # added to the error of the first
-APART_M, APART_RAD = 0.15, np.radians(3)  # of one camera by tags and by walking
+ERROR_MAX_PX = 2.0  # maximum RMS of the corners; beyond, position or size of a tag is wrong
+AMBIGUOUS = 2.0  # maximum error of a second possible pose, relative to the first
+AMBIGUOUS_PX = 0.2  # [px] added to the error of the first
+APART_M, APART_RAD = 0.15, np.radians(3)  # maximum difference of a pose by tags and by walking
 
 
 class Tag(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -133,7 +133,7 @@ class TagObserver:
         """Return map_from_camera (4x4) of the cameras that saw tags.
 
         Raises:
-            CalibrationError: A tag is elsewhere than the file says, or leaves two poses.
+            CalibrationError: A tag is not where the file states, or leaves two poses.
         """
         found = {}
         for camera, views in self._corners.items():
@@ -149,7 +149,7 @@ class TagObserver:
 
 
 def move_to_map(found: CalibrationResult, by_tags: Mapping[str, F64]) -> CalibrationResult:
-    """Return a calibration by walking, moved as a whole to where tags say that its cameras are.
+    """Return a calibration by walking, moved as a whole to the poses by tags.
 
     Raises:
         CalibrationError: No camera saw a tag, or tags and walking contradict each other.

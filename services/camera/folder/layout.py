@@ -21,14 +21,14 @@ LAYOUTS = (
     *((f"{folder}/*", "depth/*") for folder in COLOUR_FOLDERS),
     *(("*color*", "*depth*"), ("*rgb*", "*depth*"), ("*", "*.mat")),
 )
-# Images, depth and videos that are not read.
+# Formats of images, depth and videos that are not read
 UNREAD = {".tif", ".tiff", ".exr", ".pfm", ".raw", ".bin", ".depth", ".npz", ".webp", ".heic"}
 UNREAD |= {".mp4", ".mov", ".avi", ".mkv", ".svo", ".svo2", ".oni"}
 # Names that are times: seconds with a fraction, or whole milli-, micro- or nanoseconds since 1970.
 SECONDS = re.compile(r"(?:.*\D)?([1-9]\d{8,9})[._](\d{6}|\d{9})|(\d+)\.(\d+)")
 SINCE_1970 = re.compile(r"(?:.*\D)?(1\d{12}|1\d{15}|1\d{18})")
 LISTS = ("rgb.txt", "depth.txt")
-MAX_LIST_BYTES = 64 * 2**20  # of a list: half a million frames
+MAX_LIST_BYTES = 64 * 2**20  # [bytes] limit of a list: half a million frames
 MAX_TIME_S = 2**33  # [s] the year 2242; beyond it nanoseconds do not fit 64 bits
 
 

@@ -18,8 +18,8 @@ import numpy.typing as npt
 
 from common.io.files import read_bytes
 
-MAX_BYTES = 64 * 2**20  # of the file, and of its unpacked contents
-MAX_DEPTH = 8  # of nested structures
+MAX_BYTES = 64 * 2**20  # [bytes] limit of the file and of its unpacked contents
+MAX_DEPTH = 8  # limit of nested structures
 HEADER_BYTES = 128
 MATRIX, PACKED = 14, 15  # types of data elements
 STRUCT = 2  # class of a matrix

@@ -36,15 +36,15 @@ from services.camera.folder.mat_file import read_mat
 from services.camera.ros.images import millimetres
 from services.camera.source import Source, SourceFrame
 
-# Calibration files, the first in the folder counts, unless one is configured.
+# Names of calibration files; the first in the folder is used unless one is configured
 CALIBRATIONS = (
     *("camera.toml", "camera.json", "camera_info.yaml", "gt.npz", "CalibrationData.mat"),
-    *("camera_intrinsic.json", "intrinsic.json"),  # of Open3D's recorders
-    *("camera_matrix.csv", "camera-intrinsics.txt"),  # of Stray Scanner, and of 7-Scenes
+    *("camera_intrinsic.json", "intrinsic.json"),  # Open3D's recorders
+    *("camera_matrix.csv", "camera-intrinsics.txt"),  # Stray Scanner, 7-Scenes
 )
 TRACK = "gt.npz"
 MAT_DEPTH = "depth_array"  # name of the depth image in .mat files
-HEADS = 9  # pairs of which the most common size counts
+HEADS = 9  # number of first pairs whose most common size is used
 
 
 class FolderOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -27,7 +27,7 @@ from services.camera.ros.heads import ImageHead, read_heads
 from services.camera.ros.motion import FrameTree
 from services.camera.ros.topics import OLD_TF, SDK_TF, TF, TRANSFORM, Topics
 
-TF_HEADS = 2000  # messages of /tf that are searched for moving transforms: some ten seconds
+TF_HEADS = 2000  # messages of /tf that are searched for moving transforms: about ten seconds
 
 
 class RosbagOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -55,7 +55,7 @@ class RosCamera:
     """The camera of a bag, and its mount in the map or on the base."""
 
     info: CameraInfo  # calibration of colour
-    registration: Registration | None  # of depth to colour; None if it is aligned
+    registration: Registration | None  # registration of depth to colour; None if it is aligned
     transforms: list[StaticTransform]
     moving: frozenset[tuple[str, str]]  # parent and child of the moving transforms in /tf
 
@@ -74,14 +74,14 @@ def make_camera(
     tree: FrameTree,
     base: tuple[str, str] | None,
 ) -> RosCamera:
-    """Put calibration and mount together.
+    """Combine calibration and mount.
 
     Args:
         topics: Topics that are played.
         options: Options of the source.
         heads: First images of colour and of depth.
         tree: Coordinate frames.
-        base: Frames of odometry: that of the pose and that of the base.
+        base: Frames of odometry: its reference frame and its base frame.
 
     Raises:
         SourceError: There is no usable calibration, or depth is not aligned and cannot be.
@@ -205,7 +205,7 @@ def _aligned(
 
 
 def _base(bag: Bag, topics: Topics, options: RosbagOptions) -> tuple[str, str] | None:
-    """Return the frames of odometry: that of the pose and that of the base."""
+    """Return the frames of odometry: its reference frame and its base frame."""
     if options.wheel_topics:
         return options.wheels.frame_id, options.wheels.child_frame_id
     if not (topics.odometry and bag.counts[topics.odometry]):

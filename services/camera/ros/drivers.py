@@ -1,4 +1,4 @@
-"""Names of the topics of cameras' ROS 2 drivers, and the choice of those that are there."""
+"""Topics of ROS 2 camera drivers, and the choice among available topics."""
 
 import re
 from collections.abc import Collection, Iterable
@@ -99,14 +99,14 @@ def best_of_driver(topics: list[str]) -> list[str]:
 
 
 def stream_of(topic: str) -> str:
-    """Strip the transport, so that one stream sent raw and compressed counts once."""
+    """Strip the transport, so that raw and compressed topics of one stream are equal."""
     for transport in TRANSPORTS[1:]:
         topic = topic.removesuffix(transport)
     return topic
 
 
 def info_topic(image: str) -> str:
-    """Return the topic of the CameraInfo beside an image."""
+    """Return the topic of the CameraInfo of an image topic."""
     return f"{stream_of(image).rpartition('/')[0]}/camera_info"
 
 

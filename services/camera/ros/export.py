@@ -36,7 +36,7 @@ from services.camera.ros import messages as ros
 from services.camera.ros.topics import CAMERA_INFO, COMPRESSED, IMAGE
 from services.camera.source import MotionMessage, SourceFrame
 
-VERSION: Literal[8] = 8  # of the bag's metadata: what ROS 2 from Humble on reads
+VERSION: Literal[8] = 8  # version of the bag's metadata, readable from Humble on
 
 STORAGES = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}
 

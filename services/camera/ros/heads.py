@@ -14,7 +14,7 @@ from services.camera.ros.camera_info import intrinsics_of, same_numbers
 from services.camera.ros.images import colour_image, depth_image, encoding_of
 from services.camera.ros.topics import COMPRESSED, IMAGE, Topics, sdk_stream
 
-# Images and calibrations of which the most common counts: drivers send a few others at the start.
+# Number of first images and calibrations; the most common is used, since drivers start with others
 HEADS = 9
 MAX_BAD_HEADS = 30  # corrupt images after which a topic is unusable: one second
 STAMPED_HEADS = 30  # messages without a stamp after which a driver leaves stamps empty

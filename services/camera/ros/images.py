@@ -30,7 +30,7 @@ COLOURS: dict[str, tuple[str, int, int | None]] = {
 DEPTHS = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 COMPRESSED_DEPTH_HEADER = struct.Struct("<iff")  # format, two parameters of the quantisation
 PNG = b"\x89PNG\r\n\x1a\n"
-PNG_HEADER_BYTES = 26  # up to bits of a channel and type of colour
+PNG_HEADER_BYTES = 26  # [bytes] of a PNG up to its bit depth and colour type
 GREY16 = b"\x10\x00"  # 16 bits, grey
 
 

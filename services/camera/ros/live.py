@@ -30,20 +30,20 @@ from services.camera.source import MotionMessage, Source, SourceFrame, SourceIte
 
 STATIC = Qos("reliable", "transient_local", 100)  # one message of each node that publishes any
 POLL_S = 0.2
-SETTLE_S = 0.5  # after the first images: better topics may still come
-TF_WAIT_S = 1.0  # for transforms before the first frame
-SHOWN = 4  # topics in a sentence
+SETTLE_S = 0.5  # [s] wait for better topics after the first images
+TF_WAIT_S = 1.0  # [s] wait for transforms before the first frame
+SHOWN = 4  # maximum number of topics in a message
 COUNTERS = ("bad_message", "bad_images", "tf_loops", "unlinked_frames", "uncalibrated")
 
 
 class LiveRosOptions(RosbagOptions, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Options of live topics; empty topics are those of the driver, odometry: none."""
+    """Options of live topics; an empty topic is the driver's, an empty odometry topic none."""
 
-    namespace: str = ""  # of the driver; empty: its usual one, or that of the source
+    namespace: str = ""  # namespace of the driver; empty: its usual one, or the source's
     sync_slop_s: Positive = 0.1  # [s] largest distance in time of colour and depth
-    # Topics of TFMessage; whose name ends in tf_static: latched
+    # Topics of TFMessage; names that end in tf_static are latched
     tf_topics: tuple[str, ...] = ("/tf", "/tf_static")
-    # frame of the robot that the camera hangs on in /tf; empty: that of odometry
+    # Frame of the robot that carries the camera in /tf; empty: the base of odometry
     base_frame: str = ""
     timeout_s: Positive = 3.0  # [s] after which a silent topic is reported
     ros2: Ros2Config = Ros2Config(node="people4d_camera")  # its transport: as in the source
@@ -258,7 +258,7 @@ class LiveRosSource(Source):
 
 
 class _Received:
-    """A transport whose counters are added to those of the source."""
+    """A transport that adds its counters to the source's."""
 
     def __init__(self, transport: Ros2Transport, counters: Counter[str]) -> None:
         self._transport = transport

@@ -19,7 +19,7 @@ Size = tuple[int, int]  # height, width
 
 
 class LiveCamera:
-    """Puts a camera together from the newest messages, anew whenever one of them changes.
+    """Calibration and mount from the newest messages, updated whenever one of them changes.
 
     Attributes:
         camera: The camera as of the last frame; None while it cannot be known.
@@ -37,7 +37,7 @@ class LiveCamera:
         self._static: dict[tuple[str, str], F64] = {}
         self._moving = set[tuple[str, str]]()
         self._base: tuple[str, str] | None = None
-        self._version = 0  # of all but the images
+        self._version = 0  # number of changes of calibration and transforms
         self._of: Any = None  # images and version that `camera` and `problem` are of
 
     @property
@@ -46,20 +46,20 @@ class LiveCamera:
         return bool(self._static or self._moving)
 
     def add_info(self, topic: str, info: Any) -> None:
-        """Take a CameraInfo."""
+        """Store a CameraInfo."""
         known = self._infos.get(topic)
         if known is None or not same_numbers(known, info):
             self._infos[topic] = info
             self._version += 1
 
     def add_base(self, frame_id: str, child_frame_id: str) -> None:
-        """Take the frames of odometry."""
+        """Store the frames of odometry."""
         if self._base != (frame_id, child_frame_id):
             self._base = frame_id, child_frame_id
             self._version += 1
 
     def add_edge(self, edge: StampedTransform, static: bool) -> None:
-        """Take a transform; one that closes a loop is dropped and counted."""
+        """Store a transform; a transform that closes a loop is dropped and counted."""
         names = edge.parent, edge.child
         known = self._static.get(names)
         if names in self._moving or (known is not None and np.array_equal(known, edge.matrix)):

@@ -13,7 +13,7 @@ from common.ros2.types import Fields
 from people4d.messages import CameraInfo
 from services.camera.ros.images import COMPRESSED_DEPTH_HEADER
 
-QUALITY = 95  # of JPEG colour, so that coding it a second time adds little
+QUALITY = 95  # JPEG quality of colour: a second coding adds little error
 
 
 def image(pixels: npt.NDArray[Any], head: Fields) -> Fields:

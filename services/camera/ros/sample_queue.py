@@ -5,8 +5,8 @@ import time
 from collections import Counter, deque
 from dataclasses import dataclass
 
-IMAGES_MAX = 4  # of one topic that wait; older ones are dropped
-OTHERS_MAX = 1024
+IMAGES_MAX = 4  # waiting images of one topic; older ones are dropped
+OTHERS_MAX = 1024  # waiting messages of another topic
 
 
 @dataclass(frozen=True, slots=True)

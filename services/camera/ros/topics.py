@@ -69,8 +69,8 @@ def find_topics(
     Args:
         types: Type of each topic.
         wanted: Topics that are given by name.
-        encodings: Returns the encoding of the topics of images, by which depth is known; where it
-            is not known, by the word "depth" in the topic.
+        encodings: Returns the encoding of image topics, which identifies depth; without one,
+            the word "depth" in the topic does.
 
     Raises:
         SourceError: A topic is absent or ambiguous.
@@ -143,7 +143,7 @@ def _narrow(topics: list[str], words: Sequence[str]) -> list[str]:
 
 
 def _info_of(image: str, infos: Sequence[str]) -> str:
-    """Find the camera_info beside an image topic, or the only one of its namespace."""
+    """Find the camera_info next to an image topic, or the only one of its namespace."""
     namespace = stream_of(image).rsplit("/", 1)[0]
     for beside in (f"{namespace}/camera_info", sdk_stream(image) + SDK_INFO):
         if beside in infos:
