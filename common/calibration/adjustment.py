@@ -18,6 +18,7 @@ from common.calibration.level_paths import LevelPaths
 from common.calibration.pairs import LevelPose
 from common.calibration.residuals import PARAMETERS, Residuals, turn_of
 from common.calibration.tags.fusion import TagPose
+from common.geometry.transforms import transform_from
 from people4d.errors import CalibrationError
 from people4d.messages import F64
 
@@ -127,7 +128,7 @@ def adjust(
     return AdjustmentResult(
         poses={
             name: CameraPose(
-                matrix=_matrix(start[k]),
+                matrix=transform_from(start[k, 3:6], turn_of(start[k])),
                 offset_s=float(start[k, 6]),
                 drift=float(start[k, 7]),
                 bias_m=float(start[k, 8]),
@@ -174,9 +175,3 @@ def _level_pose(x: F64, reference_level: F64, level: F64) -> LevelPose:
     rotation = reference_level @ turn_of(x) @ level.T
     yaw = float(np.arctan2(rotation[1, 0] - rotation[0, 1], rotation[0, 0] + rotation[1, 1]))
     return LevelPose(yaw, reference_level @ x[3:6], float(x[6]), tilted=rotation)
-
-
-def _matrix(x: F64) -> F64:
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = turn_of(x), x[3:6]
-    return matrix

@@ -20,7 +20,7 @@ WALK_HINT = "Let one or two people walk about in curves, for a minute, in view o
 
 
 def check_cameras(observed: Sequence[CameraObservations], reference: str) -> None:
-    """Check that there are cameras with names of their own, intrinsics and people."""
+    """Check that cameras have unique names, intrinsics and people."""
     names = ", ".join(c.camera for c in observed)
     if len(observed) < 2:
         heard = f"only {names} sends detections" if observed else "no camera sends detections"

@@ -13,8 +13,8 @@ UPRIGHT_SIGMA_RAD = (
     0.12  # [rad] error of a body's axis in the image: people lean, one foot is in front
 )
 HEIGHT_SIGMA_M = 0.06  # [m] variation of a torso's height over the floor while walking
-SAMPLES_STEP = 5  # grid steps between samples of a path that count as independent
-ANKLE_M = 0.12  # mean height of both ankles over the floor while walking
+SAMPLES_STEP = 5  # grid steps between independent samples of a path
+ANKLE_M = 0.12  # [m] mean height of both ankles over the floor while walking
 PERSONS_MAX = 4000  # maximum number of observed people that are used
 
 

@@ -60,7 +60,7 @@ class CameraObservations:
         return sum(len(frame.people) for frame in self.frames)
 
     def coverage(self) -> npt.NDArray[np.bool_]:
-        """Return where people were found (3x3): far, middle, near; left, middle, right of view."""
+        """Return the covered parts of the view (3x3): far, middle, near; left, middle, right."""
         cells = np.zeros((3, 3), np.bool_)
         at = [p.position_m for frame in self.frames for p in frame.people]
         if self.info is None or not at:
@@ -111,7 +111,7 @@ class ObservationCollector:
         known.depth_ns = stamp_ns
         known.depths_mm.append(thinned(depth_mm))
 
-    def add(self, message: CameraInfo | Detections, arrived_ns: int) -> None:
+    def add_message(self, message: CameraInfo | Detections, arrived_ns: int) -> None:
         """Store a message; late frames, and frames beyond a limit, are counted and dropped.
 
         Args:

@@ -16,7 +16,7 @@ from common.calibration.observations import CameraObservations
 from common.calibration.pairs import match_pair
 from common.calibration.tags.fusion import TagPose
 from common.calibration.tracklets import Tracklet, tracklets
-from common.geometry.transforms import apply
+from common.geometry.transforms import apply, transform_from
 from people4d.messages import F64
 
 SEARCH_S = 1.0  # [s] maximum difference of clocks from the times of arrival
@@ -142,10 +142,8 @@ def _map_from_reference(
 
 
 def _above(up: F64, floor_m: float) -> F64:
-    matrix = np.eye(4)
-    matrix[:3, :3] = level_from_optical(up)
-    matrix[2, 3] = -floor_m
-    return matrix
+    """Return the pose of a camera in a map on the floor below it."""
+    return transform_from((0.0, 0.0, -floor_m), level_from_optical(up))
 
 
 def _floor_m(floors_m: F64, torsos_m: F64) -> float:

@@ -1,4 +1,4 @@
-"""Files: untrusted ones read up to a size, never outside of their folder; own ones replaced."""
+"""Files: size limits and folder checks of untrusted files, atomic replacement of own files."""
 
 import errno
 import os

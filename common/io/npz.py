@@ -16,7 +16,7 @@ from common.io.files import read_bytes
 MAX_BYTES = 256 * 2**20  # limit of one array
 MAX_HEADER_BYTES = 4096  # limit of the text with type and shape
 NUMBERS = "biuf"  # kinds of numpy types: booleans, integers, floats
-# Other compressions unpack any number of bytes at once, whatever size is declared.
+# Other compressions may unpack more bytes than declared
 PACKINGS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 
 

@@ -77,7 +77,7 @@ def choose(name: str, manifest: Mapping[str, ModelFile]) -> ModelFile:
 def folders(configured: str = "", environment: Mapping[str, str] = os.environ) -> tuple[Path, ...]:
     """Return the folders that are searched for models, in their order.
 
-    Those that a configuration or the environment variable PEOPLE4D_MODELS names come first.
+    The configured folder and the environment variable PEOPLE4D_MODELS come first.
     """
     named = (configured, environment.get("PEOPLE4D_MODELS", ""))
     own = [Path(folder).expanduser() for folder in named if folder]

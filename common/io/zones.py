@@ -24,7 +24,7 @@ class PlainZone(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """Return the zone.
 
         Raises:
-            ValueError: It crosses itself, or the like.
+            ValueError: The polygon is invalid, for example crosses itself.
         """
         return Zone(
             name=self.name,

@@ -41,10 +41,10 @@ from services.camera.upright import (
 if TYPE_CHECKING:
     from services.camera.ros.live_motion import LiveMotion
 
-FRAMES_AHEAD = 4
-POLL_NS = 2_000_000
-STOP_S = 2.0
-MAX_AGE_NS = 1_000_000_000  # the stamp of an older live frame is of another clock
+FRAMES_AHEAD = 4  # frames that are read ahead
+POLL_NS = 2_000_000  # [ns] period of polling without a loop
+STOP_S = 2.0  # [s] maximum wait for the reading thread
+MAX_AGE_NS = 1_000_000_000  # [ns] maximum age of a live frame whose stamp is of this clock
 
 ANSWERS: dict[str, type[Message]] = {"people": Tracks, "detections": Detections}
 
@@ -87,7 +87,7 @@ class CameraNode(Node):
         self._counters: Counter[str] = Counter()
 
     def attach(self, loop: LoopCallbacks) -> None:
-        """Take the callbacks of the loop."""
+        """Store the callbacks of the loop."""
         self._wake = loop.wake
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
@@ -109,7 +109,7 @@ class CameraNode(Node):
         """Return calibration first, then the frames and odometry that are due."""
         self._tick_ns = now_ns
         if self._begin_ns is None:
-            # A live camera sends again soon what came before the subscribers.
+            # A live camera soon repeats data that early subscribers missed.
             delay_s = 0.0 if self._source.live else self._config.start_delay_s
             self._begin_ns = now_ns + int(delay_s * 1e9)
             self._prefetch.start(self._wake or (lambda: None))
@@ -196,7 +196,7 @@ class CameraNode(Node):
             raise SourceError(f"no frame of the source can be used: {fault}", REJECTED[cause])
 
     def _accept(self, item: SourceItem) -> SourceItem | None:
-        """Check an item in the reading thread, which must not go on for ever after its stop."""
+        """Check an item in the reading thread; after a stop all items pass, so that it ends."""
         return item if self._prefetch.stopped else self._check.accept(item)
 
     def _is_due(self, now_ns: int) -> bool:
@@ -204,7 +204,7 @@ class CameraNode(Node):
         if item is None or now_ns < (self._begin_ns or 0):
             return False
         if not isinstance(item, SourceFrame):
-            return True  # motion is sent with the frame before it: consumers join it by stamp
+            return True  # motion is sent with the previous frame: consumers join it by stamp
         due_ns = self._pacing.due_ns(item.stamp_ns, now_ns)
         return due_ns is not None and due_ns <= now_ns
 
@@ -217,7 +217,7 @@ class CameraNode(Node):
         jumped = self._stamp_ns is not None and is_jump(item.stamp_ns - self._stamp_ns)
         self._counters["stamp_jumps"] += jumped
         self._stamp_ns = item.stamp_ns
-        if self._source.live:  # reading ahead from a file is no part of the latency
+        if self._source.live:  # reading ahead from a file does not count as latency
             record("capture", _acquired_ns(reading, item), reading.end_ns)
             self._behind_s = (reading.end_ns - item.stamp_ns) / 1e9
         with span("release"):
@@ -226,7 +226,7 @@ class CameraNode(Node):
             return []
         self._pacing.sent(item.stamp_ns, now_ns)
         if self._rate:
-            self._rate.add(item.stamp_ns, now_ns)
+            self._rate.add_frame(item.stamp_ns, now_ns)
         self._sequence += 1
         if self._config.compressed_hz and now_ns >= self._next_compressed_ns:
             self._to_compress = frame
@@ -236,9 +236,10 @@ class CameraNode(Node):
     def _calibrate(
         self, info: CameraInfo, transforms: Sequence[StaticTransform], moves: bool
     ) -> list[Message]:
-        """Take calibration and pose, and return them as they are to be published."""
+        """Store calibration and pose, and return the messages to publish."""
         named = _info(self._config, info)
-        poses = [_mount(self._config, named.frame_id)]
+        mount = self._config.mount_from_optical
+        poses = [static_transform(self._config.mount_parent, named.frame_id, mount)]
         if transforms or moves:
             poses = renamed(transforms, info.frame_id, named.frame_id)
         # The roll of a camera that pans and tilts differs from its mount's.
@@ -246,7 +247,7 @@ class CameraNode(Node):
         turns = 0 if swings else turns_of(poses, named.frame_id)
         if self._config.transforms:
             pose = read_pose(Path(self._config.transforms), named.camera)
-            of_turned = turns and not quarter_turns(pose)  # it was calibrated on turned images
+            of_turned = turns and not quarter_turns(pose)  # calibrated on turned images
             child = turned_info(named, turns).frame_id if of_turned else named.frame_id
             turns = quarter_turns(pose) or turns
             poses = [static_transform(MAP, child, pose)]
@@ -295,7 +296,3 @@ def _info(config: CameraConfig, info: CameraInfo) -> CameraInfo:
         frame_id=f"{camera}_optical_frame" if unnamed else info.frame_id,
         max_depth_m=config.max_depth_m or info.max_depth_m,
     )
-
-
-def _mount(config: CameraConfig, frame_id: str) -> StaticTransform:
-    return static_transform(config.mount_parent, frame_id, config.mount_from_optical)

@@ -106,7 +106,7 @@ class SourceRate:
         self._speed = speed
         self._sent: deque[tuple[int, int]] = deque()  # stamp and time of sending
 
-    def add(self, stamp_ns: int, now_ns: int) -> None:
+    def add_frame(self, stamp_ns: int, now_ns: int) -> None:
         """Register a sent frame."""
         if self._sent and is_jump(stamp_ns - self._sent[-1][0]):
             self._sent.clear()

@@ -29,7 +29,7 @@ class RoundLength:
         self._part = (0, 0)  # lowest and highest stamp since the last jump
         self._last_ns = 0
 
-    def add(self, stamp_ns: int) -> None:
+    def add_frame(self, stamp_ns: int) -> None:
         """Add a frame."""
         low_ns, high_ns = self._part
         if not self.count or abs(stamp_ns - self._last_ns) > MAX_GAP_NS:
@@ -63,7 +63,7 @@ def play(
             yield _shifted(item, shift_ns)
             if isinstance(item, Odometry | MovingTransform | SourceSetup):
                 continue
-            length.add(item.stamp_ns)
+            length.add_frame(item.stamp_ns)
             sent += 1
             if sent == config.max_frames:
                 return
@@ -80,12 +80,12 @@ def loop_period_s(source: str) -> float:
     length = RoundLength()
     if kind == "recording":
         for _, message in open_recording(Path(source)).messages(CompressedRgbdFrame, RgbdFrame):
-            length.add(message.stamp_ns)
+            length.add_frame(message.stamp_ns)
     else:
         opened = open_source(source)
         for item in opened:
             if isinstance(item, SourceFrame):
-                length.add(item.stamp_ns)
+                length.add_frame(item.stamp_ns)
         opened.close()
     return length.length_ns / 1e9 if length.count else 0.0
 

@@ -24,7 +24,7 @@ class SourceFrame:
 
 @dataclass(frozen=True)
 class SourceSetup:
-    """Calibration and mount that become known, or change, while a source runs."""
+    """Calibration and mount of a source that become known or change while it runs."""
 
     info: CameraInfo  # calibration of the frames that follow
     transforms: Sequence[StaticTransform]  # pose of the camera; empty if unknown
@@ -71,7 +71,7 @@ class Source(ABC):
         for item in self:
             origin_ns = item.stamp_ns if origin_ns is None else origin_ns
             elapsed_ns = item.stamp_ns - origin_ns
-            # Once started never again: after a clock jump the elapsed time is meaningless.
+            # Playback does not stop again: after a clock jump the elapsed time is meaningless.
             started = started or elapsed_ns >= start_ns
             if started and length_ns and elapsed_ns > start_ns + length_ns:
                 return
@@ -79,7 +79,7 @@ class Source(ABC):
                 yield item
 
     def interrupt(self) -> None:  # noqa: B027
-        """Let a waiting iterator end soon; called from another thread, before `close`."""
+        """Interrupt a waiting iterator; called from another thread, before `close`."""
 
     def close(self) -> None:
         """Release the device or the file; the base class has nothing to release."""

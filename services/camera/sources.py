@@ -58,7 +58,7 @@ def open_source(
 
 
 def check_source(config: CameraConfig) -> None:
-    """Open a source to check it; lab and plug-ins are opened by their process.
+    """Check a source by opening it; only the process opens the lab and plug-ins.
 
     Raises:
         ConfigError: No source is named, or an option is wrong.

@@ -24,7 +24,7 @@ TURN = np.array([[0.0, -1.0, 0.0, 0.0], [1.0, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 
 
 
 def quarter_turns(parent_from_optical: F64) -> int:
-    """Return by how many quarters, 0 to 3, an image is turned clockwise to be upright.
+    """Return the number of clockwise quarter turns, 0 to 3, that make an image upright.
 
     Args:
         parent_from_optical: Pose of the camera (4x4) in a frame whose z points up.
@@ -47,7 +47,7 @@ def turned_image(image: npt.NDArray[T], turns: int) -> npt.NDArray[T]:
 
 
 def turned_info(info: CameraInfo, turns: int) -> CameraInfo:
-    """Return the calibration of the turned images; its frame has a name of its own."""
+    """Return the calibration of the turned images, in a frame with another name."""
     if not turns:
         return info
     frame_id = frame_name(f"upright_{info.frame_id}")

@@ -96,6 +96,7 @@ def test_calibration_then_frames_then_the_end() -> None:
     with player(START, source) as p:
         assert p.node.status().state == "starting"
         p.play()
+        # No frame is compressed unless configured.
         kinds = [CameraInfo, StaticTransform, RgbdFrame, Odometry, RgbdFrame, RgbdFrame]
         assert [type(message) for message in p.out] == kinds
         assert [frame.sequence for frame in p.frames()] == [0, 1, 2]
@@ -114,12 +115,6 @@ def test_recorded_rate_holds_frames_back() -> None:
         assert len(p.frames()) == 1
         p.tick(50)
         assert len(p.frames()) == 2
-
-
-def test_no_frame_is_compressed_unless_asked() -> None:
-    with player(START, MemorySource([capture(0), capture(100)])) as p:
-        p.play()
-        assert not any(isinstance(message, CompressedRgbdFrame) for message in p.out)
 
 
 def test_compressed_frames_follow_their_frames_at_their_own_rate() -> None:
@@ -435,16 +430,22 @@ def test_frames_of_wrong_size_are_reported_at_the_end() -> None:
 def test_hopeless_camera_ends_with_the_reason_and_its_remedy(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    # `up` waited for it until its timeout.
-    monkeypatch.setattr("services.camera.frame_check.HOPELESS_S", 0.0)
+    # `up` waited for it until its timeout, and its status was "starting: .".
     node = CameraNode(START, Wrong([], live=True))
     node.tick(0)
+    while not node.status().counters:
+        time.sleep(0)
+    status, fault = node.status(), "depth_mm is float32 (6, 8), expected uint16 (6, 8) millimetres"
+    assert (status.state, status.reason) == ("starting", fault)
+    monkeypatch.setattr("services.camera.frame_check.HOPELESS_S", 0.0)
     while not node.is_finished():
         time.sleep(0)
     assert node.status().state == "finished"
+    begin_s = time.monotonic()
     expected = "depth_mm is float32 .*, expected uint16 .* millimetres. .*depth_in_metres = True"
     with pytest.raises(SourceError, match=expected):
         node.close()
+    assert time.monotonic() - begin_s < 1.0  # the thread ends, though no frame passes
 
 
 class Metres(MemorySource):
@@ -469,17 +470,3 @@ class Wrong(MemorySource):
     def __iter__(self) -> Iterator[SourceFrame | Odometry]:
         while True:
             yield replace(capture(0), depth_mm=np.ones(SIZE, np.float32))
-
-
-def test_live_camera_whose_frames_never_fit_does_not_start_and_says_why() -> None:
-    # It once was "starting: ." for ever.
-    node = CameraNode(START, Wrong([], live=True))
-    node.tick(0)
-    while not node.status().counters:
-        time.sleep(0)
-    status = node.status()
-    begin_s = time.monotonic()
-    node.close()
-    assert time.monotonic() - begin_s < 1.0  # the thread ends, though no frame passes
-    fault = "depth_mm is float32 (6, 8), expected uint16 (6, 8) millimetres"
-    assert (status.state, status.reason) == ("starting", fault)

@@ -116,7 +116,7 @@ def test_source_slower_than_its_stamps_is_slow_with_both_rates() -> None:
     # Stamps of 30 Hz that come at 3 Hz: over 5 s 15 frames came where 150 are wanted.
     rate = SourceRate()
     for k in range(16):
-        rate.add(k * SECOND // 30, k * SECOND // 3)
+        rate.add_frame(k * SECOND // 30, k * SECOND // 3)
     assert rate.is_slow
     assert (round(rate.hz), round(rate.wanted_hz)) == (3, 30)
 
@@ -124,14 +124,14 @@ def test_source_slower_than_its_stamps_is_slow_with_both_rates() -> None:
 def test_source_in_time_is_not_slow_and_a_jump_begins_its_rate() -> None:
     rate = SourceRate()
     for k in range(300):
-        rate.add(k * SECOND // 30, k * SECOND // 30)
+        rate.add_frame(k * SECOND // 30, k * SECOND // 30)
     assert not rate.is_slow
-    rate.add(3600 * SECOND, 10 * SECOND)
+    rate.add_frame(3600 * SECOND, 10 * SECOND)
     assert (rate.hz, rate.is_slow) == (0.0, False)
 
 
 def test_source_that_plays_at_half_speed_is_not_slow() -> None:
     rate = SourceRate(speed=0.5)
     for k in range(300):
-        rate.add(k * SECOND // 30, k * SECOND // 15)
+        rate.add_frame(k * SECOND // 30, k * SECOND // 15)
     assert (rate.is_slow, round(rate.wanted_hz)) == (False, 15)

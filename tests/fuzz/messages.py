@@ -1,7 +1,6 @@
 """Readers of network data: messages, people in CDR, images."""
 
 import contextlib
-import dataclasses
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -44,7 +43,7 @@ def _image(message: Any) -> None:
 def _tree(message: Any) -> None:
     tree = FrameTree()
     for edge in edges_of(message):
-        tree.add(edge.parent, edge.child, edge.matrix)
+        tree.add_transform(edge.parent, edge.child, edge.matrix)
     tree.find("map", "camera_color_optical_frame")
 
 
@@ -147,12 +146,8 @@ def _motion_seeds(_: Path) -> Sequence[bytes]:
         header=header,
         name=["left", "right"],
         position=np.array([1.0, 2.0]),
-        velocity=np.empty(0),
-        effort=np.empty(0),
     )
-    transform = ros.transform("map", "base", (1, 2, 3), (0, 0, 0, 1))
-    stamped = dataclasses.replace(transform.transforms[0], header=header)
-    transform = dataclasses.replace(transform, transforms=[stamped])
+    transform = ros.transform("map", "base", (1, 2, 3), (0, 0, 0, 1), 10**9)
     seeds = [
         (b"\0\0", "nav_msgs/msg/Odometry", ros.odometry(1.0, 2.0, 3.0, 10**9)),
         (b"\0\1", "tf2_msgs/msg/TFMessage", transform),

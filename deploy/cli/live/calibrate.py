@@ -153,7 +153,7 @@ class CalibrationSession:
         elif isinstance(message, CameraInfo | Detections) and (
             not self._cameras or message.camera in self._cameras
         ):
-            self._collector.add(message, arrived_ns)
+            self._collector.add_message(message, arrived_ns)
         elif isinstance(message, RgbdFrame | CompressedRgbdFrame):
             with suppress(DecodeError):  # the next image is as good
                 self._add_frame(message)

@@ -150,7 +150,7 @@ def _near(
     found: list[tuple[tuple[int, Path], tuple[int, Path]]] = []
     for stamp_ns, stream, path in sorted(entries):
         image = (stamp_ns, path)
-        found += pairing.add("colour" if stream == "colour" else "depth", stamp_ns, image)
+        found += pairing.add_image("colour" if stream == "colour" else "depth", stamp_ns, image)
     found += pairing.flush()
     if not found:
         raise SourceError(

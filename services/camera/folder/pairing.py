@@ -27,7 +27,7 @@ class Pairing(Generic[T]):
         self._arrivals = 0
         self.unpaired = 0  # images without a partner
 
-    def add(self, stream: Stream, stamp_ns: int, image: T) -> list[tuple[T, T]]:
+    def add_image(self, stream: Stream, stamp_ns: int, image: T) -> list[tuple[T, T]]:
         """Add one image, in any form, and return the pairs that are now final, oldest first."""
         self._arrivals += 1
         waiting = self._waiting[stream]

@@ -112,16 +112,16 @@ def _tree(bag: Bag, tf_as_static: bool) -> FrameTree:
     static = {topic for topic in topics if tf_as_static or topic.endswith("tf_static")}
     for _, _, message in bag.messages(static):
         for edge in edges_of(message):
-            tree.add(edge.parent, edge.child, edge.matrix)
+            tree.add_transform(edge.parent, edge.child, edge.matrix)
     for _, _, message in islice(bag.messages(topics - static), TF_HEADS):
         for edge in edges_of(message):
-            tree.add(edge.parent, edge.child)
+            tree.add_transform(edge.parent, edge.child)
     for topic, kind in bag.types.items():
         if kind == TRANSFORM and topic.endswith(SDK_TF):
             for matrix in (matrix_of(message) for _, _, message in bag.messages([topic])):
                 if matrix is not None:
                     stream = topic.removesuffix(SDK_TF).strip("/")
-                    tree.add(stream.partition("/")[0], stream, invert(matrix))
+                    tree.add_transform(stream.partition("/")[0], stream, invert(matrix))
     return tree
 
 
@@ -145,7 +145,7 @@ def _fix_constant(bag: Bag, tree: FrameTree, frames: set[str]) -> None:
             if before is not None and not np.allclose(before, edge.matrix, atol=1e-6, rtol=0):
                 found[names] = None
     for parent, child in wanted:
-        tree.add(parent, child, found.get((parent, child)))
+        tree.add_transform(parent, child, found.get((parent, child)))
 
 
 def _calibration(

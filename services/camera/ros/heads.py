@@ -32,7 +32,7 @@ class ImageHead:
 
 
 def read_heads(bag: Bag, topics: Topics) -> tuple[ImageHead, ImageHead]:
-    """Return the usual image of colour and of depth; SourceError if none can be read."""
+    """Return the most common image of colour and depth; SourceError if none can be read."""
     if topics.colour == topics.depth:
         rgbd = [message for _, _, message in islice(bag.messages([topics.colour]), MAX_BAD_HEADS)]
         return (
@@ -46,7 +46,7 @@ def read_heads(bag: Bag, topics: Topics) -> tuple[ImageHead, ImageHead]:
 
 
 def simulated_topics(bag: Bag, topics: Collection[str]) -> frozenset[str]:
-    """Return the topics whose stamps begin at 0 s: there a stamp of 0 is a time, and not empty."""
+    """Return the topics whose stamps begin at 0 s; there a stamp of 0 is valid."""
     return frozenset(topic for topic in topics if 0 < _first_stamp_ns(bag, topic) < SIMULATED_NS)
 
 

@@ -181,7 +181,7 @@ class LiveRosSource(Source):
             yield from self._frame(stamp_ns, message.rgb, message.depth, camera)
             return
         stream: Any = "colour" if sample.topic == topics.colour else "depth"
-        pairs = self._pairing.add(stream, stamp_ns, (stamp_ns, message))
+        pairs = self._pairing.add_image(stream, stamp_ns, (stamp_ns, message))
         self.counters["unpaired"] = self._pairing.unpaired
         for (colour_ns, colour), (_, depth) in pairs:
             yield from self._frame(colour_ns, colour, depth, camera)

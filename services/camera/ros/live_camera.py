@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from common.ros2.transforms import StampedTransform
+from people4d.codec import encode
 from people4d.errors import SourceError
 from people4d.messages import F64
 from services.camera.ros.camera import RosbagOptions, RosCamera, make_camera
@@ -71,7 +72,7 @@ class LiveCamera:
             self._static[names] = edge.matrix
         else:
             self._moving.add(names)
-        self._tree.add(edge.parent, edge.child, edge.matrix if static else None)
+        self._tree.add_transform(edge.parent, edge.child, edge.matrix if static else None)
         self._version += 1
 
     def setup(self, colour: tuple[Size, str], depth: tuple[Size, str], stamp_ns: int) -> Any:
@@ -107,13 +108,5 @@ class LiveCamera:
 
 
 def _same(one: RosCamera, other: RosCamera) -> bool:
-    return (
-        one.info == other.info
-        and one.moving == other.moving
-        and [(t.parent, t.child) for t in one.transforms]
-        == [(t.parent, t.child) for t in other.transforms]
-        and all(
-            np.array_equal(a.matrix, b.matrix)
-            for a, b in zip(one.transforms, other.transforms, strict=True)
-        )
-    )
+    first, second = ([encode(m) for m in (c.info, *c.transforms)] for c in (one, other))
+    return one.moving == other.moving and first == second

@@ -29,10 +29,10 @@ class TransformMessage(Message, frozen=True, kw_only=True):
 
 
 class LiveMotion:
-    """Topics of ROS 2 from which the motion of the camera follows; ConfigError if a key is not one.
+    """Topics of ROS 2 with the motion of the camera; ConfigError if a key is invalid.
 
-    Only transforms between the camera and the root of its tree are passed on, and the one between
-    the base and the frame of its odometry only without odometry.
+    Only transforms between the camera and the root of its tree are published. The transform of the
+    base in its odometry frame is published only without odometry.
     """
 
     def __init__(self, config: MotionConfig) -> None:
@@ -49,9 +49,9 @@ class LiveMotion:
         return [topic.key for topic in self.topics if topic.message not in self._received]
 
     def convert(self, message: Message, parents: Sequence[str]) -> list[Message]:
-        """Return the messages of ours that follow from a message of these topics.
+        """Convert a message of these topics to our messages.
 
-        `parents` are the frame of the camera, and those that its transforms lead to.
+        `parents` are the frame of the camera and the parents of its transforms.
         """
         self._received.add(type(message))
         if isinstance(message, TransformMessage):
@@ -65,7 +65,7 @@ class LiveMotion:
 
     def _transforms(self, message: TransformMessage, parents: Sequence[str]) -> list[Message]:
         for edge in message.transforms:
-            self._tree.add(frame_name(edge.parent), frame_name(edge.child))
+            self._tree.add_transform(frame_name(edge.parent), frame_name(edge.child))
         chain = {*parents, *(parent for frame in parents for parent, *_ in self._tree.path(frame))}
         converted: list[Message] = []
         for edge in message.transforms:

@@ -16,8 +16,8 @@ from people4d.errors import DecodeError
 from people4d.messages import F64, MovingTransform, Odometry
 from services.camera.ros.topics import JOINTS, ODOMETRY
 
-CLIMB_MAX = 32  # transforms between a camera and the root of its tree
-FRAMES_MAX = 4096  # bounds the memory that made-up names take
+CLIMB_MAX = 32  # maximum number of transforms from a camera to the root of its tree
+FRAMES_MAX = 4096  # maximum number of frames, which bounds the memory
 PLANAR = np.ix_((0, 1, 5), (0, 1, 5))  # x, y and yaw in the 6x6 covariance of ROS
 
 
@@ -27,7 +27,7 @@ class FrameTree:
     def __init__(self) -> None:
         self._parents: dict[str, tuple[str, F64 | None]] = {}
 
-    def add(self, parent: str, child: str, matrix: F64 | None = None) -> None:
+    def add_transform(self, parent: str, child: str, matrix: F64 | None = None) -> None:
         """Add a static transform (4x4, parent_from_child), or None for a moving one.
 
         A moving one does not replace a static one.
@@ -109,7 +109,7 @@ class WheelReader:
         return self._add(stamp_ns, left, right)
 
     def side(self, is_left: bool, message: Any, stamp_ns: int) -> Odometry | None:
-        """Read a number of std_msgs; one of the right wheel follows the left wheel's."""
+        """Read a number of std_msgs; the right wheel's number follows the left wheel's."""
         value = float(message.data)
         if is_left:
             self._left = value

@@ -27,7 +27,7 @@ from services.camera.ros.topics import (
 from services.camera.source import MotionMessage, Source, SourceFrame
 
 NUMBER = re.compile(r"std_msgs/msg/(U?Int(8|16|32|64)|Float(32|64))")
-LOOSE_NS = 50_000_000  # pairs further apart are counted: a walking person moves by 7 cm
+LOOSE_NS = 50_000_000  # [ns] distance of counted pairs: a walking person moves by 7 cm
 
 StampedImage = tuple[int, Any]  # stamp in nanoseconds and an image message
 
@@ -50,7 +50,7 @@ class RosbagSource(Source):
                 options.depth_info_topic,
                 options.odometry_topic,
             )
-            unused = ODOMETRY if options.wheel_topics else ""  # wheels are used in its place
+            unused = ODOMETRY if options.wheel_topics else ""  # replaced by wheels
             types = {topic: kind for topic, kind in bag.types.items() if kind != unused}
             self.topics = find_topics(types, wanted, partial(encodings, bag))
             camera = read_camera(bag, self.topics, options)
@@ -102,7 +102,9 @@ class RosbagSource(Source):
         stamp_ns, message = image
         if self.topics.colour == self.topics.depth:
             return [((stamp_ns, message.rgb), (stamp_ns, message.depth))]
-        return pairing.add("colour" if topic == self.topics.colour else "depth", stamp_ns, image)
+        return pairing.add_image(
+            "colour" if topic == self.topics.colour else "depth", stamp_ns, image
+        )
 
     def _frames(self, pairs: Iterable[tuple[StampedImage, StampedImage]]) -> Iterator[SourceFrame]:
         for (stamp_ns, colour), (depth_stamp_ns, depth) in pairs:

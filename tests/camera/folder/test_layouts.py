@@ -111,7 +111,7 @@ def test_depth_as_npy_is_read(tmp_path: Path) -> None:
     with pytest.raises(SourceError, match=r"expected 16 bits grey, got float32.*millimetres"):
         FolderSource(folder, FolderOptions())
     np.save(folder / "depth/d000001.npy", np.array([{}]), allow_pickle=True)
-    with pytest.raises(SourceError, match="not a readable array"):
+    with pytest.raises(SourceError, match="not a readable image: array"):
         FolderSource(folder, FolderOptions())
 
 

@@ -13,7 +13,7 @@ def paired(colours: Sequence[int], depths: Sequence[int], slop_ms: int = 500) ->
     entries = [(t, 0) for t in colours] + [(t, 1) for t in depths]
     found.clear()
     for stamp_ms, stream in sorted(entries):
-        found.extend(pairing.add("depth" if stream else "colour", stamp_ms * MS, stamp_ms))
+        found.extend(pairing.add_image("depth" if stream else "colour", stamp_ms * MS, stamp_ms))
     found.extend(pairing.flush())
     return pairing
 
@@ -50,8 +50,8 @@ def test_slop_bounds_the_distance() -> None:
 
 def test_exact_match_does_not_wait() -> None:
     pairing = Pairing[str](MS)
-    assert pairing.add("colour", 5, "c") == []
-    assert pairing.add("depth", 5, "d") == [("c", "d")]
+    assert pairing.add_image("colour", 5, "c") == []
+    assert pairing.add_image("depth", 5, "d") == [("c", "d")]
 
 
 def test_clock_that_jumps_back_costs_only_what_waits() -> None:
@@ -59,7 +59,7 @@ def test_clock_that_jumps_back_costs_only_what_waits() -> None:
     got: list[tuple[int, int]] = []
     for stream, stamp_ms in (("c", 1000), ("d", 1005), ("c", 1033), ("c", 0), ("d", 5), ("c", 33)):
         stamp_ns = stamp_ms * MS
-        got += pairing.add("colour" if stream == "c" else "depth", stamp_ns, stamp_ms)
+        got += pairing.add_image("colour" if stream == "c" else "depth", stamp_ns, stamp_ms)
     assert got == [(1000, 1005), (0, 5)]
     assert pairing.unpaired == 1
 
@@ -67,5 +67,5 @@ def test_clock_that_jumps_back_costs_only_what_waits() -> None:
 def test_one_dead_stream_keeps_a_bounded_queue() -> None:
     pairing = Pairing[int](MS)
     for k in range(10 * MAX_WAITING):
-        assert pairing.add("colour", k, k) == []
+        assert pairing.add_image("colour", k, k) == []
     assert pairing.unpaired == 9 * MAX_WAITING

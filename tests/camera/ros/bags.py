@@ -113,11 +113,16 @@ class Ros:
         )
 
     def transform(
-        self, parent: str, child: str, xyz: Sequence[float], xyzw: Sequence[float]
+        self,
+        parent: str,
+        child: str,
+        xyz: Sequence[float],
+        xyzw: Sequence[float],
+        stamp_ns: int = 0,
     ) -> Any:
         item = self.make(
             "geometry_msgs/msg/TransformStamped",
-            header=self.header(0, parent),
+            header=self.header(stamp_ns, parent),
             child_frame_id=child,
             transform={
                 "translation": dict(zip("xyz", xyz, strict=True)),

@@ -17,7 +17,7 @@ def tree(*items: tuple[str, str, tuple[float, float, float], tuple[float, ...]])
     transforms = FrameTree()
     for item in items:
         for edge in edges_of(ROS.transform(*item)):
-            transforms.add(edge.parent, edge.child, edge.matrix)
+            transforms.add_transform(edge.parent, edge.child, edge.matrix)
     return transforms
 
 

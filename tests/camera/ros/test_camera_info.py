@@ -19,7 +19,7 @@ def camera_info(model: str = "plumb_bob", *distortion: float, **changes: Any) ->
 
 def roi(x: int, y: int, width: int, height: int) -> Any:
     fields = {"x_offset": x, "y_offset": y, "width": width, "height": height}
-    return ROS.make("sensor_msgs/msg/RegionOfInterest", do_rectify=False, **fields)
+    return ROS.make("sensor_msgs/msg/RegionOfInterest", **fields)
 
 
 def test_binning_divides_the_calibration_of_the_full_sensor() -> None:

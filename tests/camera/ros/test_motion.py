@@ -42,12 +42,7 @@ def quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, flo
 
 def tf(ros: Ros, stamp_ns: int, *items: tuple[str, str, Sequence[float], Sequence[float]]) -> Any:
     """One message of several transforms."""
-    stamped = [
-        dataclasses.replace(
-            ros.transform(*item).transforms[0], header=ros.header(stamp_ns, item[0])
-        )
-        for item in items
-    ]
+    stamped = [ros.transform(*item, stamp_ns).transforms[0] for item in items]
     return ros.make(TF_TYPE, transforms=stamped)
 
 
@@ -199,10 +194,10 @@ def test_lineage() -> None:
         return [frame, *(parent for parent, _, _ in tree.path(frame))]
 
     for parent, child in (("map", "odom"), ("odom", "base"), ("base", "pan"), ("base", "arm")):
-        tree.add(parent, child)
+        tree.add_transform(parent, child)
     assert ancestors("pan") == ["pan", "base", "odom", "map"]
     assert ancestors("alone") == ["alone"]
-    tree.add("pan", "map")  # a loop ends
+    tree.add_transform("pan", "map")  # a loop ends
     assert ancestors("base") == ["base", "odom", "map", "pan"]
 
 
@@ -212,8 +207,6 @@ def joints(ros: Ros, stamp_ns: int, left: float, right: float) -> Any:
         header=ros.header(stamp_ns, ""),
         name=["wheel_right_joint", "arm", "wheel_left_joint"],
         position=np.array([right, 9.0, left]),
-        velocity=np.zeros(0),
-        effort=np.zeros(0),
     )
 
 

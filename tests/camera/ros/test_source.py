@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -191,27 +192,21 @@ def test_bad_images_are_counted_and_left_out(tmp_path: Path) -> None:
     assert source.counters["bad_images"] == 1
 
 
-def test_bag_without_depth_is_refused_with_its_topics(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("info", "message"),
+    [
+        (None, rf"no depth images.*{COLOUR} \(sensor_msgs/Image\)"),
+        ({"fx": math.nan}, r"focal lengths > 0, got fx nan.*options.calibration"),
+        ({"distortion": (0.1, 0, 0, 0), "model": "equidistant"}, "equidistant"),
+    ],
+)
+def test_bag_without_depth_or_a_usable_lens_is_refused(
+    tmp_path: Path, info: dict[str, Any] | None, message: str
+) -> None:
     ros = Ros(2)
-    entries = [entry for entry in frames(ros) if entry[0] != DEPTH]
-    with pytest.raises(SourceError, match=rf"no depth images.*{COLOUR} \(sensor_msgs/Image\)"):
-        RosbagSource(written(tmp_path, entries), RosbagOptions())
-
-
-def test_nan_intrinsics_are_refused(tmp_path: Path) -> None:
-    ros = Ros(2)
-    entries = frames(ros)
-    entries[0] = (*entries[0][:3], ros.camera_info(fx=math.nan))
-    with pytest.raises(SourceError, match=r"focal lengths > 0, got fx nan.*options.calibration"):
-        RosbagSource(written(tmp_path, entries), RosbagOptions())
-
-
-def test_fisheye_calibration_is_refused(tmp_path: Path) -> None:
-    ros = Ros(2)
-    entries = frames(ros)
-    info = ros.camera_info(distortion=(0.1, 0, 0, 0), model="equidistant")
-    entries[0] = (*entries[0][:3], info)
-    with pytest.raises(SourceError, match="equidistant"):
+    entries = [entry for entry in frames(ros) if info is not None or entry[0] != DEPTH]
+    entries[0] = (*entries[0][:3], ros.camera_info(**(info or {})))
+    with pytest.raises(SourceError, match=message):
         RosbagSource(written(tmp_path, entries), RosbagOptions())
 
 

@@ -81,7 +81,7 @@ def observe(
     """Return what cameras see of two people, and of the floor those that are named."""
     collector = ObservationCollector()
     for arrived_ns, message in messages(cameras, [wander(3), wander(4)], 25.0):
-        collector.add(message, arrived_ns)
+        collector.add_message(message, arrived_ns)
     for one in cameras:
         for k in range(5 if one.name in floors else 0):
             collector.add_depth(one.name, k, floor_depth_mm(one, seed=k, **floors[one.name]))

@@ -137,7 +137,7 @@ def test_two_cameras_of_one_name_are_refused() -> None:
     sent = [m for c in [*square("a"), *twins] for m in messages([c], [wander(3), wander(4)])]
     collector = ObservationCollector()
     for arrived_ns, message in sorted(sent, key=lambda item: item[0]):
-        collector.add(message, arrived_ns)
+        collector.add_message(message, arrived_ns)
     assert "two cameras or robots call themselves b" in refusal(collector.cameras)
 
 

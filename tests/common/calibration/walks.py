@@ -77,7 +77,7 @@ def observe(
     """Return what cameras see of people."""
     collector = ObservationCollector()
     for arrived_ns, message in messages(cameras, paths, duration_s, noise_m, seed):
-        collector.add(message, arrived_ns)
+        collector.add_message(message, arrived_ns)
     return collector.cameras
 
 
