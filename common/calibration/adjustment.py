@@ -17,7 +17,6 @@ from common.calibration.groups import find_groups
 from common.calibration.level_paths import LevelPaths
 from common.calibration.pairs import LevelPose
 from common.calibration.residuals import PARAMETERS, Residuals, turn_of
-from common.calibration.tags.fusion import TagPose
 from common.geometry.transforms import transform_from
 from people4d.errors import CalibrationError
 from people4d.messages import F64
@@ -73,7 +72,6 @@ def adjust(
     first: Mapping[str, LevelPose],
     reference: str,
     floors: Mapping[str, MeasuredFloor],
-    tags: Mapping[str, TagPose],
 ) -> AdjustmentResult:
     """Return poses that bring the people of all cameras together.
 
@@ -82,7 +80,6 @@ def adjust(
         first: Poses to begin with, in the level frame of the reference.
         reference: Camera that is the origin of poses and clocks.
         floors: Floor before each camera that sees one, optical frame.
-        tags: Poses by tags of the cameras that see some.
 
     Raises:
         CalibrationError: No two cameras have positions of one person.
@@ -120,8 +117,7 @@ def adjust(
     while _leave_odd_floors(problem, used, start, FLOOR_LAST):
         start = problem.solve(start)
     scaled, scale_sigmas = problem.scales(start)
-    known = {k: tags[name] for k, name in enumerate(names) if name in tags}
-    start, covariance = problem.with_tags(start, known)
+    covariance = problem.covariances(start)
     squares = problem.squares_m2(start)
     total = sum(len(s) for s in squares.values())
     steps_s = problem.groups.times_s

@@ -13,8 +13,6 @@ from scipy.spatial.transform import Rotation
 
 from common.calibration.floor import MeasuredFloor
 from common.calibration.groups import Groups
-from common.calibration.tags.fusion import TagPose, fuse
-from common.geometry.transforms import transform_from
 from people4d.messages import F64
 
 ACROSS_SIGMA_M, DEPTH_SIGMA_M, DEPTH_SIGMA_PER_M = (
@@ -155,27 +153,14 @@ class Residuals:
         x[free] = found.x
         return x
 
-    def with_tags(self, x: F64, tags: Mapping[int, TagPose]) -> tuple[F64, F64]:
-        """Return the parameters, joined with tags, and covariances (Cx8x8) of pose and clock.
-
-        Args:
-            x: Parameters by walking.
-            tags: What cameras see of the map, by number.
-        """
-        full, at = self._covariance(x), x.copy()
-
-        def matrices(values: F64) -> list[F64]:
-            at[self._free] = values
-            return [transform_from(at[k, 3:6], turn_of(at[k])) for k in tags]
-
-        if len(tags) > 1:
-            at[self._free], full = fuse(x[self._free], full, matrices, list(tags.values()))
+    def covariances(self, x: F64) -> F64:
+        """Return the covariances (Cx8x8) of pose and clock; zero for the reference."""
+        full = self._covariance(x)
         index = np.cumsum(self._free.ravel()).reshape(-1, PARAMETERS) - 1
         result = np.zeros((self._count, 8, 8))
         for k in range(1, self._count):
-            rows = index[k, :8]
-            result[k] = full[np.ix_(rows, rows)]
-        return at, result
+            result[k] = full[np.ix_(index[k, :8], index[k, :8])]
+        return result
 
     def scales(self, x: F64) -> tuple[F64, F64]:
         """Return changes of scale (Cx2) that fit best, and their standard deviations."""

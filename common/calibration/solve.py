@@ -14,7 +14,6 @@ from common.calibration.level import Uprightness, level_from_optical, torso_heig
 from common.calibration.level_paths import LevelPaths
 from common.calibration.observations import CameraObservations
 from common.calibration.pairs import match_pair
-from common.calibration.tags.fusion import TagPose
 from common.calibration.tracklets import Tracklet, tracklets
 from common.geometry.transforms import apply, transform_from
 from people4d.messages import F64
@@ -44,7 +43,6 @@ def calibrate(
     reference: str = "",
     map_from_reference: F64 | None = None,
     search_s: float = SEARCH_S,
-    tags: Mapping[str, TagPose] | None = None,
 ) -> CalibrationResult:
     """Return the poses and clocks of cameras from people who walked in their view.
 
@@ -53,7 +51,6 @@ def calibrate(
         reference: Camera that is the origin; empty: the first by name.
         map_from_reference: Its pose (4x4); None: the map is on the floor below it, x forward.
         search_s: Maximum offset of clocks beyond the times of arrival [s].
-        tags: Poses by tags, of the cameras that see tags.
 
     Raises:
         CalibrationError: The people do not determine the poses.
@@ -78,7 +75,7 @@ def calibrate(
     graph = solve_graph(cameras, pairs, reference)
     check_graph(names, pairs, graph)
     floors = {c.camera: f for c in observed if (f := _floor(c, upright[c.camera].up()))}
-    adjustment = adjust(cameras, graph.poses, reference, floors, tags or {})
+    adjustment = adjust(cameras, graph.poses, reference, floors)
     check_adjustment(adjustment, reference)
     poses = {
         name: replace(pose, offset_s=pose.offset_s + (origin_ns[name] - origin_ns[reference]) / 1e9)

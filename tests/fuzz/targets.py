@@ -8,7 +8,6 @@ from tests.fuzz.target import Target
 MODULES = (
     "messages",
     "files",
-    "settings",
     "state",
     "clients",
     "sequences",

@@ -12,8 +12,7 @@ import typer
 from common.calibration.observations import ObservationCollector
 from common.calibration.solve import CalibrationResult
 from common.calibration.solve import calibrate as solve
-from common.calibration.tags.fusion import tag_poses
-from common.calibration.tags.observer import TagObserver, move_to_map, read_tags
+from common.calibration.tags import TagObserver, move_to_map, read_tags
 from common.calibration.transforms_file import check_tree, write_transforms
 from common.io.images import decompress
 from common.io.recording import open_recording
@@ -179,14 +178,11 @@ class CalibrationSession:
                 f"{', '.join(sorted(absent))} sends no detections", "Start it, or leave it out."
             )
         check_tree(list(self._transforms.values()), {c.camera: c.frame_id for c in observed})
+        found = solve(observed, self._reference, search_s=self._offset_s)
         if self._tags is None:
-            return solve(observed, self._reference, search_s=self._offset_s)
+            return found
         infos = {camera.camera: camera.info for camera in observed if camera.info}
-        by_tags = self._tags.poses(infos)
-        corners_m = {camera: self._tags.corners_m(camera) for camera in by_tags}
-        tags = tag_poses(by_tags, corners_m, infos)
-        found = solve(observed, self._reference, search_s=self._offset_s, tags=tags)
-        return move_to_map(found, by_tags)
+        return move_to_map(found, self._tags.poses(infos))
 
     def summary(self) -> str:
         """Return the number of people in each camera, and a map of their positions in the image."""

@@ -1,22 +1,18 @@
 """AprilTags in images: poses of cameras in the map, and what cannot be known by them."""
 
-import math
-from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from common.calibration.observations import CameraObservations
 from common.calibration.solve import calibrate
-from common.calibration.tags.fusion import TagPose, tag_poses
-from common.calibration.tags.observer import FAMILY, Tag, TagObserver, move_to_map, read_tags
+from common.calibration.tags import FAMILY, Tag, TagObserver, move_to_map, read_tags
 from common.geometry.transforms import apply, invert, project, transform_from
 from people4d.errors import CalibrationError, SourceError
 from people4d.messages import F64, U8, CameraInfo
 from tests.builders import camera_info
-from tests.common.calibration.walks import WalkCamera, camera, observe, square, wander
+from tests.common.calibration.walks import camera, observe, square, wander
 
 CELLS, CELL_PX = 8, 20  # of a tag with its border
 FINE = 4  # pixels of the drawing in one of the image
@@ -133,43 +129,3 @@ def test_bad_files_are_refused(tmp_path: Path, text: str, problem: str) -> None:
         read_tags(file)
     with pytest.raises(SourceError, match="cannot be read"):
         read_tags(tmp_path / "absent.toml")
-
-
-def chain() -> tuple[list[WalkCamera], list[CameraObservations]]:
-    """Return three cameras in a row that share little floor, and a short walk before them."""
-    cameras = [camera(name, 2.0 * k, 0.0, 90.0) for k, name in enumerate("abc")]
-
-    def path(t_s: float) -> tuple[float, float]:
-        x, y = wander(1, 1.0)(t_s)
-        return 2.0 + 3.2 * math.sin(0.2 * t_s + 1) + 0.3 * x, 3.2 + y
-
-    return cameras, observe(cameras, [path], 50.0)
-
-
-def by_tags(cameras: Sequence[WalkCamera], moved_m: float = 0.0) -> dict[str, TagPose]:
-    """Return the true poses of cameras as tags show them, of the last with an error."""
-    poses = {one.name: one.map_from_camera for one in cameras}
-    last = cameras[-1].name
-    poses[last] = transform_from((moved_m, 0, 0), np.eye(3)) @ poses[last]
-    shape = [[x, y, z] for x in (-1, 1) for y, z in ((0, 3), (1, 2))]
-    corners = {one.name: apply(one.map_from_camera, shape) for one in cameras}
-    return tag_poses(poses, corners, dict.fromkeys(poses, camera_info()))
-
-
-def test_tags_before_the_ends_of_a_row_rescue_a_short_walk() -> None:
-    cameras, observed = chain()
-    with pytest.raises(CalibrationError, match="the pose of c is not sure"):
-        calibrate(observed)
-    found = calibrate(observed, tags=by_tags([cameras[0], cameras[2]])).poses["c"]
-    true = invert(cameras[0].map_from_camera) @ cameras[2].map_from_camera
-    assert np.linalg.norm((found.matrix - true)[:3, 3]) < 0.02
-    assert found.sigma_m < 0.03
-
-
-@pytest.mark.parametrize(("cameras", "moved_m"), [((0, 2), 0.5), ((2,), 0.0)])
-def test_tags_that_contradict_the_walk_or_of_one_camera_change_nothing(
-    cameras: Sequence[int], moved_m: float
-) -> None:
-    row, observed = chain()
-    with pytest.raises(CalibrationError, match="the pose of c is not sure"):
-        calibrate(observed, tags=by_tags([row[k] for k in cameras], moved_m))

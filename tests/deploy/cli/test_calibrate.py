@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from common.calibration.tags.observer import Tag
+from common.calibration.tags import Tag
 from common.calibration.transforms_file import read_pose, read_transforms
 from common.io.images import compress
 from common.io.recording import RecordingWriter

@@ -138,14 +138,11 @@ class TagObserver:
         found = {}
         for camera, views in self._corners.items():
             if views and camera in infos:
-                names = sorted(views)
-                pixels = np.concatenate([np.median(views[n], axis=0) for n in names])
-                found[camera] = _pose(infos[camera], self.corners_m(camera), pixels, names)
+                numbers = sorted(views)
+                corners_m = np.concatenate([self._tags[n].corners_m for n in numbers])
+                pixels = np.concatenate([np.median(views[n], axis=0) for n in numbers])
+                found[camera] = _pose(infos[camera], corners_m, pixels, numbers)
         return found
-
-    def corners_m(self, camera: str) -> F64:
-        """Return the corners (Nx3) in the map that a camera saw."""
-        return np.concatenate([self._tags[n].corners_m for n in sorted(self._corners[camera])])
 
 
 def move_to_map(found: CalibrationResult, by_tags: Mapping[str, F64]) -> CalibrationResult:

@@ -1,1 +1,0 @@
-"""AprilTags at measured positions in the map, see docs/method.md."""
