@@ -5,13 +5,7 @@ from collections.abc import Iterator
 
 from tests.fuzz.target import Target
 
-MODULES = (
-    "messages",
-    "files",
-    "state",
-    "clients",
-    "sequences",
-)  # each with its TARGETS
+MODULES = ("messages", "files", "state", "clients", "sequences")  # each with its TARGETS
 
 
 def groups() -> Iterator[dict[str, Target]]:
