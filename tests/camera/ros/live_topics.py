@@ -13,6 +13,8 @@ import numpy as np
 from common.ros2 import types
 from common.ros2.config import Ros2Config
 from common.ros2.names import TopicType
+from common.ros2.transport import DEFAULT, LATCHED, Ros2Publisher
+from common.ros2.transports import open_transport
 from services.camera.ros.live import LiveRosOptions, LiveRosSource
 from services.camera.source import SourceFrame, SourceItem
 from tests.camera.ros.bags import FRAME, SIZE, Ros
@@ -32,11 +34,34 @@ def depth_pixels(size: tuple[int, int] = SIZE) -> Any:
     return (500 + np.arange(size[0] * size[1], dtype=np.uint16)).reshape(size)
 
 
-def open_live(transport: str, namespace: str, network: Network, **options: Any) -> LiveRosSource:
+def ros2_config(transport: Any, network: Network) -> Ros2Config:
     domain = DOMAIN if transport == "dds" else 0
-    config = Ros2Config(endpoints=(network.endpoint,), domain_id=domain)
+    return Ros2Config(transport=transport, endpoints=(network.endpoint,), domain_id=domain)
+
+
+def open_live(transport: str, namespace: str, network: Network, **options: Any) -> LiveRosSource:
+    config = ros2_config(transport, network)
     given = LiveRosOptions(ros2=config, **{"timeout_s": 0.5} | options)
     return LiveRosSource(f"ros2+{transport}:{namespace}", given)
+
+
+class Driver:
+    """Publishes messages by a transport of ours; tests/common/ros2 compares these with others'."""
+
+    def __init__(self, config: Ros2Config) -> None:
+        self.name = config.transport
+        self._transport = open_transport(config)
+        self._publishers: dict[str, Ros2Publisher] = {}
+
+    def publish(self, topic: str, message: Any) -> None:
+        kind = message.__msgtype__
+        if topic not in self._publishers:
+            qos = LATCHED if topic == "/tf_static" else DEFAULT
+            self._publishers[topic] = self._transport.publisher(topic, kind, qos)
+        self._publishers[topic].send(bytes(types.typestore().serialize_cdr(message, kind)))
+
+    def close(self) -> None:
+        self._transport.close()
 
 
 @contextmanager

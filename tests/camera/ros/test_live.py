@@ -1,8 +1,7 @@
-"""Live topics of a camera in ROS 2, published by programs that others wrote."""
+"""Live topics of a camera in ROS 2."""
 
 import time
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -10,7 +9,6 @@ import numpy as np
 import pytest
 
 pytest.importorskip("cyclonedds")
-pytest.importorskip("zenoh_ros2_sdk")
 
 from common.io.images import encode_jpeg, encode_png16
 from common.ros2 import types
@@ -24,13 +22,12 @@ from services.camera.ros.live import LiveRosOptions, LiveRosSource
 from services.camera.source import SourceFrame, SourceItem, SourceSetup
 from services.camera.sources import open_source
 from tests.camera.ros.bags import FRAME, SIZE
-from tests.camera.ros.drivers import CameraDriver, DdsDriver, SdkDriver
 from tests.camera.ros.live_topics import (
     DEPTH_FRAME,
-    DOMAIN,
     ROS,
     SECOND,
     STEP_NS,
+    Driver,
     Raw,
     colour_pixels,
     depth_pixels,
@@ -38,6 +35,7 @@ from tests.camera.ros.live_topics import (
     is_frame,
     open_live,
     repeated,
+    ros2_config,
     static,
     until,
 )
@@ -51,40 +49,27 @@ pytestmark = [pytest.mark.network, pytest.mark.slow]
 def opened(
     request: pytest.FixtureRequest,
     network: Network,
-    tmp_path: Path,
     namespace: str,
     monkeypatch: pytest.MonkeyPatch,
-) -> Iterator[tuple[LiveRosSource, CameraDriver]]:
+) -> Iterator[tuple[LiveRosSource, Driver]]:
     """Source, and the driver that it receives."""
     monkeypatch.setenv("CYCLONEDDS_URI", LOOPBACK)
-    driver: CameraDriver
-    driver = DdsDriver(DOMAIN) if request.param == "dds" else SdkDriver(network.endpoint, tmp_path)
+    driver = Driver(ros2_config(request.param, network))
     source = open_live(request.param, namespace, network)
     yield source, driver
     source.interrupt()
     driver.close()
 
 
-def transport_of(driver: CameraDriver) -> str:
-    return "dds" if isinstance(driver, DdsDriver) else "zenoh"
-
-
-def repeat_latched(driver: CameraDriver, message: Any) -> None:
-    """Publish a latched message again where its driver keeps none for late subscribers."""
-    if isinstance(driver, SdkDriver):
-        driver.publish("/tf_static", message)
-
-
 def test_frames_of_a_driver_arrive_as_the_same_arrays(
-    opened: tuple[LiveRosSource, CameraDriver], network: Network, namespace: str
+    opened: tuple[LiveRosSource, Driver], network: Network, namespace: str
 ) -> None:
     _, driver = opened
-    source = open_live(transport_of(driver), namespace, network, base_frame="base_link")
+    source = open_live(driver.name, namespace, network, base_frame="base_link")
     start_ns = time.time_ns()
     driver.publish("/tf_static", static("base_link", FRAME, 0.25))
 
     def publish(number: int) -> None:
-        repeat_latched(driver, static("base_link", FRAME, 0.25))
         stamp_ns = start_ns + number * STEP_NS
         driver.publish(f"{namespace}/color/camera_info", info())
         colour = ROS.image(colour_pixels(), "rgb8", stamp_ns)
@@ -106,14 +91,13 @@ def test_frames_of_a_driver_arrive_as_the_same_arrays(
 
 
 def test_depth_of_another_lens_is_registered_by_tf_and_calibration(
-    opened: tuple[LiveRosSource, CameraDriver], namespace: str
+    opened: tuple[LiveRosSource, Driver], namespace: str
 ) -> None:
     source, driver = opened
     size = (12, 16)
     driver.publish("/tf_static", static(FRAME, DEPTH_FRAME, 0.05))
 
     def publish(number: int) -> None:
-        repeat_latched(driver, static(FRAME, DEPTH_FRAME, 0.05))
         stamp_ns = number * STEP_NS
         driver.publish(f"{namespace}/color/camera_info", info())
         driver.publish(f"{namespace}/depth/camera_info", info(DEPTH_FRAME, size, fx=20.0))
@@ -134,15 +118,14 @@ def test_depth_of_another_lens_is_registered_by_tf_and_calibration(
 
 
 def test_odometry_and_moving_transforms_follow(
-    opened: tuple[LiveRosSource, CameraDriver], network: Network, namespace: str
+    opened: tuple[LiveRosSource, Driver], network: Network, namespace: str
 ) -> None:
     _, driver = opened
     odom = f"{namespace}/odom"
-    source = open_live(transport_of(driver), namespace, network, odometry_topic=odom)
+    source = open_live(driver.name, namespace, network, odometry_topic=odom)
     driver.publish("/tf_static", static("pan_link", FRAME))
 
     def publish(number: int) -> None:
-        repeat_latched(driver, static("pan_link", FRAME))
         stamp_ns = SECOND + number * STEP_NS
         head = ROS.header(stamp_ns, "odom")
         moving = static("base_link", "pan_link", 0.1)
