@@ -47,7 +47,7 @@ class CameraObservations:
     frame_id: str = ""  # optical frame
     info: CameraInfo | None = None
     frames: list[ObservedFrame] = field(default_factory=list)
-    delay_ns: int | None = None  # least time from stamp to arrival, on two clocks
+    delay_ns: int | None = None  # [ns] minimum time from stamp to arrival, on two clocks
     unlocated: int = 0  # people without a position
     sequence: int = -1  # sequence number of the last frame
     depths_mm: deque[U16] = field(default_factory=lambda: deque(maxlen=DEPTHS_MAX))  # thinned

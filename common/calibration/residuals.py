@@ -193,7 +193,7 @@ class Residuals:
             return self.residuals(at)
 
         base, jacobian = self.residuals(x), approx_fprime(x[free], of, STEP)
-        # The variance of residuals as it is; consecutive ones are alike.
+        # Empirical variance of the residuals; consecutive ones are correlated.
         torsos = self.groups.torsos
         count = int(self.groups.has[:torsos].sum())
         variance = max(float(np.median(np.abs(base[: 3 * count])) / 0.6745) ** 2, 0.04)

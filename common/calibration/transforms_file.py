@@ -28,7 +28,7 @@ class CameraEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     sigma_m: float = 0.0  # [m] standard deviation of the position, against the reference
     sigma_deg: float = 0.0  # [deg] of the rotation
     clock_offset_ms: float = 0.0  # [ms] its clock minus the reference's
-    pairs: dict[str, float] = {}  # [s] in which it and another camera saw one person
+    pairs: dict[str, float] = {}  # [s] time with a common person, by other camera
 
 
 class TransformsFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -145,7 +145,7 @@ def _near(
     slop_s: float,
     names: tuple[str, str] = LISTS,
 ) -> FolderLayout:
-    """Pair images of a time and a stream, each with the nearest of the other stream."""
+    """Pair each image with the image of the other stream that is nearest in time."""
     pairing = Pairing[tuple[int, Path]](round(slop_s * 1e9))
     found: list[tuple[tuple[int, Path], tuple[int, Path]]] = []
     for stamp_ns, stream, path in sorted(entries):
