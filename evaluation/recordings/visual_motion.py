@@ -50,7 +50,7 @@ class VisualMotion:
     def __init__(
         self, camera: CameraConfig, config: VisualOdometryConfig, detections: Iterable[Message] = ()
     ) -> None:
-        self._source = open_source(camera.source, camera.kind, camera.options)
+        self._source = open_source(camera.source, camera.options)
         self._detections = {m.stamp_ns: m for m in detections if isinstance(m, Detections)}
         self._node = build(config)
         frame_id = self._source.info.frame_id

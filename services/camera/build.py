@@ -9,4 +9,4 @@ from services.camera.sources import open_source
 
 def build(config: CameraConfig, source: Source | None = None) -> Node:
     """Make the camera; its source is opened here, so that a wrong one is reported at start."""
-    return CameraNode(config, source or open_source(config.source, config.kind, config.options))
+    return CameraNode(config, source or open_source(config.source, config.options))

@@ -46,7 +46,6 @@ class CameraConfig(Config, frozen=True, kw_only=True):
     """Source, mount and playback of a camera."""
 
     source: str = ""  # path of a recording, bag or folder, or module:Class of a plug-in camera
-    kind: str = "auto"  # recording, rosbag, folder or plugin; auto: found from the path
     options: dict[str, Any] = msgspec.field(default_factory=dict)  # options of the kind of source
     camera: NameOrEmpty = ""  # name in keys and messages; empty: the recording's, else "camera"
     max_depth_m: Positive | None = None  # [m] of valid readings; None: the source's, else 5

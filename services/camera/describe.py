@@ -57,7 +57,7 @@ def describe(path: Path) -> Description:
         raise SourceError(f"{path} is not a recording")
     source, problem = None, ""
     try:
-        source = open_source(str(path), kind)
+        source = open_source(str(path))
     except SourceError as error:
         problem = str(error)
     description = DESCRIBERS[kind](path, source)

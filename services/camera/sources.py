@@ -28,15 +28,12 @@ SOURCES = {
 }
 
 
-def open_source(
-    source: str, kind: str = "auto", options: Mapping[str, Any] | None = None
-) -> Source:
+def open_source(source: str, options: Mapping[str, Any] | None = None) -> Source:
     """Open a recording, a bag, a folder, a scenario of the lab, ROS 2 topics or a plug-in camera.
 
     Args:
         source: Path, `lab:NAME` of a scenario, `ros2:/NAMESPACE` or `ros2:DRIVER` of ROS 2 topics,
             or `module:Class` of a plug-in camera.
-        kind: Name in SOURCES, "plugin", or "auto" to find it from the path.
         options: Of the kind of source; a plug-in gets them as keyword arguments.
 
     Raises:
@@ -44,13 +41,9 @@ def open_source(
         ConfigError: An option is unknown or wrong.
     """
     options = options or {}
-    if kind == "auto":
-        kind = kind_of(source)
+    kind = kind_of(source)
     if kind == "plugin":
         return _plugin(source, options)
-    if kind not in SOURCES:
-        names = ", ".join(["auto", *SOURCES, "plugin"])
-        raise ConfigError(f"kind: expected one of {names}, got {kind!r}")
     factory = registry.find("source", SOURCES, kind)
     argument: str | Path = source.removeprefix(LAB) if kind in ("lab", "ros2") else Path(source)
     opened: Source = factory(argument, _read_options(factory.options_type, options))
@@ -70,9 +63,8 @@ def check_source(config: CameraConfig) -> None:
             "Add --source PATH (recording, ROS bag, image folder, lab:SCENARIO, ros2:/camera, or "
             "module:Class of a camera), or see it work with: people4d demo",
         )
-    kind = kind_of(config.source) if config.kind == "auto" else config.kind
-    if kind not in ("lab", "plugin"):
-        open_source(config.source, kind, config.options).close()
+    if kind_of(config.source) not in ("lab", "plugin"):
+        open_source(config.source, config.options).close()
 
 
 def kind_of(source: str) -> str:

@@ -113,7 +113,7 @@ class MarkedRecording:
 
 def read_images(camera: CameraConfig) -> tuple[CameraInfo, list[SourceFrame]]:
     """Return calibration and images of a recording, depth registered to colour."""
-    source = open_source(camera.source, camera.kind, camera.options)
+    source = open_source(camera.source, camera.options)
     return source.info, [item for item in source if isinstance(item, SourceFrame)]
 
 

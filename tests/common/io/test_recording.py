@@ -63,7 +63,7 @@ def write_mcap(
     return path
 
 
-def test_notes_come_back(tmp_path: Path) -> None:
+def test_metadata_is_read_back(tmp_path: Path) -> None:
     with RecordingWriter(tmp_path / "x.mcap") as writer:
         writer.write_metadata("lab", {"seed": "1"})
         writer.write(odometry(1), S)
@@ -74,7 +74,7 @@ def test_notes_come_back(tmp_path: Path) -> None:
     assert (len(list(recording.messages())), recording.summary.truncated) == (1, False)
 
 
-def test_too_many_notes_are_refused(tmp_path: Path) -> None:
+def test_too_many_metadata_records_are_refused(tmp_path: Path) -> None:
     with RecordingWriter(tmp_path / "x.mcap") as writer:
         for k in range(257):
             writer.write_metadata(str(k), {})
