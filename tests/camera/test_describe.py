@@ -107,9 +107,9 @@ def test_images_of_another_size_than_the_calibration_are_a_problem(tmp_path: Pat
 
 def test_odometry_that_nothing_links_to_the_map_is_named(tmp_path: Path) -> None:
     ros = Ros(2)
-    odometry = (ODOMETRY, "nav_msgs/msg/Odometry", 1, ros.odometry(3, 4, 0.5, 999_000_000))
+    odometry = (ODOMETRY, 1, ros.odometry(3, 4, 0.5, 999_000_000))
     still = ros.transform("base_link", FRAME, (1, 0, 0), (-0.5, 0.5, -0.5, 0.5))
-    mount = (TF, "tf2_msgs/msg/TFMessage", 1, still)
+    mount = (TF, 1, still)
     found = describe(ros.write(tmp_path / "a_mcap", [mount, odometry, *frames(ros)]))
     assert (found.mounted_in, found.unlinked_odometry, found.turned_deg) == ("base_link", "odom", 0)
     assert "--set tracker.frame_id=odom" in odometry_text(found)
@@ -119,7 +119,7 @@ def test_camera_upside_down_is_described_as_turned(tmp_path: Path) -> None:
     # The optical frame of an upright camera, rolled by half a turn about its axis.
     ros = Ros(2)
     hangs = ros.transform("map", FRAME, (0, 0, 2), (0.5, 0.5, 0.5, 0.5))
-    entries = [(TF, "tf2_msgs/msg/TFMessage", 1, hangs), *frames(ros)]
+    entries = [(TF, 1, hangs), *frames(ros)]
     found = describe(ros.write(tmp_path / "a_mcap", entries))
     assert found.turned_deg == 180
     assert "turned by 180 degrees" in camera_text(found)

@@ -21,7 +21,7 @@ INFO, ODOMETRY, TF = "/camera/color/camera_info", "/odom", "/tf_static"
 FRAME = "camera_color_optical_frame"
 SIZE = (6, 8)  # height and width of the images
 
-Entry = tuple[str, str, int, Any]  # topic, type, time in nanoseconds, message
+Entry = tuple[str, int, Any]  # topic, time in nanoseconds, message
 
 
 class Ros:
@@ -156,14 +156,12 @@ class Ros:
         with bag as writer:
             links = {
                 topic: writer.add_connection(topic, kind, typestore=self.store)
-                for topic, kind in {entry[0]: entry[1] for entry in entries}.items()
+                for topic, kind in {t: message.__msgtype__ for t, _, message in entries}.items()
             }
-            for topic, kind, time_ns, message in entries:
-                writer.write(links[topic], time_ns, bytes(pack(message, kind)))
+            for topic, time_ns, message in entries:
+                data = pack(message, message.__msgtype__)
+                writer.write(links[topic], time_ns, bytes(data))
         return path
-
-
-IMAGE_TYPE = "sensor_msgs/msg/Image"
 
 
 def rgb(value: int = 0) -> npt.NDArray[np.uint8]:
@@ -184,15 +182,13 @@ def depth_mm(value: int = 1000) -> npt.NDArray[np.uint16]:
 
 def frames(ros: Ros, count: int = 3, shift_ns: int = 4_000_000) -> list[Entry]:
     """Colour at 0, 100, 200 ms after 1 s, depth each time later by a shift."""
-    entries: list[Entry] = [
-        (INFO, "sensor_msgs/msg/CameraInfo", 10**9, ros.camera_info(distortion=(0.1, 0, 0, 0, 0)))
-    ]
+    entries: list[Entry] = [(INFO, 10**9, ros.camera_info(distortion=(0.1, 0, 0, 0, 0)))]
     for k in range(count):
         stamp_ns = 10**9 + k * 10**8
         colour = ros.image(rgb(k), "rgb8", stamp_ns)
         depth = ros.image(depth_mm(1000 + k), "16UC1", stamp_ns + shift_ns)
-        entries.append((COLOUR, IMAGE_TYPE, stamp_ns, colour))
-        entries.append((DEPTH, IMAGE_TYPE, stamp_ns + shift_ns, depth))
+        entries.append((COLOUR, stamp_ns, colour))
+        entries.append((DEPTH, stamp_ns + shift_ns, depth))
     return entries
 
 

@@ -20,7 +20,6 @@ from tests.camera.ros.bags import (
     COLOUR,
     DEPTH,
     FRAME,
-    IMAGE_TYPE,
     INFO,
     ODOMETRY,
     SIZE,
@@ -32,8 +31,6 @@ from tests.camera.ros.bags import (
     rgb,
 )
 
-INFO_TYPE, TF_TYPE = "sensor_msgs/msg/CameraInfo", "tf2_msgs/msg/TFMessage"
-ODOMETRY_TYPE, TRANSFORM_TYPE = "nav_msgs/msg/Odometry", "geometry_msgs/msg/Transform"
 S = 10**9
 NO_TURN = (0.0, 0.0, 0.0, 1.0)
 
@@ -72,14 +69,14 @@ def test_depth_is_found_by_the_encoding_of_its_images(
 
 def test_coloured_image_of_depth_is_not_depth(tmp_path: Path) -> None:
     ros = Ros(2)
-    image = ("/camera/depth/image_jet", IMAGE_TYPE, S, ros.image(rgb(7), "rgb8", S))
+    image = ("/camera/depth/image_jet", S, ros.image(rgb(7), "rgb8", S))
     source = opened(tmp_path, [*frames(ros), image])
     assert (source.topics.colour, source.topics.depth) == (COLOUR, DEPTH)
 
 
 def test_infrared_of_16_bits_is_not_depth(tmp_path: Path) -> None:
     ros = Ros(2)
-    infrared = ("/kinect2/qhd/image_ir", IMAGE_TYPE, S, ros.image(depth_mm(9), "16UC1", S))
+    infrared = ("/kinect2/qhd/image_ir", S, ros.image(depth_mm(9), "16UC1", S))
     assert opened(tmp_path, [*frames(ros), infrared]).topics.depth == DEPTH
 
 
@@ -88,7 +85,7 @@ def test_compressed_depth_is_known_by_its_bytes(tmp_path: Path) -> None:
     png = cv2.imencode(".png", depth_mm())[1].tobytes()
     entries = [entry for entry in frames(ros) if entry[0] != DEPTH]
     message = ros.compressed(png, "png", S)
-    entries.append(("/tof/image/compressed", "sensor_msgs/msg/CompressedImage", S, message))
+    entries.append(("/tof/image/compressed", S, message))
     assert opened(tmp_path, entries).topics.depth == "/tof/image/compressed"
 
 
@@ -98,7 +95,7 @@ def test_depth_as_tiff_is_refused_with_a_remedy(tmp_path: Path) -> None:
     entries = [entry for entry in frames(ros) if entry[0] != DEPTH]
     message = ros.compressed(tiff, "16UC1; tiff compressed", S)
     topic = "/kinect2/qhd/image_depth_rect/compressed"
-    entries.append((topic, "sensor_msgs/msg/CompressedImage", S, message))
+    entries.append((topic, S, message))
     with pytest.raises(SourceError, match="TIFF, RVL and JPEG are not read"):
         opened(tmp_path, entries, version=1)
 
@@ -107,8 +104,8 @@ def test_first_image_of_another_size_is_left_to_the_size_check(tmp_path: Path) -
     # realsense2_camera sends unaligned images on the aligned topic now and then.
     ros = Ros(2)
     entries = frames(ros)
-    large = ros.image(np.full((9, 12), 1000, np.uint16), "16UC1", entries[2][2])
-    entries[2] = (*entries[2][:3], large)
+    large = ros.image(np.full((9, 12), 1000, np.uint16), "16UC1", entries[2][1])
+    entries[2] = (*entries[2][:2], large)
     source = opened(tmp_path, entries)
     assert (source.info.width, source.registration) == (8, None)
     assert [c.depth_mm.shape for c in captures(source)] == [(9, 12), SIZE, SIZE]
@@ -119,7 +116,7 @@ def test_calibration_that_fits_the_images_is_used(tmp_path: Path) -> None:
     ros = Ros(2)
     other = dataclasses.replace(ros.camera_info(fx=5.0), width=4, height=3)
     empty = dataclasses.replace(ros.camera_info(), k=np.zeros(9))
-    entries = [(INFO, INFO_TYPE, 1, other), (INFO, INFO_TYPE, 2, empty), *frames(ros)]
+    entries = [(INFO, 1, other), (INFO, 2, empty), *frames(ros)]
     assert opened(tmp_path, entries).info.fx == 10.0
 
 
@@ -130,7 +127,7 @@ def test_depth_with_another_calibration_is_registered_though_its_frame_is_the_sa
     # columns see depth's columns 2 to 6, all of one plane.
     ros = Ros(2)
     depth_info = "/camera/aligned_depth_to_color/camera_info"
-    wide = [*frames(ros), (depth_info, INFO_TYPE, 1, ros.camera_info(fx=5.0))]
+    wide = [*frames(ros), (depth_info, 1, ros.camera_info(fx=5.0))]
     source = opened(tmp_path, wide)
     assert source.registration is not None
     assert captures(source)[1].depth_mm[3, 3] == 1001
@@ -149,21 +146,21 @@ def test_recording_of_librealsense_is_registered_by_its_own_extrinsics(tmp_path:
         info = ros.camera_info(fx=10.0, distortion=[0.0] * 5, model=model, frame="0")
         info = dataclasses.replace(info, K=info.K + (0.1 if stream == depth else 0.0))
         shift = ros.transform("a", "b", (x_m, 0, 0), NO_TURN).transforms[0].transform
-        entries.append((f"{stream}/info/camera_info", INFO_TYPE, 1, info))
-        entries.append((f"{stream}/tf/0", TRANSFORM_TYPE, 1, shift))
+        entries.append((f"{stream}/info/camera_info", 1, info))
+        entries.append((f"{stream}/tf/0", 1, shift))
     plane = np.full(SIZE, 1000, np.uint16)
     for k in range(3):
         stamp_ns = S + k * 10**8
         pixels = ros.image(plane, "mono16", stamp_ns, frame="1")
-        entries.append((f"{depth}/image/data", IMAGE_TYPE, stamp_ns, pixels))
+        entries.append((f"{depth}/image/data", stamp_ns, pixels))
         image = ros.image(rgb(k), "rgb8", stamp_ns, frame="1")
-        entries.append((f"{colour}/image/data", IMAGE_TYPE, stamp_ns, image))
+        entries.append((f"{colour}/image/data", stamp_ns, image))
     source = opened(tmp_path, entries, version=1)
     assert source.info.fx == 10.0
     assert captures(source)[0].depth_mm[0].tolist() == [1000] * 6 + [0] * 2
     # The D405 counts tenths of a millimetre: 0.1 m, at which the shift is more than the image.
     unit = ros.make("std_msgs/msg/Float32", data=0.0001)
-    entries.append(("/device_0/sensor_0/option/Depth_Units/value", "std_msgs/msg/Float32", 1, unit))
+    entries.append(("/device_0/sensor_0/option/Depth_Units/value", 1, unit))
     fine = opened(tmp_path / "fine", entries, version=1, depth_aligned=True)
     assert captures(fine)[0].depth_mm.max() == 100
 
@@ -175,9 +172,9 @@ def test_transforms_that_tf_repeats_are_static_if_they_never_change(
     # As static_transform_publisher of ROS 1 sends them; depth sits 0.2 m left of colour.
     ros = Ros(1)
     depth_info = "/camera/aligned_depth_to_color/camera_info"
-    entries = [*frames(ros), (depth_info, INFO_TYPE, 1, ros.camera_info(fx=10.1))]
+    entries = [*frames(ros), (depth_info, 1, ros.camera_info(fx=10.1))]
     entries = [
-        (*entry[:3], dataclasses.replace(entry[3], header=ros.header(entry[2], "depth")))
+        (*entry[:2], dataclasses.replace(entry[2], header=ros.header(entry[1], "depth")))
         if entry[0] == DEPTH
         else entry
         for entry in entries
@@ -185,10 +182,10 @@ def test_transforms_that_tf_repeats_are_static_if_they_never_change(
     for k in range(5):
         x_m = -0.2 - moves * 0.01 * k
         entries += [
-            ("/tf", TF_TYPE, S + k, ros.transform("/link", f"/{FRAME}", (0, 0, 1), NO_TURN)),
-            ("/tf", TF_TYPE, S + k, ros.transform("/link", "/depth", (x_m, 0, 1), NO_TURN)),
+            ("/tf", S + k, ros.transform("/link", f"/{FRAME}", (0, 0, 1), NO_TURN)),
+            ("/tf", S + k, ros.transform("/link", "/depth", (x_m, 0, 1), NO_TURN)),
         ]
-    entries.sort(key=lambda entry: entry[2])
+    entries.sort(key=lambda entry: entry[1])
     if moves:
         with pytest.raises(SourceError, match=r"no transform between them.*tf_as_static"):
             opened(tmp_path, entries, version=1)
@@ -198,11 +195,11 @@ def test_transforms_that_tf_repeats_are_static_if_they_never_change(
 
 def at_zero(entries: list[Entry]) -> list[Entry]:
     """Return entries with stamps from 0 s, and times of the bag as they were."""
-    first_ns = min(entry[2] for entry in entries if entry[1] == IMAGE_TYPE)
+    first_ns = min(ns for topic, ns, _ in entries if topic != INFO)
     ros = Ros(2)
     return [
-        (t, k, ns, dataclasses.replace(m, header=ros.header(ns - first_ns, m.header.frame_id)))
-        for t, k, ns, m in entries
+        (t, ns, dataclasses.replace(m, header=ros.header(ns - first_ns, m.header.frame_id)))
+        for t, ns, m in entries
     ]
 
 
@@ -222,10 +219,10 @@ def test_loop_of_a_simulation_lasts_as_long_as_the_recording(tmp_path: Path) -> 
 def test_single_empty_stamp_among_wall_times_is_the_bags_time(tmp_path: Path) -> None:
     ros = Ros(2)
     entries = frames(ros)
-    late = [(t, k, ns + 100 * S, m) for t, k, ns, m in entries]
+    late = [(t, ns + 100 * S, m) for t, ns, m in entries]
     late = [
-        (t, k, ns, dataclasses.replace(m, header=ros.header(ns if i != 3 else 0, FRAME)))
-        for i, (t, k, ns, m) in enumerate(late)
+        (t, ns, dataclasses.replace(m, header=ros.header(ns if i != 3 else 0, FRAME)))
+        for i, (t, ns, m) in enumerate(late)
     ]
     source = opened(tmp_path, late)
     assert [c.stamp_ns for c in captures(source)] == [101 * S, 101 * S + 10**8, 101 * S + 2 * 10**8]
@@ -235,9 +232,9 @@ def test_single_empty_stamp_among_wall_times_is_the_bags_time(tmp_path: Path) ->
 def with_odometry(*topics: str) -> list[Entry]:
     ros = Ros(2)
     mount = ros.transform("base_link", FRAME, (1, 0, 0), NO_TURN)
-    entries: list[Entry] = [(TF, TF_TYPE, 1, mount), *frames(ros)]
+    entries: list[Entry] = [(TF, 1, mount), *frames(ros)]
     for k, topic in enumerate(topics):
-        entries.append((topic, ODOMETRY_TYPE, S - 1, ros.odometry(3 + k, 4, 0.5, S - 1)))
+        entries.append((topic, S - 1, ros.odometry(3 + k, 4, 0.5, S - 1)))
     return entries
 
 

@@ -28,7 +28,6 @@ from tests.camera.memory import SIZE, capture, odometry
 from tests.camera.ros.bags import FRAME, ODOMETRY, TF, Entry, Ros, frames
 
 INFO = camera_info(Intrinsics(fx=10, fy=10, cx=4, cy=3), SIZE)
-TF_TYPE, JOINT_TYPE = "tf2_msgs/msg/TFMessage", "sensor_msgs/msg/JointState"
 BAGS = [(1, "bag.bag"), (2, "bag_mcap")]
 S = 10**9
 NO_TURN = (0.0, 0.0, 0.0, 1.0)
@@ -43,7 +42,7 @@ def quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, flo
 def tf(ros: Ros, stamp_ns: int, *items: tuple[str, str, Sequence[float], Sequence[float]]) -> Any:
     """One message of several transforms."""
     stamped = [ros.transform(*item, stamp_ns).transforms[0] for item in items]
-    return ros.make(TF_TYPE, transforms=stamped)
+    return ros.make("tf2_msgs/msg/TFMessage", transforms=stamped)
 
 
 def pan_tilt(ros: Ros, with_odometry: bool = True) -> list[Entry]:
@@ -55,7 +54,7 @@ def pan_tilt(ros: Ros, with_odometry: bool = True) -> list[Entry]:
     still = tf(
         ros, 0, ("/tilt", FRAME, (0.1, 0, 0), optical), ("base_link", "neck", (0, 0, 1), NO_TURN)
     )
-    entries: list[Entry] = [*frames(ros), (TF, TF_TYPE, S, still)]
+    entries: list[Entry] = [*frames(ros), (TF, S, still)]
     for k in range(4):
         stamp_ns = S + k * S // 10
         pan, tilt = quaternion(0, 0, 0.2 * k), quaternion(0, 0.1 * k, 0)
@@ -67,11 +66,11 @@ def pan_tilt(ros: Ros, with_odometry: bool = True) -> list[Entry]:
             ("base_link", "left_arm", (0, 1, 0), pan),
             ("odom", "base_link", (0.5 * k, 0, 0), NO_TURN),
         )
-        entries.append(("/tf", TF_TYPE, stamp_ns + 1000, moved))
+        entries.append(("/tf", stamp_ns + 1000, moved))
         if with_odometry:
             message = ros.odometry(0.5 * k, 0.0, 0.0, stamp_ns)
-            entries.append((ODOMETRY, "nav_msgs/msg/Odometry", stamp_ns, message))
-    return sorted(entries, key=lambda entry: entry[2])
+            entries.append((ODOMETRY, stamp_ns, message))
+    return sorted(entries, key=lambda entry: entry[1])
 
 
 def pose_in(source: RosbagSource, target: str, stamp_ns: int) -> F64:
@@ -126,7 +125,7 @@ def test_camera_with_a_tf_path_to_map_is_mounted_in_map(tmp_path: Path) -> None:
     entries = pan_tilt(ros)
     for k in range(4):
         there = tf(ros, S + k * S // 10, ("world", "odom", (5, 0, 0), NO_TURN))
-        entries.append(("/tf", TF_TYPE, 2 * S, there))
+        entries.append(("/tf", 2 * S, there))
     source = RosbagSource(ros.write(tmp_path / "bag", entries), RosbagOptions(map_frame="world"))
     got = pose_in(source, "map", S + S // 10)
     np.testing.assert_allclose(got, transform_from((5, 0, 0), np.eye(3)) @ expected(1), atol=1e-6)
@@ -137,7 +136,6 @@ def test_a_camera_that_only_moves_gets_no_mount(tmp_path: Path) -> None:
     swung = [
         (
             "/tf",
-            TF_TYPE,
             S + k,
             tf(ros, S + k, ("map", FRAME, (0, 0, 1), quaternion(0, 0, 0.1 * k))),
         )
@@ -203,7 +201,7 @@ def test_lineage() -> None:
 
 def joints(ros: Ros, stamp_ns: int, left: float, right: float) -> Any:
     return ros.make(
-        JOINT_TYPE,
+        "sensor_msgs/msg/JointState",
         header=ros.header(stamp_ns, ""),
         name=["wheel_right_joint", "arm", "wheel_left_joint"],
         position=np.array([right, 9.0, left]),
@@ -217,7 +215,7 @@ def test_wheels_that_are_joints(tmp_path: Path, version: int, name: str) -> None
     ros = Ros(version)
     positions = [(0.0, 0.0), (2.0, 2.0), (2.0, 4.0)]
     entries = [
-        ("/joint_states", JOINT_TYPE, S + k, joints(ros, S + k * S // 10, *sides))
+        ("/joint_states", S + k, joints(ros, S + k * S // 10, *sides))
         for k, sides in enumerate(positions)
     ]
     path = ros.write(tmp_path / name, [*frames(ros), *entries])
@@ -239,8 +237,8 @@ def test_wheels_that_are_ticks(tmp_path: Path) -> None:
 
     entries: list[Entry] = []
     for k, (left, right) in enumerate(((5, 32760), (5, 32780 - 65536))):
-        entries.append(("/lwheel", "std_msgs/msg/Int16", S + k * S // 10, ticks(left)))
-        entries.append(("/rwheel", "std_msgs/msg/Int16", S + k * S // 10 + 1, ticks(right)))
+        entries.append(("/lwheel", S + k * S // 10, ticks(left)))
+        entries.append(("/rwheel", S + k * S // 10 + 1, ticks(right)))
     path = ros.write(tmp_path / "bag", [*frames(ros), *entries])
     wheels = WheelConfig(radius_m=0.5 / math.pi, track_m=0.4, ticks_per_turn=100, wraps_at=65536)
     options = RosbagOptions(wheel_topics=("/lwheel", "/rwheel"), wheels=wheels)

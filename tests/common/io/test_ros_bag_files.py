@@ -122,7 +122,8 @@ def test_digest_of_any_type_is_taken_by_the_name_of_the_type(tmp_path: Path) -> 
     path = tmp_path / "relay.bag"
     with Writer1(path) as writer:
         links = {}
-        for topic, kind, time_ns, message in frames(ros):
+        for topic, time_ns, message in frames(ros):
+            kind = message.__msgtype__
             if topic not in links:
                 text, _ = ros.store.generate_msgdef(kind)
                 links[topic] = writer.add_connection(topic, kind, msgdef=text, md5sum="*")
