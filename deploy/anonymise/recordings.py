@@ -141,7 +141,7 @@ def cover_recording(
         stamps_ns[frame.camera].append(frame.stamp_ns)
         detected[frame.camera].append(found + known.get((frame.camera, frame.stamp_ns), []))
         on_progress((k + 1) / total)
-    rectangles = {}
+    rectangles: dict[tuple[str, int], list[F64]] = {}
     for camera, times_ns in stamps_ns.items():
         times_s = [(time_ns - times_ns[0]) / 1e9 for time_ns in times_ns]
         covered = cover_frames(detected[camera], times_s)
