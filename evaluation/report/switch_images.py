@@ -57,7 +57,7 @@ def images_at(run: EvaluationRun, stamps_ns: Collection[int]) -> dict[int, U8]:
     path = run.recording.path
     if kind_of(str(path)) != "recording":
         camera = run.method.camera
-        source = open_source(str(path), camera.kind, camera.options)
+        source = open_source(str(path), camera.options)
         captures = (item for item in source if isinstance(item, SourceFrame))
         return {c.stamp_ns: c.rgb for c in captures if c.stamp_ns in stamps_ns}
     found: dict[int, U8] = {}
