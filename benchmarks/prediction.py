@@ -34,7 +34,6 @@ from people4d.messages import F64, Track, Tracks, Truth
 from services.predictor.build import build
 from services.predictor.config import PredictorConfig
 
-SHARED = Path(__file__).resolve().parents[2] / "shared" / "data" / "trajectories"
 IMAGE = Path(__file__).parents[1] / "docs" / "pictures" / "prediction-calibration.png"
 SHOWN_S = (0.5, 1.0, 2.0, 3.0, 4.0, 5.0)
 LAB = ("lab:four_dense@301", "lab:three_crossing@301")
@@ -55,11 +54,12 @@ class SceneScores:
 
 def main() -> None:
     """Predict, compare and write the tables and the image."""
-    parser = options.parser(__doc__)
+    parser = options.parser(__doc__, "shared")
     parser.add_argument("--lab", nargs="*", default=list(LAB), help="scenarios with seeds")
     arguments = parser.parse_args()
     with ProcessPoolExecutor() as pool:
-        scenes = dict(zip(SCENES, pool.map(score_scene, SCENES), strict=True))
+        folders = [arguments.shared / "data" / "trajectories" / name for name in SCENES]
+        scenes = dict(zip(SCENES, pool.map(score_scene, folders), strict=True))
         lab = dict(zip(arguments.lab, pool.map(score_lab, arguments.lab), strict=True))
     errors, groups = [], []
     for name, scores in scenes.items():
@@ -100,9 +100,9 @@ def main() -> None:
     )
 
 
-def score_scene(name: str) -> SceneScores:
+def score_scene(folder: Path) -> SceneScores:
     """Predict the pedestrians of a scene."""
-    walks = read_walks(SHARED / name)
+    walks = read_walks(folder)
     pairs, messages = predict_walks(walks, PredictorConfig())
     displacement_m = predict_walks(walks, ADE, HISTORY_MIN)[0].displacement_errors_m()
     return SceneScores(pairs, displacement_m, score_groups(walks, messages))

@@ -1,14 +1,10 @@
 """Artificial messages of a pipeline, for the page of the dashboard.
 
-    python -m scripts.dashboard_feed --connect tcp/127.0.0.1:7447   # until Ctrl-C
-
 People walk in circles before one camera. Boxes, keypoints, positions, depth and tracks agree with
 each other.
 """
 
-import argparse
 import math
-import os
 import threading
 import time
 from typing import Any
@@ -18,7 +14,7 @@ import numpy as np
 
 from common.geometry.transforms import apply, invert, project
 from common.runtime.heartbeat import release
-from common.transport.zenoh_bus import ZenohBus, read_config
+from common.transport.zenoh_bus import ZenohBus
 from people4d.messages import (
     F32,
     F64,
@@ -309,26 +305,3 @@ class FeedThread:
                     self._bus.publish(health)
             sequence += 1
             due_s = max(due_s + self._period_s, time.monotonic() - 1)
-
-
-def main() -> None:
-    """Run the command."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--connect", default="tcp/127.0.0.1:7447")
-    parser.add_argument("--robot", default="robot")
-    parser.add_argument("--people", type=int, default=3)
-    parser.add_argument("--width", type=int, default=320)
-    parser.add_argument("--rate", type=float, default=10.0)
-    flags = parser.parse_args()
-    environment = os.environ | {"PEOPLE4D_CONNECT": flags.connect}
-    bus = ZenohBus(read_config(None, "client", environment), flags.robot, 5.0)
-    feed = FeedThread(bus, Feed(flags.people, flags.width), flags.rate)
-    try:
-        threading.Event().wait()
-    except KeyboardInterrupt:
-        feed.close()
-        bus.close()
-
-
-if __name__ == "__main__":
-    main()

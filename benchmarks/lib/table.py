@@ -10,11 +10,6 @@ import numpy as np
 import psutil
 
 
-def quantiles(values_ms: Sequence[float]) -> list[str]:
-    """Return p50, p95, p99 of durations in milliseconds, as text."""
-    return [f"{np.percentile(values_ms, q):.2f}" for q in (50, 95, 99)]
-
-
 def spread(values: Sequence[float], form: str = "{:.2f}") -> str:
     """Return the median, with minimum and maximum of several rounds, as text."""
     if len(values) == 1:
