@@ -78,7 +78,6 @@ class Acceptance:
         self, point: PointFilter, body: MeasuredBody, evidence: PointEvidence, dt_s: float
     ) -> None:
         """Update a point by its measured position; without one it is hidden."""
-        point.hidden_keypoint = evidence.anchor
         surface = evidence.surface
         if surface is None:
             point.mark_missed(dt_s)

@@ -50,7 +50,7 @@ class DepthLayer:
         self._config, self._info = config, info
         self._meter = BodyMeter()
         self._up: F64 = UP
-        self._points = {name: PointFilter(name, info) for name in POINTS}
+        self._points = {name: PointFilter(name) for name in POINTS}
         self._acceptance = Acceptance(info)
         self._assigned: dict[str, Extremity] = {}  # by point
         self._floor_feet: Mapping[str, SurfacePosition] = {}  # of feet without depth
@@ -124,7 +124,7 @@ class DepthLayer:
             joints = joint_pixels(self._keypoints(observation))
             priors = limb_priors(body, self._meter.heading, self._up, joints, self._info)
         for name, point in self._points.items():
-            point.prior, point.hidden_keypoint = priors.get(name), None
+            point.prior = priors.get(name)
             point.without_keypoints = not self._acceptance.had_keypoints
 
     def _anchors(self, observation: MeshObservation, body: MeasuredBody) -> Mapping[str, Anchor]:

@@ -8,10 +8,10 @@ from typing import Literal
 
 import numpy as np
 
-from people4d.messages import F64, CameraInfo
+from people4d.messages import F64
 from services.gait.points.body import LENGTHS_M, MeasuredBody
 from services.gait.points.kalman import PointKalmanFilter
-from services.gait.points.keypoints import Anchor, kind_of, pixels_of
+from services.gait.points.keypoints import kind_of
 from services.gait.points.normal import Normal
 
 PointState = Literal["measured", "predicted", "lost"]
@@ -31,7 +31,6 @@ CONTRADICTION2 = 16.0  # Maximum squared Mahalanobis distance of motion from the
 UNUSUAL2 = 2.0  # Squared distance from which on the prior of a followed limb widens
 # Factor and addition [m] of the standard deviation of a predicted point, for errors of the models
 SPREAD, SPREAD_M = 1.5, 0.06
-HIDDEN_KEYPOINT_M = 0.15  # Standard deviation of the keypoint of a hidden point [m]
 
 
 @dataclass(frozen=True)
@@ -48,8 +47,8 @@ class PointEstimate:
 class PointFilter:
     """Kalman filter of a point in space, and the state of its measurements."""
 
-    def __init__(self, name: str, info: CameraInfo) -> None:
-        self.name, self.kind, self._info = name, kind_of(name), info
+    def __init__(self, name: str) -> None:
+        self.name, self.kind = name, kind_of(name)
         self.motion: PointKalmanFilter | None = None
         self.position_m: F64 = np.full(3, np.nan)  # published
         self.geodesic_m = np.nan  # reference distance from the source
@@ -61,7 +60,6 @@ class PointFilter:
         self.state: PointState = "lost"
         self.prior: Normal | None = None  # expected position relative to the body
         self.without_keypoints = False  # no keypoint was ever used
-        self.hidden_keypoint: Anchor | None = None  # keypoint of a point that is hidden
 
     @property
     def alive(self) -> bool:
@@ -164,7 +162,8 @@ class PointFilter:
         position_m, covariance = self.position_m.copy(), self.motion.covariance.copy()
         if self.state == "predicted" and self.likely:
             covariance[:3, :3] = SPREAD * covariance[:3, :3] + SPREAD_M**2 * np.eye(3)
-        elif self.state == "predicted" and (expected := self.hidden_position()) is not None:
+        elif self.state == "predicted" and self.prior is not None:
+            expected = self.expected_position() or self.prior
             position_m = expected.mean_m
             covariance[:3, :3] = SPREAD * expected.covariance + SPREAD_M**2 * np.eye(3)
             covariance[:3, 3:] = covariance[3:, :3] = 0.0
@@ -181,14 +180,6 @@ class PointFilter:
         if self.state != "predicted" or self.kind == "head":
             return False
         return bool(np.linalg.eigvalsh(covariance[:3, :3])[-1] > VAGUE_M**2)
-
-    def hidden_position(self) -> Normal | None:
-        """Return the expected position of a hidden point, with its keypoint if it has one."""
-        expected = self.expected_position() if self.prior is not None else None
-        if expected is None or self.hidden_keypoint is None:
-            return expected
-        sigma = pixels_of(HIDDEN_KEYPOINT_M, float(expected.mean_m[2]), self._info)
-        return expected.at_pixel(self.hidden_keypoint.pixel, sigma, self._info)
 
     def predict_estimate(self, dt_s: float) -> PointEstimate:
         """Return the estimate after some time without measurement."""

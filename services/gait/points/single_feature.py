@@ -30,10 +30,9 @@ class FeatureFilter(PointFilter):
         self,
         name: str,
         config: DepthLayerConfig,
-        info: CameraInfo,
         generator: np.random.Generator,
     ) -> None:
-        super().__init__(name, info)
+        super().__init__(name)
         self._config, self._generator = config, generator
         self.particles: F64 = np.empty((0, 4))
         self.vertices = np.empty(0, np.int64)  # of the particles; -1 off the body
@@ -85,7 +84,7 @@ class SingleFeatureLayer:
         self._info = info
         generator = np.random.default_rng(seed)
         self._meter = BodyMeter()
-        self._points = {name: FeatureFilter(name, config, info, generator) for name in POINTS}
+        self._points = {name: FeatureFilter(name, config, generator) for name in POINTS}
 
     def start_point(self, name: str, point_m: F64, observation: MeshObservation) -> bool:
         """Track a point from the vertex nearest to a position (3, optical frame) on.

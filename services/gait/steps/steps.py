@@ -23,9 +23,7 @@ SPEED_MIN_MPS = 0.2  # Minimum speed of a walking person [m/s]
 TIME_SPREAD = (
     0.5  # Maximum relative deviation of the time of a stride from the median; else a pause
 )
-JUMP_M, JUMP_S = 0.15, 0.25  # Maximum length [m] and time [s] of a motion that needs a lifted foot
-LIFT_M, LIFT_SIGMA_M = 0.03, 0.1  # Minimum rise of a swinging foot, and maximum level noise [m]
-LIFT_S = (0.1, 0.6)  # Margins about a swing: the foot is lifted, the foot mostly stands [s]
+JUMP_M, JUMP_S = 0.15, 0.25  # Maximum length [m] and time [s] of a motion that is no step
 STEPS_MIN = 2  # Minimum number of steps for the cadence; of each foot for the asymmetry
 CERTAIN = 0.7  # Minimum confidence of a step that continues a walk
 STEPS_APART_MAX = 16  # Maximum number of steps between the landings of a pair for the cadence
@@ -69,8 +67,7 @@ def find_steps(left: FootTrajectory, right: FootTrajectory, up: F64) -> list[Foo
     swings = [
         one
         for one in find_swings(left, right, up)
-        if one.confidence >= CONFIDENCE_MIN
-        and not (_is_brief(one) and not _is_lifted(one, left if one.foot == "left" else right, up))
+        if one.confidence >= CONFIDENCE_MIN and not _is_brief(one)
     ]
     found: list[FootStep] = []
     for landing in find_landings(swings):
@@ -84,21 +81,6 @@ def _is_brief(swing: Swing) -> bool:
     """Check that a short motion does not pass the other foot: a point that jumps or slides."""
     length_m, _ = _from_other_m(swing)
     return length_m < JUMP_M and swing.landed_s - swing.lifted_s < JUMP_S
-
-
-def _is_lifted(swing: Swing, foot: FootTrajectory, up: F64) -> bool:
-    """Check that a precisely known foot rose in a brief swing, as in the steps of a turn."""
-    inside, about = (
-        (foot.times_s >= swing.lifted_s - margin_s) & (foot.times_s <= swing.landed_s + margin_s)
-        for margin_s in LIFT_S
-    )
-    if not inside.any():
-        return False
-    heights_m = foot.points_m @ up
-    rise_m = float(np.quantile(heights_m[inside], 0.9) - np.median(heights_m[about]))
-    level = np.eye(3) - np.outer(up, up)
-    variance_m2 = float(np.trace(level @ foot.covariances_m2[inside].mean(axis=0)))
-    return rise_m > LIFT_M and variance_m2 < LIFT_SIGMA_M**2
 
 
 def _from_other_m(swing: Swing) -> tuple[float, float | None]:

@@ -1,8 +1,7 @@
 """Swings: motions of a foot from one footprint to its next.
 
-Each foot is evaluated by itself. If the point filters exchanged both feet for a time, the paths of
-the feet jump and are exchanged back first. A foot that is hidden in its swing lands between the
-landing and the lift of the other foot.
+Each foot is evaluated by itself. A foot that is hidden in its swing lands between the landing and
+the lift of the other foot.
 
 Source: docs/method.md, section 20.
 """
@@ -29,11 +28,8 @@ NOISE_M = 0.06  # Noise of a standing foot, in addition to the noise of its poin
 GAP_S = 0.5  # Maximum time that a foot is hidden in a swing [s]
 # Ratios of the length of a swing: lift of the foot, and range of its approach to the footprint
 LIFTED, APPROACH = 0.1, (0.7, 0.92)
-EXCHANGE_COST_M = 0.08  # Minimum saved displacement of exchanged feet [m]
-EXCHANGED_COST_M = 0.01  # Cost of each frame of exchanged feet [m]
 SWING_MAX_S = 1.2  # Maximum time of a visible swing [s]
 ALONE_MIN = 0.4  # Minimum share of a swing without a swing of the other foot
-PARTIAL = 1.5  # Minimum length of a swing with an invisible begin [LENGTH_MIN_M]
 LANDED_S = 0.2  # Minimum time after a confirmed landing [s]
 # Minimum gap between samples with an unknown part of standing [s, frames]
 HIDDEN_S, HIDDEN_FRAMES = 0.15, 1.5
@@ -65,7 +61,6 @@ class Swing:
     to_m: F64  # 2
     other_m: F64  # 2, of the other foot when this one lands; NaN if not visible
     confidence: float  # 0 to 1
-    complete: bool = True  # False: the person walked already when the foot became visible
 
     @property
     def length_m(self) -> float:
@@ -97,7 +92,7 @@ def _binned(feet: tuple[FootTrajectory, FootTrajectory], up: F64) -> tuple[Bins,
         return None
     axes = _ground(up)
     both = []
-    for foot in _on_own_feet(*feet):
+    for foot in feet:
         ground = foot.points_m @ axes.T
         noise = NOISE_M**2 * np.eye(2) + axes @ foot.covariances_m2 @ axes.T
         known = find_inliers(ground, noise)
@@ -117,57 +112,16 @@ def _ground(up: F64) -> F64:
     return np.stack([first, np.cross(up, first)])
 
 
-def _on_own_feet(left: FootTrajectory, right: FootTrajectory) -> tuple[FootTrajectory, ...]:
-    """Exchange both feet if this makes their paths shorter: the best sequence of labels.
-
-    A sequence of labels costs the displacements of both feet from frame to frame, EXCHANGE_COST_M
-    for each exchange, and EXCHANGED_COST_M for each frame of exchanged feet.
-    """
-    _, *both = np.intersect1d(left.times_s, right.times_s, return_indices=True)
-    if len(both[0]) < 3:
-        return left, right
-    at = np.stack([foot.points_m[k] for foot, k in zip((left, right), both, strict=True)])
-    straight = np.linalg.norm(np.diff(at, axis=1), axis=2).sum(axis=0)
-    crossed = np.linalg.norm(at[0, 1:] - at[1, :-1], axis=1)
-    crossed += np.linalg.norm(at[1, 1:] - at[0, :-1], axis=1)
-    costs = [0.0, EXCHANGE_COST_M]
-    before: list[tuple[int, int]] = []
-    for same, other in zip(straight.tolist(), crossed.tolist(), strict=True):
-        options = [
-            [costs[0] + same, costs[1] + other + EXCHANGE_COST_M],
-            [costs[1] + same, costs[0] + other + EXCHANGE_COST_M],
-        ]
-        chosen = (int(options[0][1] < options[0][0]), int(options[1][1] < options[1][0]))
-        before.append((chosen[0], 1 - chosen[1]))
-        costs = [options[0][chosen[0]], options[1][chosen[1]] + EXCHANGED_COST_M]
-    label = int(costs[1] < costs[0])
-    labels = [label]
-    for pair in reversed(before):
-        label = pair[label]
-        labels.append(label)
-    exchanged = np.flatnonzero(labels[::-1])
-    found = []
-    for own, other, (k, n) in ((left, right, both), (right, left, both[::-1])):
-        points, covariances = own.points_m.copy(), own.covariances_m2.copy()
-        points[k[exchanged]] = other.points_m[n[exchanged]]
-        covariances[k[exchanged]] = other.covariances_m2[n[exchanged]]
-        found.append(FootTrajectory(own.times_s, points, covariances))
-    return tuple(found)
-
-
 def _swings(feet: tuple[Bins, Bins], stances: Sequence[Sequence[Stance]], side: int) -> list[Swing]:
     """Return the swings of one foot between its stances."""
     bins, own = feet[side], list(stances[side])
-    complete = True
     if own and own[0].begin:
         first = int(np.flatnonzero(bins.sampled)[0])
         if first < own[0].begin:  # the path begins in a swing
             own.insert(0, Stance(first, first + 1, bins.position_m(first, first + 1)))
-            complete = False
     found = []
     for before, after in pairwise(own):
-        swing = _swing(feet, stances[1 - side], side, before, after, complete)
-        complete = True
+        swing = _swing(feet, stances[1 - side], side, before, after)
         if swing is not None:
             found.append(swing)
     return found
@@ -179,15 +133,13 @@ def _swing(
     side: int,
     before: Stance,
     after: Stance,
-    complete: bool,
 ) -> Swing | None:
     """Return the swing between two stances; None if it is no step."""
     bins, from_m, to_m = feet[side], before.position_m, after.position_m
     times_s, length_m = bins.times_s, float(np.linalg.norm(to_m - from_m))
     first, last = before.end - 1, after.begin
     time_s = float(times_s[last] - times_s[first])
-    least_m = LENGTH_MIN_M * (1.0 if complete else PARTIAL)
-    if length_m < least_m or time_s > GAP_S + SWING_MAX_S:
+    if length_m < LENGTH_MIN_M or time_s > GAP_S + SWING_MAX_S:
         return None
     end_s = float(times_s[max(np.flatnonzero(one.sampled)[-1] for one in feet)])
     if end_s - times_s[last] < LANDED_S:  # the foot may still move
@@ -218,7 +170,6 @@ def _swing(
         to_m=to_m,
         other_m=there[-1].position_m if there else np.full(2, np.nan),
         confidence=clear * visible * alone * swift,
-        complete=complete,
     )
 
 

@@ -18,7 +18,7 @@ HAND = 20  # a vertex, 9 cm before the end of the arm
 
 def hand_on(body: MeasuredBody) -> PointFilter:
     """A left hand that starts at its vertex."""
-    point = PointFilter("left_hand", INFO)
+    point = PointFilter("left_hand")
     point.start_at_vertex(HAND, body)
     return point
 

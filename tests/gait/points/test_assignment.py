@@ -8,14 +8,13 @@ from services.gait.points.body import Extremity
 from services.gait.points.kalman import PointKalmanFilter
 from services.gait.points.normal import Normal
 from services.gait.points.point_filter import PointFilter
-from tests.gait.builders import INFO
 
 LENGTH_M = 0.7
 
 
 def hand(name: str, x_m: float) -> PointFilter:
     """A tracked point, 0.7 m along the body."""
-    point = PointFilter(name, INFO)
+    point = PointFilter(name)
     point.motion = PointKalmanFilter(np.array([x_m, 0.0, 2.0]), 1e-4 * np.eye(3), 0.1, 1.0)
     point.geodesic_m, point.state = LENGTH_M - 0.09, "measured"
     return point

@@ -6,7 +6,6 @@ import pytest
 from services.gait.config import DepthLayerConfig
 from services.gait.points.body import MeasuredBody
 from services.gait.points.single_feature import FeatureFilter, feature_weights
-from tests.gait.builders import INFO
 from tests.gait.points.test_body import arm
 
 MIDDLE = 19  # the vertex 9 cm before the fingertips, 51 cm along
@@ -15,7 +14,7 @@ MIDDLE = 19  # the vertex 9 cm before the fingertips, 51 cm along
 def hand_on(body: MeasuredBody, vertices: list[int]) -> FeatureFilter:
     """A hand that started at its middle, with particles on these vertices; -1 is off the body."""
     config = DepthLayerConfig(feature="geodesic", particles=3)
-    point = FeatureFilter("left_hand", config, INFO, np.random.default_rng(0))
+    point = FeatureFilter("left_hand", config, np.random.default_rng(0))
     point.start_at_vertex(MIDDLE, body)
     point.vertices = np.array(vertices)
     point.particles = np.zeros((len(vertices), 4))

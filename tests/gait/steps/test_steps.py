@@ -94,14 +94,12 @@ def test_a_limp_of_unlike_lengths_by_hand() -> None:
     assert gait_measures(steps).step_length_m == pytest.approx(0.6, abs=0.005)
 
 
-def test_noise_gaps_and_exchanged_feet_change_measures_little() -> None:
-    # 0.6 m in 0.5 s, 5 cm of noise; a tenth of the samples is absent, in a fifth of the frames
-    # feet are exchanged.
-    generator, times_s = np.random.default_rng(4), np.arange(0, 8, 1 / 30)
+@pytest.mark.parametrize("seed", [5, 6, 7])
+def test_noise_and_gaps_change_measures_little(seed: int) -> None:
+    # 0.6 m in 0.5 s, 5 cm of noise; a tenth of the samples is absent.
+    generator, times_s = np.random.default_rng(seed), np.arange(0, 8, 1 / 30)
     both = np.stack(feet(times_s))
     both += generator.normal(0, 0.05, both.shape)
-    taken = generator.random(len(times_s)) < 0.2
-    both[:, taken] = both[::-1, taken]
     visible = generator.random(both.shape[:2]) > 0.1
     left, right = (trajectory(times_s[visible[k]], both[k, visible[k]]) for k in (0, 1))
     found = gait_measures(find_steps(left, right, UP))
@@ -469,23 +467,6 @@ def test_brief_motions_of_a_walk_are_steps() -> None:
     steps = found_steps(left, right, times_s)
     assert len(steps) >= known - 1
     assert all(one.confidence > 0.5 for one in steps if one.observed)
-
-
-@pytest.mark.parametrize(
-    ("lift_m", "noise_m", "found"), [(0.08, 0.02, 1), (0.0, 0.02, 0), (0.08, 0.12, 0)]
-)
-def test_brief_step_beside_the_other_foot_needs_a_foot_that_is_lifted(
-    lift_m: float, noise_m: float, found: int
-) -> None:
-    # The left foot comes 0.3 m nearer, beside the right one, as at the end of a turn.
-    times_s = np.arange(0, 4, 1 / 30)
-    part = np.clip((times_s - 2.0) / 0.3, 0, 1)
-    zero = np.zeros_like(times_s)
-    left = np.stack([0.3 * part, zero + 0.2, lift_m * np.sin(np.pi * part)], axis=1)
-    right = np.stack([zero + 0.3, zero, zero], axis=1)
-    noises_m2 = np.tile(noise_m**2 * np.eye(3), (len(times_s), 1, 1))
-    feet_ = [FootTrajectory(times_s, one, noises_m2) for one in (left, right)]
-    assert len(find_steps(feet_[0], feet_[1], UP)) == found
 
 
 def test_landing_is_in_time_at_any_rate_and_phase() -> None:

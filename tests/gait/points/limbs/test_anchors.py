@@ -21,7 +21,7 @@ def feet() -> Mapping[str, PointFilter]:
     """Two feet 40 cm apart, expected by the body to 10 cm."""
     found = {}
     for name, position_m in FEET_M.items():
-        found[name] = PointFilter(name, INFO)
+        found[name] = PointFilter(name)
         found[name].prior = Normal(position_m, SIGMA_M**2 * np.eye(3))
     return found
 

@@ -24,7 +24,7 @@ STANDING = np.array([0.3, 1.08, 5.2])  # an ankle 0.12 m above the floor
 
 
 def foot() -> PointFilter:
-    return PointFilter("left_foot", INFO)
+    return PointFilter("left_foot")
 
 
 def ankle_at(position_m: F64, confidence: float = 0.7) -> Anchor:

@@ -141,7 +141,7 @@ def test_head_is_behind_its_face_and_else_at_its_end() -> None:
 
 def test_hand_without_keypoint_and_end_is_as_far_along_the_body_as_before() -> None:
     # 3 cm between vertices: 5 vertices off is 15 cm, further than the prediction allows.
-    body, point = arm(), PointFilter("left_hand", INFO)
+    body, point = arm(), PointFilter("left_hand")
     assert nearest_position(point, body) is None
     point.start_at_vertex(WRIST, body)
     found = nearest_position(point, body)
