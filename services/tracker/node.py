@@ -154,7 +154,7 @@ class TrackerNode(StatefulNode):
         if self._join.ignores_embeddings:
             reasons.append("no embeddings arrive: tracks are matched by motion alone")
         reasons += self._guard.reasons(self._now_ns)
-        reasons += self._drift.reasons() + self._areas.reasons(self._now_ns)
+        reasons += self._drift.reasons() + self._areas.neighbours.reasons(self._now_ns)
         reasons += self._hosts.reasons() + self._absence.reasons(self._now_ns)
         return Status(
             state="degraded" if reasons else "ready",
@@ -167,7 +167,7 @@ class TrackerNode(StatefulNode):
                 **self._areas.counters,
                 **self._schedule.counters,
             },
-            gauges=self._clocks.gauges(self._now_ns) | self._areas.gauges(),
+            gauges=self._clocks.gauges(self._now_ns) | self._areas.neighbours.gauges(),
         )
 
     def next_number(self) -> int:

@@ -44,7 +44,7 @@ class AreaExchange:
     def __init__(self, config: SiteAreaConfig, frame_id: str, tracker: Tracker) -> None:
         self._config, self._frame_id = config, frame_id
         self._tracker = tracker if isinstance(tracker, AreaTracker) else None
-        self._neighbours = Neighbours(config, frame_id)
+        self.neighbours = Neighbours(config, frame_id)
         self._run = secrets.randbelow(2**53)
         self._due_ns = 0
         self._refreshed_ns: int | None = None
@@ -67,7 +67,7 @@ class AreaExchange:
     @property
     def counters(self) -> dict[str, int]:
         """Events since the start."""
-        return {**self._neighbours.counters, **self._counters}
+        return {**self.neighbours.counters, **self._counters}
 
     def attach(self, name: str) -> Sequence[ForeignTopic]:
         """Set the name of this area; return the topics of this area and its neighbours.
@@ -75,7 +75,7 @@ class AreaExchange:
         Raises:
             ConfigError: The area is its own neighbour, or a neighbour is named twice.
         """
-        self._neighbours.name, neighbours = name, self._config.neighbours
+        self.neighbours.name, neighbours = name, self._config.neighbours
         if not self._config.number:
             return ()
         if name in neighbours:
@@ -98,7 +98,7 @@ class AreaExchange:
         known = self._known_people()
         if message.run == self._run or known is None:
             return
-        self._neighbours.add_message(message, known.embedder, now_ns, time_ns)
+        self.neighbours.add_message(message, known.embedder, now_ns, time_ns)
         self._refreshed_ns = None
 
     def refresh(self, time_ns: int, now_ns: int) -> None:
@@ -109,13 +109,13 @@ class AreaExchange:
             now_ns: Monotonic time of its arrival.
         """
         last_ns = self._refreshed_ns
-        if not self._neighbours or (last_ns is not None and now_ns - last_ns < REFRESH_NS):
+        if not self.neighbours or (last_ns is not None and now_ns - last_ns < REFRESH_NS):
             return
         is_heard, self._refreshed_ns = last_ns is None, now_ns
         known = self._known_people()
         if known is None or self._tracker is None:
             return
-        people = self._neighbours.people(self._ids, time_ns, now_ns)
+        people = self.neighbours.people(self._ids, time_ns, now_ns)
         self._count_taken_over(known.entries, people)
         self._tracker.learn_neighbours(people)
         yielded = dict.fromkeys(_tracked_elsewhere(known.entries, people, time_ns))
@@ -128,7 +128,7 @@ class AreaExchange:
         """Return the message to neighbours if it is due; arguments as in `hear`."""
         if not self._config.number or now_ns < self._due_ns:
             return []
-        self._neighbours.start(now_ns)
+        self.neighbours.start(now_ns)
         self._due_ns = now_ns + SHARE_NS
         known = self._known_people()
         if time_ns is None or known is None:
@@ -150,7 +150,7 @@ class AreaExchange:
         message = AreaPeople(
             stamp_ns=time_ns,
             sequence=self._sequence - 1,
-            area=self._neighbours.name,
+            area=self.neighbours.name,
             number=self._config.number,
             run=self._run,
             frame_id=self._frame_id,
@@ -162,14 +162,6 @@ class AreaExchange:
     def wake_ns(self) -> int | None:
         """Return the monotonic time of the next message to neighbours."""
         return self._due_ns if self._config.number else None
-
-    def reasons(self, now_ns: int) -> list[str]:
-        """Return a sentence on each neighbour that is silent, refused or has another clock."""
-        return self._neighbours.reasons(now_ns)
-
-    def gauges(self) -> dict[str, float]:
-        """Return the offsets of the clocks of neighbours [ms] by name."""
-        return self._neighbours.gauges()
 
     def _known_people(self) -> KnownPeople | None:
         return self._tracker.known_people() if self._tracker else None

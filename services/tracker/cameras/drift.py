@@ -42,7 +42,6 @@ class CameraMovement:
     angle_rad: float  # rotation
     shift_m: float  # shift
     moved_m: float  # RMS displacement of people in its view
-    is_decided: bool  # False: either of two cameras may have moved
 
 
 @dataclass(slots=True)
@@ -200,8 +199,7 @@ class CameraDrift:
         if best.moved_m < MOVED_M or explained < EXPLAINED:
             return None
         if len(cameras) == 2:
-            both = f"{cameras[0]} or {cameras[1]}"
-            return CameraMovement(both, best.angle_rad, best.shift_m, best.moved_m, False)
+            return replace(best, camera=f"{cameras[0]} or {cameras[1]}")  # either may have moved
         return best
 
     def _fit(
@@ -244,7 +242,6 @@ class CameraDrift:
             angle_rad=float(np.linalg.norm(solution[:3])),
             shift_m=float(np.linalg.norm(solution[3:])),
             moved_m=float(np.sqrt((explained**2).sum(axis=1).mean())),
-            is_decided=True,
         )
 
 
