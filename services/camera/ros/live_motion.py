@@ -1,23 +1,29 @@
 """Live motion of the robot from its ROS 2: odometry, wheels and transforms in CDR."""
 
+import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 
-from common.io.ros_cdr import cdr_decoder, parse_key
+from common.ros2 import types
 from common.ros2.frame_names import frame_name
 from common.ros2.transforms import StampedTransform, edges_of, stamp_of
-from people4d.errors import DecodeError
+from people4d.errors import ConfigError, DecodeError
 from people4d.messages import Message, MovingTransform, Odometry, StaticTransform
 from people4d.topics import ForeignTopic
 from services.camera.calibration import static_transform
 from services.camera.config import MotionConfig
 from services.camera.ros.motion import FrameTree, WheelReader, odometry_of
-from services.camera.ros.topics import JOINTS, ODOMETRY, TF, ros2_types
+from services.camera.ros.topics import JOINTS, ODOMETRY, TF
 
+T = TypeVar("T")
+
+SCHEME = "zenoh:"
+# Chunks without wild cards of Zenoh, blanks, or characters that names of ROS topics lack
+KEY = re.compile(r"[A-Za-z0-9_~.%@-]{1,64}(/[A-Za-z0-9_~.%@-]{1,64}){0,31}")
 COUNTERS = ("moving_transforms", "live_odometry", "bad_transforms", "other_transforms")
 
 
@@ -96,16 +102,30 @@ def _topics(config: MotionConfig) -> Iterator[ForeignTopic]:
         ("odometry", config.odometry, ODOMETRY, lambda m: odometry_of(m, _stamp_ns(m), 0)),
         ("joints", config.joints, JOINTS, lambda m: wheels.joints(m, _stamp_ns(m))),
     ]
-    store = ros2_types()
     for name, text, kind, read in readers:
         if text:
-            key, decode = parse_key(f"motion.{name}", text, "odom"), cdr_decoder(store, kind, read)
+            key, decode = _parse_key(f"motion.{name}", text, "odom"), partial(_decode, kind, read)
             yield ForeignTopic(f"live_{name}", key, Odometry, 50, "queue", 256, "ROS", decode)
     for number, text in enumerate(config.transforms):
-        key = parse_key("motion.transforms", text, "tf")
-        edges = cdr_decoder(store, TF, partial(_transform_message, key.endswith("tf_static")))
+        key = _parse_key("motion.transforms", text, "tf")
+        edges = partial(_decode, TF, partial(_transform_message, key.endswith("tf_static")))
         name = f"live_transforms{number or ''}"
         yield ForeignTopic(name, key, TransformMessage, 100, "queue", 256, "ROS", edges)
+
+
+def _parse_key(field: str, text: str, example: str) -> str:
+    """Return the key in "zenoh:KEY", as of the ROS topic /KEY, or raise ConfigError."""
+    key = text.removeprefix(SCHEME).strip("/")
+    if not KEY.fullmatch(key):
+        raise ConfigError(
+            f"{field} {text!r:.80} is not a key",
+            f"Write zenoh: and the ROS topic, for example {SCHEME}{example}.",
+        )
+    return key
+
+
+def _decode(kind: str, read: Callable[[Any], T], payload: bytes) -> T:
+    return read(types.decode(kind, payload))
 
 
 def _transform_message(static: bool, message: Any) -> TransformMessage:

@@ -6,8 +6,6 @@ from contextlib import AbstractContextManager
 from dataclasses import astuple, dataclass
 from pathlib import Path
 
-from rosbags.typesys.store import Typestore
-
 from common.io import ros_bag
 from common.io.ros_bag import Bag
 from people4d.errors import SourceError
@@ -33,11 +31,6 @@ FUSED_WORDS = ("filtered",)  # odometry of robot_localization, made of the other
 # librealsense's own recordings: STREAM/image/data, STREAM/info/camera_info, and in STREAM/tf/0 the
 # transform from the device's first stream to this one.
 SDK_IMAGE, SDK_INFO, SDK_TF = "/image/data", "/info/camera_info", "/tf/0"
-
-
-def ros2_types() -> Typestore:
-    """Return the types of ROS 2 with realsense2_camera_msgs/RGBD."""
-    return ros_bag.make_typestore(2, DEFINITIONS)
 
 
 def open_bag(path: Path) -> AbstractContextManager[Bag]:

@@ -16,6 +16,7 @@ from common.geometry.wheel_odometry import WheelConfig
 from common.runtime.loop import Loop
 from common.transport.trace import ProcessId
 from common.transport.zenoh_bus import read_config
+from people4d.codec import MAX_BYTES
 from people4d.errors import ConfigError, DecodeError
 from people4d.messages import Health, Message, MovingTransform, Odometry, StaticTransform
 from people4d.topics import ForeignTopic
@@ -103,7 +104,7 @@ def test_bad_bytes_raise_nothing_but_decode_error(
         damaged = bytearray(good)
         damaged[rng.randrange(len(good))] = rng.randrange(256)
         bad.append(bytes(damaged))
-    bad.append(good + bytes(2**20))
+    bad.append(good + bytes(MAX_BYTES))
     problems = []
     for payload in bad:
         try:
@@ -115,7 +116,7 @@ def test_bad_bytes_raise_nothing_but_decode_error(
             motion.convert(message, ["b", "c"])
     assert len(problems) > 300
     assert max(map(len, problems)) < 300
-    assert "at most 1048576 bytes" in problems[-1]
+    assert f"at most {MAX_BYTES} bytes" in problems[-1]
 
 
 def test_what_has_no_time_is_refused() -> None:
