@@ -1,1 +1,1 @@
-"""Records a running pipeline and writes a page, videos and a summary."""
+"""Watches the pipeline and writes a contact sheet, a video and a summary of what it did."""

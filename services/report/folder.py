@@ -47,8 +47,8 @@ class ReportOutput(Protocol):
         """Take the next frame of the video."""
         ...
 
-    def finish(self, page: RunPage) -> None:
-        """Take the page; called once."""
+    def finish(self, sheet: U8, page: RunPage) -> None:
+        """Take the contact sheet (HxWx3, red first) and the page; called once."""
         ...
 
 
@@ -71,8 +71,8 @@ class ReportFolder:
         waiting_bytes = sum(video.waiting_bytes for video in self._videos.values())
         self._videos[frame.camera].add_frame(frame, waiting_bytes < WAITING_MAX)
 
-    def finish(self, page: RunPage) -> None:
-        """Write the videos, the summary and the page.
+    def finish(self, sheet: U8, page: RunPage) -> None:
+        """Write everything else.
 
         Raises:
             People4dError: A file cannot be written, for example because the disk is full.
@@ -86,7 +86,9 @@ class ReportFolder:
         page, words = replace(page, summary=summary), text(summary)
         videos = {n: v.path for n, v in sorted(self._videos.items()) if v.path.is_file()}
         json = msgspec.json.format(msgspec.json.encode(summary), indent=2)
+        _, png = cv2.imencode(".png", cv2.cvtColor(sheet, cv2.COLOR_RGB2BGR))
         try:
+            (self._path / "contact_sheet.png").write_bytes(png.tobytes())
             (self._path / "summary.txt").write_text(words, encoding="utf-8")
             html = replace(page, videos=videos).html()
             (self._path / PAGE).write_text(html, encoding="utf-8")

@@ -25,14 +25,13 @@ from services.report.config import ReportConfig
 from services.report.even_sample import EvenSample
 from services.report.folder import AnnotatedFrame, ReportOutput
 from services.report.page import RunPage
+from services.report.sheet import COLUMNS, contact_sheet
 from services.report.statistics import RunStatistics
 from services.report.trajectories import TrajectoryStore
 
-COLUMNS = 4  # frames side by side on the page
-
 
 class ReportNode(Node):
-    """Joins frames with their detections and tracks, in bounded memory."""
+    """Joins frames with what was made of them; memory is bounded however long the run."""
 
     inputs: tuple[type[Message], ...] = (
         RgbdFrame,
@@ -45,7 +44,7 @@ class ReportNode(Node):
         Odometry,
         Health,
     )
-    frames_waiting = 16  # a busy machine delays the report, which must not skip frames
+    frames_waiting = 16  # a busy machine delays the report, which leaves no frame out for that
 
     def __init__(self, config: ReportConfig, output: ReportOutput) -> None:
         self._config = config
@@ -81,17 +80,18 @@ class ReportNode(Node):
             self._show(frame)
         summary = self._statistics.summary()
         tiles = self._tiles.pick(self._config.sheet_frames)
+        trajectories = self._trajectories.trajectories()
         page = RunPage(
             summary=summary,
-            trajectories=self._trajectories.trajectories(),
+            trajectories=trajectories,
             series=self._statistics.series,
             note=self._config.note,
             sheet_jpeg=encode_jpeg(grid(tiles, COLUMNS)) if tiles else b"",
         )
-        self._output.finish(page)
+        self._output.finish(contact_sheet(tiles, trajectories, summary), page)
 
     def _show(self, frame: SynchronisedFrame) -> None:
-        """Draw a frame for the video and the page."""
+        """Draw a frame for the video and the contact sheet."""
         self._statistics.settle(frame)
         if frame.image is None or (frame.detections is None and frame.tracks is None):
             return

@@ -1,4 +1,4 @@
-"""The summary in words, for the terminal, the text file and the page."""
+"""The summary in words, for the terminal, the text file and the contact sheet."""
 
 from collections.abc import Sequence
 

@@ -6,16 +6,20 @@ import pytest
 
 from common.drawing.people import CameraView, annotate
 from common.drawing.strokes import INK, PAPER, PEOPLE, WHITE, colour_of, ink_on
-from common.drawing.tiles import Tile, grid, shrink
+from common.drawing.tiles import Tile, shrink
 from common.drawing.topdown import Trajectories, draw_map
 from common.geometry.transforms import invert
+from common.runtime.synchroniser import SynchronisedFrame
 from people4d.messages import U8
+from services.report.sheet import contact_sheet
+from services.report.statistics import RunStatistics
 from tests.report.builders import (
     MAP_FROM_OPTICAL,
     detection,
     detections,
     frame,
     info,
+    span,
     track,
     tracks,
 )
@@ -122,18 +126,31 @@ def test_odd_maps(walks: Trajectories) -> None:
     assert draw_map(walks, 200, 100).shape == (100, 200, 3)
 
 
-@pytest.mark.parametrize(("count", "rows", "columns"), [(3, 1, 3), (4, 1, 4), (6, 2, 4)])
-def test_the_grid_holds_all_tiles(count: int, rows: int, columns: int) -> None:
-    # A tile takes 400 + 8 by 300 + 8 px, and 8 px more once.
-    page = grid([Tile(np.zeros((300, 400, 3), np.uint8), "front  0.00 s")] * count, 4)
-    assert page.shape == (rows * 308 + 8, columns * 408 + 8, 3)
+@pytest.mark.parametrize(("count", "rows", "columns"), [(0, 0, 0), (3, 1, 3), (4, 1, 4), (6, 2, 4)])
+def test_the_sheet_holds_all_tiles(count: int, rows: int, columns: int) -> None:
+    tile = Tile(np.zeros((300, 400, 3), np.uint8), "front  0.00 s")
+    page = contact_sheet([tile] * count, Trajectories(), RunStatistics().summary())
+    # Head 60, panel 600; a tile takes 400 + 8 by 300 + 8 px, and 8 px more once.
+    assert page.shape == (60 + 600 + (rows * 308 + 8) * (rows > 0), max(1440, columns * 408 + 8), 3)
     dark = np.count_nonzero(page.max(axis=2) == 0)
-    assert dark >= count * 300 * 400 * 0.9  # all but the captions
+    assert dark >= count * 300 * 400 * 0.9  # but for the captions
 
 
-def test_tiles_of_two_cameras_may_differ_in_height() -> None:
-    page = grid([Tile(np.zeros((h, 400, 3), np.uint8), "x") for h in (300, 225)], 4)
-    assert tuple(page[8 + 225 + 4, 8 + 408 + 10]) == PAPER  # below the lower one
+def test_tiles_of_two_cameras_need_not_be_alike() -> None:
+    tiles = [Tile(np.zeros((h, 400, 3), np.uint8), "x") for h in (300, 225)]
+    page = contact_sheet(tiles, Trajectories(), RunStatistics().summary())
+    assert tuple(page[60 + 8 + 225 + 4, 8 + 408 + 10]) == PAPER  # below the lower one
+
+
+def test_the_page_grows_with_the_latency_table() -> None:
+    statistics = RunStatistics()
+    trace = tuple(span(f"service.stage{k}", k, k + 1) for k in range(60))
+    statistics.settle(SynchronisedFrame("front", 0, frame(0), None, tracks(0, trace=trace)))
+    summary = statistics.summary()
+    assert len(summary.latency) == 61  # 60 stages, complete
+    page = contact_sheet([], Trajectories(), summary)
+    lowest = np.flatnonzero(page.min(axis=(1, 2)) < 100).max()  # of the dark text
+    assert 660 < lowest < page.shape[0] - 8
 
 
 def test_shrink_keeps_proportions() -> None:

@@ -163,7 +163,7 @@ def test_report_runs_alone(demo: Path, tmp_path: Path, environment: Mapping[str,
         topics = "frames,camera_info,static_transforms,truth"
         people4d(environment, "replay", str(demo), "--topics", topics, "--hold", "0.3")
     assert (tmp_path / "summary.txt").stat().st_size > 0
-    assert (tmp_path / "report.html").stat().st_size > 0
+    assert (tmp_path / "contact_sheet.png").stat().st_size > 0
 
 
 def test_replay_reports_absent_topics(demo: Path) -> None:
