@@ -65,7 +65,7 @@ def assign_points(
 
 
 def _cost(point: PointFilter, extremity: Extremity, anchors_m: Mapping[str, F64]) -> float:
-    if point.motion is None or not point.alive:
+    if point.motion is None or not point.alive or np.isnan(point.limb_length_m):
         return np.inf
     distance_m = float(np.linalg.norm(extremity.position_m - point.motion.position_m))
     sigma_m = min(point.motion.sigma_m, SIGMA_MAX_M)

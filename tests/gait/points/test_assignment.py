@@ -63,10 +63,10 @@ def test_keypoint_decides_between_equally_near_extremities() -> None:
     assert found["left_hand"].basin == 1
 
 
-def test_lost_point_is_not_assigned() -> None:
-    point = hand("left_hand", 0.0)
-    point.state = "lost"
-    assert assign_points([point], [extremity(0, 0.0)], {}) == {}
+def test_lost_or_unconnected_point_is_not_assigned() -> None:
+    lost, unconnected = hand("left_hand", 0.0), hand("right_hand", 0.0)
+    lost.state, unconnected.geodesic_m = "lost", float("nan")
+    assert assign_points([lost, unconnected], [extremity(0, 0.0)], {}) == {}
 
 
 @pytest.mark.parametrize("without_keypoints", [True, False])
