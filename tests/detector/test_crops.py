@@ -89,7 +89,7 @@ def depths(left_mm: int, right_mm: int) -> U16:
     return depth_mm
 
 
-def test_what_stands_before_a_person_is_blanked() -> None:
+def test_occluders_of_a_person_are_blanked() -> None:
     # Columns 5 to 9 of the box from 5 to 25 are at 1 m, the person at 2 m.
     person = DetectedPerson(0.9, box(5, 0, 25, 20))
     hidden = hidden_pixels(person.box_xyxy_px, depths(1000, 2000), 1.6)

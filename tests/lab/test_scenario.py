@@ -96,7 +96,7 @@ def test_a_folder_is_no_scenario(tmp_path: Path) -> None:
         load_scenario(str(tmp_path))
 
 
-def test_a_file_of_ones_own_is_read(tmp_path: Path) -> None:
+def test_scenario_file_of_the_user_is_read(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(HEAD + PERSON)
     scenario = load_scenario(str(path))
@@ -112,12 +112,12 @@ def test_a_seed_may_follow_the_name() -> None:
 
 
 @pytest.mark.parametrize("name", scenario_names())
-def test_files_say_what_they_are_for(name: str) -> None:
+def test_scenario_files_have_a_description(name: str) -> None:
     assert (FOLDER / f"{name}.toml").read_text().startswith("# ")
     assert load_scenario(name).about.endswith(".")
 
 
-def test_twins_are_dressed_alike() -> None:
+def test_twins_have_the_same_clothes() -> None:
     cast = load_cast()
     one, other = (cast[person.body] for person in load_scenario("twins").people)
     assert (one.shirt, one.legs, one.shoes) == (other.shirt, other.legs, other.shoes)
@@ -174,7 +174,7 @@ def test_odometry_scenarios_show_as_many_people_as_the_table(name: str) -> None:
 
 
 @pytest.mark.slow
-def test_who_moves_in_odometry_scenarios_is_as_their_names_say() -> None:
+def test_odometry_scenarios_move_according_to_their_names() -> None:
     for name in ODOMETRY:
         of = world(name)
         routes = [motion.path(np.arange(0, 15, 0.5))[:, :2] for motion in of.motions]

@@ -2,31 +2,20 @@
 
 import subprocess
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from common.runtime.node import Node
-from evaluation.pipeline import play
 from lab.camera.frames import FrameRenderer
 from lab.drawing.renderer import DepthView
 from lab.source import LabSource
 from people4d.errors import ConfigError
-from people4d.messages import (
-    CameraInfo,
-    Detections,
-    Message,
-    Odometry,
-    RgbdFrame,
-    StaticTransform,
-)
+from people4d.messages import Odometry
 from services.camera.config import CameraConfig
 from services.camera.playback import play as play_source
 from services.camera.source import SourceFrame
 from services.camera.sources import kind_of, open_source
-from tests import builders
 from tests.lab.scenarios import DRIVE, EPOCH_NS, FRAMES, SIZE, write_scenario
 
 pytestmark = [pytest.mark.processes, pytest.mark.render]
@@ -113,7 +102,9 @@ def test_robot_gives_wheel_odometry_and_the_mount_of_its_camera(tmp_path: Path) 
     assert len(captures(source)) == FRAMES
 
 
-def test_what_is_left_out_is_not_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_frames_outside_the_selection_are_not_drawn(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     source = opened(write_scenario(tmp_path, DRIVE))
     everything = list(source)
     drawn: list[int] = []
@@ -129,47 +120,6 @@ def test_what_is_left_out_is_not_drawn(tmp_path: Path, monkeypatch: pytest.Monke
     wanted = [item for item in everything if 75 <= (item.stamp_ns - EPOCH_NS) / 10**7 <= 105]
     assert [item.stamp_ns for item in late] == [item.stamp_ns for item in wanted]
     assert [type(item) for item in late] == [type(item) for item in wanted]
-
-
-class Detector(Node):
-    """Answers each frame."""
-
-    inputs: tuple[type[Message], ...] = (RgbdFrame,)
-
-    def __init__(self) -> None:
-        self.frames: list[RgbdFrame] = []
-
-    def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
-        assert isinstance(message, RgbdFrame)
-        self.frames.append(message)
-        return [
-            builders.detections(
-                stamp_ns=message.stamp_ns,
-                sequence=message.sequence,
-                camera=message.camera,
-                width=SIZE[1],
-                height=SIZE[0],
-            )
-        ]
-
-
-def test_lockstep_through_the_camera_loses_no_frame(tmp_path: Path) -> None:
-    config = CameraConfig(
-        source=f"lab:{write_scenario(tmp_path)}",
-        options={"mode": "depth", "threads": 1},
-        playback="lockstep",
-        answer="detections",
-        window=1,
-        start_delay_s=0.0,
-    )
-    detector = Detector()
-    messages = [message for step in play(config, [detector]) for message in step.messages]
-    assert [type(m) for m in messages[:2]] == [CameraInfo, StaticTransform]
-    assert [m.sequence for m in messages if isinstance(m, Detections)] == list(range(FRAMES))
-    assert all(frame.lockstep for frame in detector.frames)
-    alone = captures(opened(tmp_path / "walk.toml"))
-    for sent, taken in zip(detector.frames, alone, strict=True):
-        assert np.array_equal(sent.depth_mm, taken.depth_mm)
 
 
 def test_wrong_options_are_refused(tmp_path: Path) -> None:

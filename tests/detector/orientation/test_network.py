@@ -60,7 +60,7 @@ def test_between_two_sectors_the_likelihood_is_between_theirs() -> None:
     assert at[45] > at[48] > at[57] > at[60] > at[75]
 
 
-def test_an_image_that_says_nothing_is_as_likely_at_all_angles() -> None:
+def test_uninformative_image_is_equally_likely_at_all_angles() -> None:
     found = likelihood(np.full((1, 24), -math.log(24), np.float32))
     assert np.ptp(found) < 1e-9
 
@@ -115,7 +115,7 @@ def test_nearer_things_are_blanked_and_farther_ones_are_no_person() -> None:
 
 @pytest.mark.parametrize(("u", "v"), [(0, 0), (199, 199), (-5000, 80), (1e9, -1e9)])
 @pytest.mark.parametrize("depth_m", [0.05, 1.0, 60.0])
-def test_what_lies_out_of_the_image_is_blanked(u: float, v: float, depth_m: float) -> None:
+def test_pixels_outside_the_image_are_blanked(u: float, v: float, depth_m: float) -> None:
     rgb = np.full((200, 200, 3), RED, np.uint8)
     depth = DepthImage(np.full((200, 200), 1000, np.uint16), INFO)
     (image,) = upper_bodies(rgb, depth, keypoints(u, v), np.array([depth_m]))

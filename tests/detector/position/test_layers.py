@@ -113,7 +113,7 @@ def test_an_outline_reaches_beyond_the_keypoints() -> None:
     assert behind_an_arm(5.0) == 3.0
 
 
-def test_head_of_a_person_who_bends_to_the_camera_is_theirs() -> None:
+def test_head_bent_to_the_camera_belongs_to_the_person() -> None:
     # In front: head at 1.8, chest at 2.0, hips at 2.2 m; behind, four samples are on that head.
     front = samples([1.8, 1.8, 2.2, 2.2, 2.0])
     head: F64 = np.array([[12.0, 11.0], [14.0, 11.0], [16.0, 11.0], [18.0, 11.0], [18.0, 4.0]])
@@ -140,7 +140,7 @@ def test_people_of_unknown_size_are_assigned_last() -> None:
     assert depths([unknown, known]) == [None, 2.0]
 
 
-def test_of_a_person_cut_off_without_a_measure_nearer_layers_count_more() -> None:
+def test_nearer_layers_weigh_more_for_a_cut_off_person_without_size() -> None:
     # Two samples on an arm at 1.5 m, three on the wall at 4 m: 2 against 3 * 1.5 / 4 = 1.1.
     arm = samples([1.5, 1.5, 4.0, 4.0, 4.0])
     assert depths([arm, replace(arm, cut_off=True)]) == [4.0, 1.5]
@@ -176,7 +176,7 @@ def test_readings_of_the_best_layer_do_not_count_for_another() -> None:
     assert layer.along_m2 == pytest.approx(25 / 26**2 * 0.26**2)
 
 
-def test_nearer_layer_suits_a_person_who_is_turned() -> None:
+def test_nearer_layer_fits_a_turned_person() -> None:
     # Shoulders as wide as at 6 m; four samples read 1.2 m: 4 * 1.2 / 6 = 0.8; one 4.5 m: 0.75.
     # With the torso's height it is at 4.5 m: 4 * 0.02 against exp(-(ln(0.75) / 0.2)^2 / 2) = 0.36.
     person = samples([1.2, 1.2, 1.2, 1.2, 4.5])

@@ -218,7 +218,7 @@ def test_keypoints_that_are_not_numbers_do_not_count() -> None:
     assert found[1].depth_m == pytest.approx(1.2)
 
 
-def test_of_two_detections_of_one_person_one_has_a_position() -> None:
+def test_only_one_of_two_detections_of_a_person_has_a_position() -> None:
     first, second = estimates(SURFACE, [keypoints(), keypoints()], stand(room()))
     assert first is not None
     assert second is None

@@ -83,7 +83,7 @@ def test_smoothing_moves_inner_vertices_only() -> None:
     assert len(border(tent.faces)) == 4
 
 
-def test_cloth_hangs_from_what_stands_out() -> None:
+def test_cloth_hangs_from_protruding_parts() -> None:
     # 0.20 m at the top; each row of 15 mm below may come back by 0.22 * 15 = 3.3 mm. The body is
     # 0.10 m below but for a seat of 0.25 m in row 3, from which the cloth falls again.
     around, row = np.meshgrid(np.arange(SECTORS), np.arange(6))
@@ -105,7 +105,7 @@ def test_colours_are_checked() -> None:
         msgspec.convert({**data, "skin": "red"}, CastMember)
 
 
-def test_only_twins_are_dressed_alike() -> None:
+def test_only_twins_have_the_same_clothes() -> None:
     cast = load_cast()
 
     def appearance(name: str) -> tuple[object, ...]:

@@ -24,7 +24,6 @@ from services.camera.describe import describe
 from services.camera.source import SourceFrame
 from services.camera.sources import open_source
 from tests import builders
-from tests.camera.test_node import player, with_
 
 SENSOR = DepthSensorModel(noise_px=0.1, holes=0.02)
 METADATA = SimulationMetadata(scenario="crossing", seed=4, depth="clean", sensor=SENSOR)
@@ -155,12 +154,3 @@ def test_frame_of_another_size_is_left_out(tmp_path: Path) -> None:
     source = open_source(str(path))
     assert [item for item in source if isinstance(item, SourceFrame)] == []
     assert source.counters["bad_images"] == 4
-
-
-def test_the_node_sends_what_the_sensor_reads(tmp_path: Path) -> None:
-    path = recorded(tmp_path / "a.mcap", METADATA.texts())
-    with player(with_(), open_source(str(path))) as p:
-        p.play()
-        frames = p.frames()
-    assert [m.sequence for m in frames] == [0, 1, 2, 3]
-    assert all(np.array_equal(m.depth_mm, expected(m.sequence)) for m in frames)

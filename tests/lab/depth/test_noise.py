@@ -24,7 +24,7 @@ def test_correlation_by_hand() -> None:
 
 
 @pytest.mark.parametrize("lag_s", [0.0, 0.05, 0.2, 0.33, 0.5])
-def test_process_is_correlated_as_it_says(lag_s: float) -> None:
+def test_correlation_of_a_process_is_as_configured(lag_s: float) -> None:
     process = NoiseProcess((4000,), (1, 2), PARTLY_FROZEN)
     times = np.arange(40) * 0.2 * 1.618  # at all places between the knots
     products = [np.mean(process.at(t) * process.at(t + lag_s)) for t in times]

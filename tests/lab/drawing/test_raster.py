@@ -160,7 +160,7 @@ def test_barycentrics_give_the_visible_point() -> None:
     np.testing.assert_allclose(point, expected, atol=1e-6)
 
 
-def test_extents_do_not_ask_what_hides_a_body() -> None:
+def test_extents_ignore_occluders() -> None:
     # 0.4 m at 2 m: 14 px wide around cx = 38.5, 15 px high around cy = 31.
     extent = body_extents(wall(2.0, 0.2), np.eye(4), INFO)
     np.testing.assert_array_equal(extent.box_xyxy_px, [32, 24, 46, 39])

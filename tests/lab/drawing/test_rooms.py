@@ -35,7 +35,7 @@ def test_a_room_is_closed_on_all_sides(kind: str, seed: int) -> None:
 
 
 @pytest.mark.parametrize("kind", ["lab", "hall", "office", "square"])
-def test_the_floor_is_at_zero_and_the_walls_where_the_room_says(kind: str) -> None:
+def test_floor_is_at_zero_and_walls_at_the_corners(kind: str) -> None:
     room = room_mesh(kind, 0)
     np.testing.assert_allclose(room.mesh.vertices_m.min(axis=0), room.low_m, atol=1e-9)
     np.testing.assert_allclose(room.mesh.vertices_m.max(axis=0), room.high_m, atol=1e-9)
@@ -63,7 +63,7 @@ def test_nothing_stands_where_people_walk(kind: RoomName, seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_stools_stand_where_they_are_asked_for(seed: int) -> None:
+def test_stools_are_at_the_given_positions(seed: int) -> None:
     without, with_stool = room_mesh("lab", seed), room_mesh("lab", seed, [(3.0, 0.8)])
     added = with_stool.mesh.vertices_m[
         (np.abs(with_stool.mesh.vertices_m[:, :2] - (3.0, 0.8)) < 0.25).all(axis=1)

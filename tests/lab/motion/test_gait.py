@@ -21,7 +21,7 @@ def test_a_curve_repeats_and_has_no_corner_where_it_does(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", EVEN)
-def test_what_both_legs_do_alike_repeats_with_each_step(name: str) -> None:
+def test_symmetric_curves_repeat_with_each_step(name: str) -> None:
     np.testing.assert_allclose(gait_curve(name, PHASES), gait_curve(name, PHASES + 0.5), atol=1e-9)
 
 

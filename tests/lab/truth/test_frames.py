@@ -56,7 +56,7 @@ def test_keypoints_are_the_projection_of_the_points_in_the_map() -> None:
         np.testing.assert_allclose(person.keypoints_px, project(points, of.info), atol=1e-9)
 
 
-def test_who_faces_the_camera_shows_all_keypoints_in_their_order() -> None:
+def test_all_keypoints_of_a_person_facing_the_camera_are_visible() -> None:
     _, (one, _) = in_view("facing", 0.5)
     assert one.visible.all()
     assert one.visible_share == 1.0
@@ -67,7 +67,7 @@ def test_who_faces_the_camera_shows_all_keypoints_in_their_order() -> None:
     assert eye < nose < shoulder < hip < knee < ankle
 
 
-def test_who_stands_sideways_hides_half_of_themselves() -> None:
+def test_half_of_a_person_from_the_side_is_hidden() -> None:
     of = standing(PersonPlan(body="bea", start=(3.5, 0.0), face_deg=90.0))
     (person,) = person_views(of, 0.5, view_of(of, 0.5))
     # Facing +y, the left of the body is towards -x, which is towards the camera.
@@ -94,7 +94,7 @@ def test_boxes_are_just_around_the_pixels_where_nothing_hides_any() -> None:
         np.testing.assert_allclose(person.box_xyxy_px, expected, atol=2)
 
 
-def test_who_is_hidden_keeps_their_box_and_shows_less() -> None:
+def test_occlusion_reduces_the_visible_share_not_the_box() -> None:
     # One behind the other; the same body alone has the same box, and all of it.
     front = PersonPlan(body="carlos", start=(3.0, 0.0))
     back = PersonPlan(body="hana", start=(4.2, 0.15))
@@ -108,7 +108,7 @@ def test_who_is_hidden_keeps_their_box_and_shows_less() -> None:
     assert far.visible.sum() < 9 < free.visible.sum()
 
 
-def test_who_is_outside_has_no_box() -> None:
+def test_people_outside_the_image_have_no_box() -> None:
     # At (1.2, 1.3) a person is 1.3 / 1.2 aside of the axis, the image ends at 320 / 615; and one
     # behind the camera has no pixels at all.
     of = standing(

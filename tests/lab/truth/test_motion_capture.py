@@ -65,7 +65,7 @@ def test_yaw_of_a_person_who_faces_the_camera_is_pi() -> None:
     assert other.path_yaw_rad == pytest.approx(math.pi / 2, abs=1e-6)
 
 
-def test_noise_has_the_size_that_is_asked_for() -> None:
+def test_noise_has_the_configured_size() -> None:
     clean = capture_truth(World(scenario("facing")))
     noisy = capture_truth(World(scenario("facing", noise_m=0.002, yaw_noise_deg=1.0)))
     pairs = [
