@@ -1,7 +1,6 @@
 """Furniture of rooms."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -46,7 +45,7 @@ def poster(x_m: float, y_m: float, size_m: tuple[float, float], number: int) -> 
     )
     finish = Finish(Material.POSTER, srgb(220, 220, 215))
     sheet = panel((x_m - 0.019, y_m + width, low), (0, -width, 0), (0, 0, height), finish)
-    return [*frame, pictured(sheet, float(number))]
+    return [*frame, pictured(sheet, 1, 1, number)]
 
 
 def window(
@@ -87,14 +86,7 @@ def shelf(low_m: Vector, high_m: Vector, colour: Vector) -> list[Mesh]:
         (0, 0, z1 - z0),
         Finish(Material.BOOKS, (1, 1, 1)),
     )
-    return [*parts, _spines(spines, y1 - y0, count)]
-
-
-def _spines(mesh: Mesh, width_m: float, shelves: int) -> Mesh:
-    texture = np.array(
-        [[0, 0, 0], [width_m, 0, 0], [width_m, shelves, 0], [0, shelves, 0]], np.float32
-    )
-    return replace(mesh, texture_m=texture)
+    return [*parts, pictured(spines, y1 - y0, count)]
 
 
 def desk(low_m: tuple[float, float], high_m: tuple[float, float], colour: Vector) -> list[Mesh]:

@@ -85,11 +85,10 @@ def shaded(mesh: Mesh, colours: npt.ArrayLike) -> Mesh:
     return replace(mesh, colour=np.ascontiguousarray(colour))
 
 
-def pictured(mesh: Mesh, number: float) -> Mesh:
-    """Return a panel with texture coordinates from (0, 0) to (1, 1); `number` selects an image."""
-    return _retextured(
-        mesh, np.array([[0, 0, number], [1, 0, number], [1, 1, number], [0, 1, number]])
-    )
+def pictured(mesh: Mesh, width: float, height: float, number: float = 0.0) -> Mesh:
+    """Return a panel with a texture of a size; `number` selects an image."""
+    u, v, n = width, height, number
+    return _retextured(mesh, np.array([[0, 0, n], [u, 0, n], [u, v, n], [0, v, n]]))
 
 
 def _retextured(mesh: Mesh, texture_m: F64) -> Mesh:

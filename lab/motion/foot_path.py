@@ -102,7 +102,7 @@ def foot_path(feet: FootStances, skeleton: Skeleton, side: int, times_s: F64) ->
     swinging = rhythm.swing > 0.0
     if swinging.any():
         number, part = rhythm.stance[swinging], rhythm.swing[swinging]
-        ankle[swinging, :2] = _swing_ends(feet, shoe, share).between(number, part)
+        ankle[swinging, :2] = _swing_ankle(feet, shoe, share, number, part)
         height = shoe.ankle_height(pitch[swinging], np.sin(np.pi * part) ** 2)
         ankle[swinging, 2] = height + _clearance_m(part) * np.minimum(share[number], 1.0)
         turned = np.diff(feet.footprint[:, 2])[number]
@@ -138,35 +138,32 @@ def _clearance_m(part: F64) -> F64:
     return np.asarray(CLEARANCE_M * (high_early + LANDING * part**2 * (1.0 - part)))
 
 
-@dataclass(frozen=True)
-class SwingEnds:
-    """Begin and end of S swings; x and y [m], frame: map."""
+def _swing_ankle(
+    feet: FootStances, shoe: Shoe, share: F64, number: npt.NDArray[np.intp], part: F64
+) -> F64:
+    """Return the ankle in swings (x and y [m], frame: map) by cubic interpolation.
 
-    leave: F64  # Sx2, ankle at lift-off
-    leave_rate: F64  # Sx2, its change over a full swing at that rate
-    meet: F64  # Sx2, ankle at heel contact
-    meet_rate: F64  # Sx2
-
-    def between(self, number: npt.NDArray[np.intp], part: F64) -> F64:
-        """Return the ankle at a share of the numbered swings, by cubic interpolation."""
-        s = part[:, None]
-        return np.asarray(
-            (2 * s**3 - 3 * s**2 + 1) * self.leave[number]
-            + (s**3 - 2 * s**2 + s) * self.leave_rate[number]
-            + (3 * s**2 - 2 * s**3) * self.meet[number]
-            + (s**3 - s**2) * self.meet_rate[number]
-        )
-
-
-def _swing_ends(feet: FootStances, shoe: Shoe, share: F64) -> SwingEnds:
+    Args:
+        feet: Stances of the foot.
+        shoe: Shape of the foot.
+        share: Factors of the pitch curve, one for each swing.
+        number: Numbers of the swings, T.
+        part: Completed shares of these swings, T.
+    """
 
     def ankles(footprint: F64, phase: float) -> F64:
         pitch = np.radians(share * gait_curve("foot.pitch_deg", phase))
         return shoe.standing_ankle(footprint, pitch)[:, :2]
 
-    step = 0.005  # difference of phase, into the stance
+    step, s = 0.005, part[:, None]  # difference of phase, into the stance
     before, after = feet.footprint[:-1], feet.footprint[1:]
     leave, meet = ankles(before, LIFT_OFF), ankles(after, 0.0)
     leave_rate = (leave - ankles(before, LIFT_OFF - step)) * (IN_AIR / step)
+    leave_rate = leave_rate + PUSH_SHARE * (meet - leave)
     meet_rate = (ankles(after, step) - meet) * (IN_AIR / step)
-    return SwingEnds(leave, leave_rate + PUSH_SHARE * (meet - leave), meet, meet_rate)
+    return np.asarray(
+        (2 * s**3 - 3 * s**2 + 1) * leave[number]
+        + (s**3 - 2 * s**2 + s) * leave_rate[number]
+        + (3 * s**2 - 2 * s**3) * meet[number]
+        + (s**3 - s**2) * meet_rate[number]
+    )
