@@ -171,7 +171,7 @@ def scene(right_m: float = -0.3, hidden: bool = False) -> tuple[F32, U16]:
 
 
 def observed(keypoints: F32, depth: U16, ray_rad: float = 0.0) -> YawObservations:
-    """Return the observation by a camera whose axis is turned so far from the body."""
+    """Return the observation by a camera whose axis is turned by this angle from the body."""
     info = replace(INFO, cx=INFO.cx + FX * math.tan(ray_rad))
     return observe_bodies(keypoints[None], LAYER_M, DepthImage(depth, info))
 

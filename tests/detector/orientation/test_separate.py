@@ -34,7 +34,7 @@ def degrees(angle: YawEstimate | None) -> float | None:
 
 
 def points(**at: tuple[float, float, float]) -> F64:
-    """Return 17 points of which only the named ones are known."""
+    """Return 17 keypoints, all unknown except the named ones."""
     known = np.full((17, 3), np.nan)
     for name, point in at.items():
         known[globals()[name.upper()]] = point
@@ -42,7 +42,7 @@ def points(**at: tuple[float, float, float]) -> F64:
 
 
 def torso(shoulders_px: float, hips_px: float, height_px: float, u: float = 320.0) -> F64:
-    """Return pixels (17x2) of a torso whose right side is so far to the right of its left."""
+    """Return pixels (17x2) of a torso, its right side this far to the right of its left."""
     pixels = np.full((17, 2), np.nan)
     for left, right, width, v in (
         (L_SHOULDER, R_SHOULDER, shoulders_px, 100.0),
@@ -53,7 +53,7 @@ def torso(shoulders_px: float, hips_px: float, height_px: float, u: float = 320.
 
 
 def keypoints_of(*indices: int, nose_u: float = 0.0) -> F32:
-    """Return keypoints of which the given are confident; ears at u 40 and 60."""
+    """Return keypoints, only the given ones confident; ears at u 40 and 60."""
     keypoints = np.zeros((17, 3), np.float32)
     keypoints[list(indices), 2] = 0.9
     keypoints[[NOSE, L_EAR, R_EAR], 0] = nose_u, 60, 40

@@ -43,7 +43,7 @@ def test_samples_without_reading_do_not_count() -> None:
 
 
 def test_layer_in_front_that_does_not_suit_the_size_loses() -> None:
-    # As large as somebody at 4 m; three samples read 2 m, two 4 m. At 2 m the size is off by
+    # As large as a person at 4 m; three samples read 2 m, two 4 m. At 2 m the size is off by
     # ln(0.5) / 0.2 = -3.5 sigma: exp(-6) is below 0.02. 3 * 0.02 = 0.06 < 2.
     assert depths([samples([2.0, 2.0, 2.0, 4.0, 4.0], size_depth_m=4.0)]) == [4.0]
     # A child of a size as at 2.6 m: ln(2 / 2.6) / 0.2 = -1.31, exp(-0.86) = 0.42; the wall:
@@ -54,14 +54,14 @@ def test_layer_in_front_that_does_not_suit_the_size_loses() -> None:
 def test_child_is_half_as_large_and_people_are_not_smaller() -> None:
     assert depths([samples([2.0] * 5, size_depth_m=4.3)]) == [2.0]
     assert depths([samples([2.0] * 5, size_depth_m=4.5)]) == [None]
-    # A width alone may be that of somebody turned away.
+    # A width alone may be that of a person turned away.
     turned = replace(samples([2.0] * 5), size=BodySize(4.5, 4.5, has_height=False))
     assert depths([turned]) == [2.0]
 
 
 def test_furniture_before_a_person_out_of_range_is_not_the_person() -> None:
     nan = math.nan
-    # As large as somebody at 6 m, where nothing is read; a cabinet at 2.8 m covers one sample of
+    # As large as a person at 6 m, where nothing is read; a cabinet at 2.8 m covers one sample of
     # five: 0.2 * 0.02 = 0.004 < 0.005. Two of five would be a child.
     assert depths([samples([2.8, nan, nan, nan, nan], size_depth_m=6.0)]) == [None]
     assert depths([samples([2.8, nan, nan, nan, 2.8], size_depth_m=6.0)]) == [2.8]
@@ -134,7 +134,7 @@ def test_an_outline_holds_the_top_of_the_box() -> None:
 
 
 def test_people_of_unknown_size_are_assigned_last() -> None:
-    # All samples of one without keypoints are on somebody whose own reach the wall as well.
+    # All samples of one without keypoints are on a person whose own reach the wall as well.
     known = samples([2.0, 2.0, 2.0, 2.0, 4.0], size_depth_m=2.0)
     unknown = samples([2.0, 2.0, 2.0, 2.0, 2.0])
     assert depths([unknown, known]) == [None, 2.0]

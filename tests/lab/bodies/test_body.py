@@ -235,7 +235,7 @@ def flux(mesh: Mesh, material: Material) -> float:
     """Return the sum over triangles of area, times how far they face away from their middle."""
     a, b, c = (mesh.vertices_m[mesh.faces[mesh.material == material, i]] for i in range(3))
     middles = (a + b + c) / 3
-    # Left and right are told apart: the middle between two legs is in neither.
+    # Left and right are separate: the midpoint of two legs belongs to neither.
     side = np.sign(middles[:, 1])[:, None] == np.array([[1.0, -1.0]])
     centres = np.array([middles[side[:, i]].mean(axis=0) for i in range(2)])
     away = middles - centres[side.argmax(axis=1)]

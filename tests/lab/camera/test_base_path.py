@@ -1,4 +1,4 @@
-"""Path of the robot: goals of drives worked out by hand, and no jumps."""
+"""Path of the robot: goals of drives computed by hand, and no jumps."""
 
 import math
 

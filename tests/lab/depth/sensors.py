@@ -1,4 +1,4 @@
-"""A depth sensor without errors, and the correlation of noise worked out by hand."""
+"""A depth sensor without errors, and the correlation of its noise in closed form."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Positions of the joints of a pose, worked out anew from the skeleton for the tests."""
+"""Positions of the joints of a pose, computed from the skeleton independently of the product."""
 
 from dataclasses import dataclass
 

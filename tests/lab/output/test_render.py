@@ -95,7 +95,7 @@ def test_clean_depth_is_exact_and_played_as_a_sensor_measures_it(tmp_path: Path)
         assert np.array_equal(decode_png16(frame.depth_png), capture.depth_mm)
         assert np.abs(decode_jpeg(frame.rgb_jpeg).astype(int) - capture.rgb).mean() < 4
     # Played, both have the errors of the same sensor; only the shadow of the second imager is
-    # worked out from the first one's view in one, and drawn in the other.
+    # computed from the first one's view in one, and drawn in the other.
     for a, b in zip(captures(clean), captures(measured), strict=True):
         assert (a.depth_mm != b.depth_mm).mean() < 0.05
     assert not np.array_equal(captures(clean)[0].depth_mm, taken[0].depth_mm)
