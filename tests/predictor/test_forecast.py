@@ -16,6 +16,7 @@ from services.predictor.forecast import (
 )
 from services.predictor.groups import GroupFinder
 from services.predictor.memory import ForecastMemory, Situation
+from services.predictor.motion_filter import Samples
 
 HORIZONS_S: F64 = np.arange(0.5, 5.25, 0.5)
 STEP_S = 0.4
@@ -73,19 +74,35 @@ def test_walking_person_continues_and_standing_person_stays() -> None:
     assert forecast.motion[1].argmax() == 0
 
 
-def test_measured_motion_counts_at_short_horizons_until_errors_are_known() -> None:
-    measured_m = np.ones((1, 10, 2))
-    situation = Situation(
-        ids=np.array([1]),
+def situation(identity: int, measured_m: float = 0.0) -> Situation:
+    """One person at the origin, at rest."""
+    return Situation(
+        ids=np.array([identity]),
         positions_m=np.zeros((1, 2)),
         velocities_mps=np.zeros((1, 2)),
         standing=np.zeros(1, bool),
         displacements_m=np.zeros((1, 10, 2)),
-        measured_m=measured_m,
+        measured_m=np.full((1, 10, 2), measured_m),
         covariances_m2=np.tile(np.eye(2), (1, 10, 1, 1)),
     )
-    found = ForecastMemory(HORIZONS_S).displacements(0.0, situation)
+
+
+def test_measured_motion_counts_at_short_horizons_until_errors_are_known() -> None:
+    found = ForecastMemory(HORIZONS_S).displacements(0.0, situation(1, measured_m=1.0))
     np.testing.assert_array_equal(found[0, :, 0], [1, 1, 0, 0, 0, 0, 0, 0, 0, 0])
+
+
+def test_recent_errors_of_another_person_count_and_own_ones_do_not() -> None:
+    # Person 1 moved 1 m in 1 s instead of 0 m. At the same position and velocity the weight is 1
+    # of 1 + 5, times the trust 1 - exp(-1) at 1 s.
+    memory = ForecastMemory(HORIZONS_S)
+    memory.add_forecasts(0.0, np.array([1]), situation(1), np.zeros((1, 10, 2)))
+    start_m, end_m = np.zeros((1, 2)), np.array([[1.0, 0.0]])
+    memory.add_samples(
+        Samples(np.array([1]), np.zeros(1), start_m, 1.0, end_m, np.ones(1, np.bool_))
+    )
+    assert memory.displacements(2.0, situation(2))[0, 1, 0] == pytest.approx((1 - np.exp(-1)) / 6)
+    np.testing.assert_array_equal(memory.displacements(2.0, situation(1)), 0.0)
 
 
 def test_motion_probabilities_by_hand() -> None:

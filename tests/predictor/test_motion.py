@@ -90,6 +90,15 @@ def test_prediction_without_measurement_by_hand(monkeypatch: pytest.MonkeyPatch)
     assert after.covariances[0, STRAIGHT, 0, 0] == pytest.approx(expected, rel=1e-5)
 
 
+def test_mode_changes_by_hand() -> None:
+    # A person who stands leaves that mode at 0.06 per second: exp(-0.06) = 0.941765 after 1 s, and
+    # the rest is divided equally.
+    motion = initial_motion(np.zeros((1, 2)), np.ones(1))
+    motion.modes[:] = [1.0, 0.0, 0.0]
+    after = predict_motion(motion, np.ones(1))
+    np.testing.assert_allclose(after.modes[0], [0.941765, 0.029118, 0.029118], atol=1e-6)
+
+
 def test_measurement_by_hand() -> None:
     # Variance 1 and a measurement of variance 1 at distance 2: halfway, variance 1/2.
     motion = initial_motion(np.array([[0.0, 0.0]]), np.array([1.0]))

@@ -5,7 +5,7 @@ import msgspec
 from people4d.messages import Track
 from services.tracker.config import Sort3dConfig
 from services.tracker.sort3d.sort3d import Sort3d
-from tests.tracker.scene import frame, person, published_config
+from tests.tracker.scene import FRAME_NS, frame, person, published_config
 
 
 def tracker(**fields: float) -> Sort3d:
@@ -14,6 +14,15 @@ def tracker(**fields: float) -> Sort3d:
 
 def states(tracks: list[Track]) -> list[tuple[int, str]]:
     return [(track.id, track.state) for track in tracks]
+
+
+def test_long_absence_of_frames_counts_as_one_second() -> None:
+    sort = tracker()
+    sort.update(frame(0, person(3, 0)))
+    assert sort.tracks.bridge_absence(40 * FRAME_NS) == 0  # 4 s: less than max_lost_s
+    assert sort.tracks.bridge_absence(200 * FRAME_NS) == 190 * FRAME_NS
+    (track,) = sort.update(frame(200))
+    assert track.time_since_update_s == 1.0
 
 
 def test_t_lost_unmatched_frames_delete() -> None:
