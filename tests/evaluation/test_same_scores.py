@@ -11,7 +11,7 @@ from evaluation.recordings.detections import read_tracker_input
 from evaluation.recordings.ground_truth import read_truth
 from evaluation.recordings.recordings import EvaluationRecording
 from evaluation.run.run import EvaluationRun, execute
-from people4d.messages import Detections, Message, Score, Tally, Tracks, Truth, TruthPerson
+from people4d.messages import U8, Detections, Message, Score, Tally, Tracks, Truth, TruthPerson
 from services.gt_bridge.build import build as build_gt_bridge
 from services.gt_bridge.config import GtBridgeConfig
 from services.report.config import ReportConfig
@@ -36,7 +36,7 @@ class SummaryOutput:
     def add_frame(self, frame: AnnotatedFrame) -> None:
         pass
 
-    def finish(self, page: RunPage) -> None:
+    def finish(self, sheet: U8, page: RunPage) -> None:
         self.summary = page.summary
 
 
