@@ -1,1 +1,1 @@
-"""Pictures of people: frames with boxes and skeletons, maps from above, pages of tiles."""
+"""Pictures of people: annotated frames, top views, grids of tiles."""

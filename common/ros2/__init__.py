@@ -1,1 +1,1 @@
-"""Topics of ROS 2 without ROS: types in CDR, and transports that carry them."""
+"""Topics of ROS 2 without ROS: types in CDR, and their transports."""

@@ -1,4 +1,4 @@
-"""Types of ROS 2 messages for DDS, made from their definitions; samples are bytes in CDR."""
+"""Types of DDS from the definitions of ROS 2 messages, with samples in CDR."""
 
 from functools import cache
 from typing import Any
@@ -9,7 +9,7 @@ from rosbags.interfaces import Nodetype
 from common.ros2.types import dds_name, typestore
 from people4d.errors import ConfigError
 
-# As rosidl translates them to IDL.
+# Types in IDL, as translated by rosidl.
 PRIMITIVES: dict[str, Any] = {
     "bool": bool,
     "byte": types.byte,
@@ -30,11 +30,11 @@ PRIMITIVES: dict[str, Any] = {
 
 
 class CdrSample:
-    """One message in CDR, which Cyclone DDS takes and gives as it is.
+    """One message in CDR, exchanged with Cyclone DDS without conversion.
 
     Attributes:
         cdr: The message with its header of 4 bytes.
-        sample_info: Its origin; set by Cyclone DDS when it is received.
+        sample_info: Origin, set by Cyclone DDS on reception.
     """
 
     sample_info: Any
@@ -43,7 +43,7 @@ class CdrSample:
         self.cdr = cdr
 
     def serialize(self, use_version_2: bool | None = None) -> bytes:  # noqa: ARG002
-        """Return the bytes to be sent."""
+        """Return the sent bytes."""
         return self.cdr
 
     @classmethod
@@ -53,7 +53,7 @@ class CdrSample:
 
     @classmethod
     def deserialize_key(cls, _: bytes) -> "CdrSample":
-        """Wrap the message that a publisher has left; it has no bytes."""
+        """Wrap the end of a publisher, which has no bytes."""
         return cls(b"")
 
 
@@ -61,8 +61,8 @@ class CdrSample:
 def cdr_type(kind: str) -> type[CdrSample]:
     """Return the class of samples of a type, for topics of Cyclone DDS; ConfigError if unknown.
 
-    Cyclone DDS announces the type's structure and checks bytes against it, as for classes made by
-    its IDL compiler, but nothing is converted to objects.
+    Cyclone DDS announces the structure of the type and checks payloads against it, as for classes
+    of its IDL compiler, but does not convert them to objects.
     """
     return type(CdrSample.__name__, (CdrSample,), {"__idl__": _struct(kind).__idl__})
 

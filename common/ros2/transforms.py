@@ -1,4 +1,4 @@
-"""Transforms in tf2_msgs/TFMessage, whose bytes are untrusted."""
+"""Transforms in untrusted tf2_msgs/TFMessage."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,15 +15,15 @@ from people4d.messages import F64, MovingTransform
 
 @dataclass(frozen=True)
 class StampedTransform:
-    """One transform of a tf2_msgs/TFMessage, its names without slashes at either end."""
+    """One transform of a tf2_msgs/TFMessage, with names stripped of slashes."""
 
     parent: str
     child: str
-    stamp_ns: int  # [ns] 0 if it has none
+    stamp_ns: int  # 0 if unknown
     matrix: F64  # 4x4, parent_from_child
 
     def moving(self, stamp_ns: int, sequence: int) -> MovingTransform:
-        """Return it as a message; DecodeError if it is not rigid or its stamp is out of range."""
+        """Return a message; DecodeError if it is not rigid or its stamp is out of range."""
         try:
             return MovingTransform(
                 stamp_ns=stamp_ns,
@@ -37,7 +37,7 @@ class StampedTransform:
 
 
 def edges_of(message: Any) -> Iterator[StampedTransform]:
-    """Yield the transforms of a tf2_msgs/TFMessage that are valid."""
+    """Yield the valid transforms of a tf2_msgs/TFMessage."""
     for item in message.transforms:
         matrix = matrix_of(item.transform)
         if matrix is not None:
@@ -46,7 +46,7 @@ def edges_of(message: Any) -> Iterator[StampedTransform]:
 
 
 def matrix_of(transform: Any) -> F64 | None:
-    """Return a geometry_msgs/Transform as 4x4, None if it is not valid."""
+    """Return a geometry_msgs/Transform as 4x4, None if it is invalid."""
     t, q = transform.translation, transform.rotation
     try:
         rotation = Rotation.from_quat((q.x, q.y, q.z, q.w)).as_matrix()
@@ -57,6 +57,6 @@ def matrix_of(transform: Any) -> F64 | None:
 
 
 def stamp_of(message: Any) -> int:
-    """Return the stamp in a header [ns], 0 if a driver leaves it empty."""
+    """Return the stamp in a header [ns], 0 if the driver does not set it."""
     stamp = message.header.stamp
     return int(stamp.sec) * 10**9 + int(stamp.nanosec)

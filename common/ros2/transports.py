@@ -18,7 +18,7 @@ def find_transport(config: Ros2Config) -> type[Ros2Transport]:
     """Return the class of a transport.
 
     Raises:
-        ConfigError: There is none of this name, or its library is not installed.
+        ConfigError: The name is unknown, or the library is not installed.
     """
     if config.transport == "dds":
         need("ROS 2 by DDS", "dds")
@@ -30,8 +30,8 @@ def open_transport(config: Ros2Config) -> Ros2Transport:
     """Join the ROS 2 graph.
 
     Raises:
-        ConfigError: A setting is wrong, or the transport's library is not installed.
-        People4dError: There is no connection.
+        ConfigError: A setting is invalid, or the transport's library is not installed.
+        People4dError: No connection could be opened.
     """
     factory: Callable[[Ros2Config], Ros2Transport] = find_transport(config)
     return factory(config)

@@ -15,7 +15,7 @@ from people4d.errors import ConfigError, DecodeError
 
 Fields: TypeAlias = Mapping[str, Any]
 
-# Of the types that are used here, the definitions are the same from Humble on.
+# Definitions of the used types have not changed since Humble.
 RELEASE = Stores.ROS2_JAZZY
 
 ZEROS: Mapping[str, Any] = {"string": "", "bool": False}
@@ -25,7 +25,7 @@ DEFAULTS: Mapping[str, Fields] = {"geometry_msgs/msg/Quaternion": {"w": 1.0}}  #
 
 @cache
 def definitions() -> dict[str, str]:
-    """Return the texts of the types that ROS 2 itself does not have, by name."""
+    """Return the texts of types that are not part of ROS 2, by name."""
     texts: dict[str, str] = {}
     for package in resources.files("common.ros2").joinpath("definitions").iterdir():
         for file in package.iterdir() if package.is_dir() else ():
@@ -37,7 +37,7 @@ def definitions() -> dict[str, str]:
 
 @cache
 def typestore() -> Typestore:
-    """Return the types of ROS 2 and those of `definitions`."""
+    """Return the types of ROS 2 and of `definitions`."""
     store = get_typestore(RELEASE)
     for name, text in definitions().items():
         store.register(get_types_from_msg(text, name))
@@ -45,17 +45,17 @@ def typestore() -> Typestore:
 
 
 def encode(kind: str, fields: Fields) -> bytes:
-    """Return a message in CDR; fields left out are 0, empty or false.
+    """Return a message in CDR; omitted fields are 0, empty or false.
 
     Args:
         kind: Type, for example "people_msgs/msg/People".
-        fields: Fields by name, those of messages inside as mappings, too.
+        fields: Fields by name; inner messages are mappings.
     """
     return bytes(typestore().serialize_cdr(make(kind, fields), kind))
 
 
 def decode(kind: str, cdr: bytes) -> Any:
-    """Return a message from untrusted bytes, with its fields as attributes; DecodeError if none."""
+    """Return a message from untrusted bytes; DecodeError for other payloads."""
     if len(cdr) > MAX_BYTES:
         raise DecodeError(f"{kind}: expected at most {MAX_BYTES} bytes, got {len(cdr)}")
     try:
@@ -74,13 +74,13 @@ def type_hash(kind: str) -> str:
 
 
 def dds_name(kind: str) -> str:
-    """Return the name of a type on DDS and in keys of rmw_zenoh."""
+    """Return the name of a type on DDS, and in keys of rmw_zenoh."""
     package, middle, name = kind.split("/")
     return f"{package}::{middle}::dds_::{name}_"
 
 
 def make(kind: str, fields: Fields) -> Any:
-    """Return a message of rosbags, not to be changed; fields left out are 0, empty or false.
+    """Return a message of rosbags, never changed; omitted fields are 0, empty or false.
 
     Raises:
         KeyError: The type has no such field.
@@ -90,7 +90,7 @@ def make(kind: str, fields: Fields) -> Any:
 
 @cache
 def _maker(kind: str) -> Callable[[Fields], Any]:
-    """Return what makes messages of one type."""
+    """Return the function that makes messages of a type."""
     store = typestore()
     described: Any = store.fielddefs[kind][1]
     constructor: Any = store.types[kind]
@@ -108,7 +108,7 @@ def _maker(kind: str) -> Callable[[Fields], Any]:
 
 
 def _default(node: Nodetype, detail: Any) -> Any:
-    """Return the value of a field that is left out, which messages share."""
+    """Return the value of an omitted field, shared by messages."""
     if node is Nodetype.NAME:
         return make(detail, DEFAULTS.get(detail, {}))
     if node is Nodetype.BASE:
@@ -121,7 +121,7 @@ def _default(node: Nodetype, detail: Any) -> Any:
 
 
 def _converter(node: Nodetype, detail: Any) -> Callable[[Any], Any] | None:
-    """Return what makes the value of a field from what is given; None if it is that itself."""
+    """Return the function that converts a given value of a field; None if none is needed."""
     if node is Nodetype.NAME:
         return _maker(detail)
     if node is Nodetype.BASE:
@@ -135,7 +135,7 @@ def _converter(node: Nodetype, detail: Any) -> Callable[[Any], Any] | None:
     kind = BYTES.get(inner_detail[0], inner_detail[0])
 
     def numbers(values: Any) -> Any:
-        with np.errstate(over="ignore"):  # of float64 in float32
+        with np.errstate(over="ignore"):  # float64 in float32
             return np.asarray(values, kind).ravel()
 
     return numbers

@@ -1,4 +1,4 @@
-"""Measures from heartbeats that Prometheus and OpenTelemetry share."""
+"""Measures of heartbeats, shared by Prometheus and OpenTelemetry."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -10,52 +10,52 @@ from common.runtime.throughput import losses
 from people4d.messages import Health
 from people4d.messages.status import State
 
-# Names come from messages, which any process may send where there are no keys. A robot has about a
-# thousand sets of labels; libraries keep each set that they were given.
+# Labels come from messages, which any process may send without keys, and libraries store every set
+# of labels. A robot has about a thousand sets.
 SAMPLES_MAX, STAGES_MAX, CAMERAS_MAX = 4096, 512, 64
-LENGTH_MAX = 128  # characters of a label
-# [s] upper bounds of the classes of durations
+LENGTH_MAX = 128  # maximum length of a label [characters]
+# Upper bounds of the buckets of durations [s]
 BUCKETS_S = (1e-4, 2.5e-4, 5e-4, 1e-3, 2.5e-3, 5e-3, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5)
-STAGE_TEXT = "Time that a frame spent in one stage of one process"
-LATENCY_TEXT = "Time from the first stage of a frame to its people here"
+STAGE_TEXT = "Time of a frame in one stage of one process"
+LATENCY_TEXT = "Time from the first stage of a frame to the arrival of its people"
 
 
 @dataclass(frozen=True)
 class Measure:
-    """Something that is measured."""
+    """Measured quantity."""
 
-    kind: Literal["counter", "gauge"]  # whether it only grows
-    unit: str  # of its values: "s", "By" (bytes), or "1"
-    text: str  # what it is
+    kind: Literal["counter", "gauge"]  # a counter only grows
+    unit: str  # "s", "By" (bytes), or "1"
+    text: str  # description
 
 
 MEASURES = {
-    "state": Measure("gauge", "1", "1 for the state that a process is in, 0 for the others"),
-    "messages": Measure("counter", "1", "Messages taken (in) and sent (out) by topic"),
-    "losses": Measure("counter", "1", "Messages lost and errors by cause"),
-    "input_age": Measure("gauge", "s", "Time since the newest message of a topic was taken"),
-    "cpu": Measure("gauge", "1", "Share of one core that a process uses"),
+    "state": Measure("gauge", "1", "1 for the state of a process, 0 for other states"),
+    "messages": Measure("counter", "1", "Received (in) and sent (out) messages by topic"),
+    "losses": Measure("counter", "1", "Lost messages and errors by cause"),
+    "input_age": Measure("gauge", "s", "Age of the newest message of a topic"),
+    "cpu": Measure("gauge", "1", "CPU time of a process as a share of one core"),
     "memory": Measure("gauge", "By", "Resident memory of a process"),
-    "clock_offset": Measure("gauge", "s", "How far a host's clock is ahead of the router's"),
+    "clock_offset": Measure("gauge", "s", "Clock of a host less clock of the router"),
     "clock_error": Measure("gauge", "s", "Bound of the error of clock_offset"),
-    "left_out": Measure("counter", "1", "Values left out: too many names, or too long ones"),
+    "left_out": Measure("counter", "1", "Omitted values: too many labels, or too long ones"),
 }
 
 
 @dataclass(frozen=True)
 class Sample:
-    """One value."""
+    """One value of a measure."""
 
     name: str  # key of MEASURES
     value: float  # in the unit of the measure
-    labels: Mapping[str, str]  # what it belongs to; the same names for all samples of a measure
+    labels: Mapping[str, str]  # with the same names for all samples of a measure
 
 
 class LabelSets:
-    """Bounded number of sets of labels; counts what is left out.
+    """Bounded number of sets of labels; counts rejected values.
 
     Args:
-        most: Sets that are admitted, the first that come.
+        most: Maximum number of sets; the first ones are admitted.
     """
 
     def __init__(self, most: int) -> None:
@@ -64,7 +64,7 @@ class LabelSets:
         self.left_out = 0
 
     def admits(self, *labels: str) -> bool:
-        """Check that a value with these labels may be passed on."""
+        """Check that a value with these labels is admitted."""
         if labels in self._known:
             return True
         if len(self._known) >= self._most or any(len(label) > LENGTH_MAX for label in labels):
@@ -75,9 +75,9 @@ class LabelSets:
 
 
 class Exporter(ABC):
-    """Sends on the latency and health of a system."""
+    """Exports the latency and health of a system."""
 
-    healths: Sequence[Health] = ()  # fresh heartbeats of all processes; those not in it are gone
+    healths: Sequence[Health] = ()  # recent heartbeats of all running processes
 
     def __init__(self) -> None:
         self._limits = LabelSets(SAMPLES_MAX), LabelSets(STAGES_MAX), LabelSets(CAMERAS_MAX)
@@ -85,11 +85,11 @@ class Exporter(ABC):
 
     @abstractmethod
     def add_frame_path(self, path: FramePath) -> None:
-        """Take the path of a frame."""
+        """Add the path of a frame."""
 
     @abstractmethod
     def close(self) -> None:
-        """Send what is left, and end."""
+        """Send the remaining values, and stop."""
 
     def samples(self, *names: str) -> Iterator[Sample]:
         """Yield the values of measures."""
@@ -103,7 +103,7 @@ class Exporter(ABC):
 
 
 def samples(healths: Iterable[Health]) -> Iterator[Sample]:
-    """Return all values of heartbeats."""
+    """Yield all values of heartbeats."""
     healths = list(healths)
     for health in healths:
         yield from _of_process(health)

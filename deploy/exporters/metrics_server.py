@@ -1,4 +1,4 @@
-"""Server of /metrics, in which connections that ask nothing make room for others."""
+"""Server of /metrics with a limited number of connections."""
 
 import contextlib
 import socket
@@ -10,15 +10,15 @@ from wsgiref.simple_server import WSGIRequestHandler, WSGIServer, make_server
 
 from prometheus_client import CollectorRegistry, make_wsgi_app
 
-CONNECTIONS_MAX = 32  # each is a thread
-READ_S = 5.0  # longest wait for the next bytes of a request
+CONNECTIONS_MAX = 32  # maximum number of connections, each with a thread
+READ_S = 5.0  # maximum wait for the next bytes of a request [s]
 
 
 class MetricsServer:
     """Serves the values of a registry until closed.
 
     Raises:
-        OSError: Nothing can listen there.
+        OSError: The server cannot listen at the address.
     """
 
     def __init__(self, address: str, port: int, registry: CollectorRegistry) -> None:
@@ -29,7 +29,7 @@ class MetricsServer:
 
     @property
     def port(self) -> int:
-        """Port that it listens at."""
+        """Port of the server."""
         return self._server.server_port
 
     def close(self) -> None:
@@ -45,7 +45,7 @@ class _Handler(WSGIRequestHandler):
     timeout = READ_S
 
     def handle(self) -> None:
-        """Answer one request; a connection that breaks off is no error."""
+        """Answer one request, or ignore a broken connection."""
         with contextlib.suppress(OSError):
             super().handle()
 
@@ -54,7 +54,7 @@ class _Handler(WSGIRequestHandler):
 
 
 class _Server(ThreadingMixIn, WSGIServer):
-    """Server in which the oldest of too many connections is closed."""
+    """Server that closes the oldest of too many connections."""
 
     daemon_threads = True
     request_queue_size = 128
@@ -64,7 +64,7 @@ class _Server(ThreadingMixIn, WSGIServer):
         super().__init__(*arguments)
 
     def server_bind(self) -> None:
-        """Bind the socket without looking up the name of its address, as the base class does."""
+        """Bind the socket without the base class's DNS look-up of its name."""
         TCPServer.server_bind(self)
         host, self.server_port = self.server_address[:2]
         self.server_name = str(host)

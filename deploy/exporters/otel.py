@@ -1,4 +1,4 @@
-"""Latency and health for OpenTelemetry: every frame a trace, every process a resource."""
+"""Latency and health for OpenTelemetry: each frame is a trace, each process a resource."""
 
 from collections.abc import Callable, Iterable
 
@@ -24,7 +24,7 @@ SYSTEM = "people4d"
 
 
 class OtelExporter(Exporter):
-    """Makes spans and metrics, and gives them to the SDK; the robot is their namespace."""
+    """Records spans and metrics by the SDK, with the robot as their namespace."""
 
     def __init__(self, robot: str, spans: SpanProcessor, metrics: MetricReader) -> None:
         super().__init__()
@@ -51,7 +51,7 @@ class OtelExporter(Exporter):
             create(f"people4d.{name}", [self._observe(name)], measure.unit, measure.text)
 
     def add_frame_path(self, path: FramePath) -> None:
-        """Take the path of a frame."""
+        """Add the path of a frame."""
         tracks, end_to_end = path.tracks, path.end_to_end
         frame = self._frames.start_span(
             "frame",
@@ -70,7 +70,7 @@ class OtelExporter(Exporter):
             piece = tracer.start_span(
                 part.name, inside, start_time=part.start_ns, attributes=_clock(part)
             )
-            # A span cannot end before it begins; the attribute marks one that did.
+            # A span cannot end before its start; an attribute has the negative duration.
             piece.end(max(part.end_ns, part.start_ns))
         frame.end(max(end_to_end.end_ns, end_to_end.start_ns))
         for part in path.stages:
@@ -81,7 +81,7 @@ class OtelExporter(Exporter):
             self._latency.record(end_to_end.ms / 1e3, {"camera": tracks.camera})
 
     def close(self) -> None:
-        """Send what is left, and end."""
+        """Send the remaining values, and stop."""
         self._spans.shutdown()
         self._meters.shutdown()
 
@@ -92,7 +92,7 @@ class OtelExporter(Exporter):
         return observe
 
     def _tracer(self, service: str, instance: str, host: str) -> trace.Tracer:
-        """Return the tracer of a process; of too many processes the last ones share one."""
+        """Return the tracer of a process; beyond the maximum, processes share one."""
         known = self._tracers.get(instance)
         if known:
             return known
@@ -115,7 +115,7 @@ class OtelExporter(Exporter):
 
 
 def _clock(part: TraceSegment) -> dict[str, float | bool]:
-    """Return what clocks of different hosts bring into a piece, nothing on one host."""
+    """Return the uncertainty of a segment by clocks of different hosts, empty on one host."""
     attributes: dict[str, float | bool] = {}
     if part.error_ns is None:
         attributes["people4d.clocks_compared"] = False

@@ -1,4 +1,4 @@
-"""Latency and health for Prometheus, which fetches them."""
+"""Latency and health for Prometheus."""
 
 from collections.abc import Iterator
 from itertools import groupby
@@ -27,7 +27,7 @@ class PrometheusExporter(Exporter, Collector):
     """Serves /metrics.
 
     Raises:
-        People4dError: Nothing can listen there.
+        People4dError: The server cannot listen at the address.
     """
 
     def __init__(self, address: str, port: int) -> None:
@@ -38,7 +38,7 @@ class PrometheusExporter(Exporter, Collector):
         )
         self._negative = Counter(
             "people4d_stage_negative",
-            "Frames that left later than they came: the clocks of two hosts disagree",
+            "Frames with a negative duration: the clocks of two hosts disagree",
             PIECE,
             registry=registry,
         )
@@ -62,11 +62,11 @@ class PrometheusExporter(Exporter, Collector):
 
     @property
     def port(self) -> int:
-        """Port that it listens at."""
+        """Port of the server."""
         return self._server.port
 
     def add_frame_path(self, path: FramePath) -> None:
-        """Take the path of a frame."""
+        """Add the path of a frame."""
         for part in path.stages:
             labels = (part.service, part.instance, part.stage)
             if not self._stage_sets.admits(*labels):
@@ -83,11 +83,11 @@ class PrometheusExporter(Exporter, Collector):
         self._people.labels(camera).set(confirmed)
 
     def close(self) -> None:
-        """Send what is left, and end."""
+        """Send the remaining values, and stop."""
         self._server.close()
 
     def collect(self) -> Iterator[Metric]:
-        """Yield a metric for each measure that has a value."""
+        """Yield a metric for each measure with a value."""
         found = sorted(self.samples(*MEASURES), key=lambda sample: sample.name)
         for name, group in groupby(found, lambda sample: sample.name):
             yield _metric(name, list(group))

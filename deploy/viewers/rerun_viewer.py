@@ -1,4 +1,4 @@
-"""Rerun's viewer as a process, reached from this machine only, that contacts no other."""
+"""Process of Rerun's viewer, on the loopback interface and without outward connections."""
 
 import os
 import socket
@@ -8,23 +8,23 @@ from pathlib import Path
 
 import rerun_cli
 
-PORT = 9876  # where Rerun's own programs look first
-START_S = 20.0
+PORT = 9876  # default port of Rerun
+START_S = 20.0  # maximum duration of the start [s]
 OPTIONS = ("--bind=127.0.0.1", "--expect-data-soon")  # by default it listens on all interfaces
-# In CI Rerun sends no usage data. Its search for a newer version has no setting: the proxy is a
-# port of this machine at which nothing listens.
+# CI disables Rerun's usage data. Its search for newer versions has no setting, so the proxy is a
+# local port without a listener.
 SILENT = {"RERUN_APP_ONLY": "true", "CI": "1", "ALL_PROXY": "http://127.0.0.1:9"}
 
 
 def start_viewer(port: int, headless: bool = False) -> "subprocess.Popen[bytes] | None":
-    """Start the viewer and wait until it listens; it outlives this process.
+    """Start the viewer, which outlives this process, and wait until it listens.
 
     Args:
-        port: Its port; if something listens there, nothing is started.
-        headless: Without a window.
+        port: Port of the viewer; a running viewer is used.
+        headless: Start without a window.
 
     Raises:
-        RuntimeError: It does not listen.
+        RuntimeError: The viewer does not listen.
     """
     if _listens(port):
         return None
@@ -43,7 +43,7 @@ def start_viewer(port: int, headless: bool = False) -> "subprocess.Popen[bytes] 
 
 
 def _listens(port: int) -> bool:
-    """Check that something of this machine listens at a port."""
+    """Check that a local process listens at a port."""
     try:
         socket.create_connection(("127.0.0.1", port), 1.0).close()
     except OSError:

@@ -1,1 +1,1 @@
-"""Motion-capture truth to the same shape as tracks."""
+"""Ground truth in the frame of the tracks, and scores of the tracks."""

@@ -1,4 +1,4 @@
-"""Clock offset and rigid motion of the truth, estimated from the tracks of the last seconds."""
+"""Estimation of clock offset and rigid motion of the truth from recent tracks."""
 
 from collections import deque
 from collections.abc import Iterator, Mapping
@@ -18,27 +18,27 @@ from common.metrics.live import TruthAlignment
 from people4d.messages import F64, Alignment, Tracks
 from services.gt_bridge.config import GtBridgeConfig
 
-PERIOD_NS = 5 * 10**9  # from one estimate to the next, in stamps
-SAMPLE_NS = 50_000_000  # tracks closer in time add little information
-MAX_TRACKS = 300  # messages that an estimate rests on, 15 s
+PERIOD_NS = 5 * 10**9  # time between estimates, in stamps [ns]
+SAMPLE_NS = 50_000_000  # minimum time between used tracks [ns]
+MAX_TRACKS = 300  # maximum number of messages in an estimate, 15 s
 DIMENSIONS: Mapping[str, Literal[2, 3]] = {"2d": 2, "3d": 3}
 
 
 class EstimatedAlignment(TruthAlignment):
-    """Alignment that is estimated every few seconds, as far as configured."""
+    """Alignment that is estimated every few seconds, as configured."""
 
     def __init__(self, config: GtBridgeConfig, transforms: TransformBuffer) -> None:
         self._config, self._transforms = config, transforms
         self.restart()
 
     def restart(self) -> None:
-        """Forget all observations."""
+        """Delete all observations."""
         self._tracks: deque[Tracks] = deque(maxlen=MAX_TRACKS)
         self._next_ns: int | None = None
         self._set(None, None)
 
     def observe(self, tracks: Tracks, truth: TruthBuffer) -> None:
-        """Take tracks for which there is truth; every few seconds estimate anew."""
+        """Add tracks with truth; update the estimate every few seconds."""
         if not self._tracks or tracks.stamp_ns - self._tracks[-1].stamp_ns >= SAMPLE_NS:
             self._tracks.append(tracks)
         self._next_ns = self._next_ns or tracks.stamp_ns + PERIOD_NS
@@ -74,7 +74,7 @@ class EstimatedAlignment(TruthAlignment):
     def _solve(
         self, truth: Mapping[Any, Trajectory], tracked: Mapping[Any, Trajectory]
     ) -> tuple[ClockOffset | None, SpaceAlignment | None]:
-        """Find the clock, then the motion, and both once more: each is better with the other."""
+        """Estimate clock and motion alternately, twice: each improves the other."""
         clock, motion, widest_s = None, None, self._config.align_clock_s
         dimensions = DIMENSIONS.get(self._config.align_space)
         for _ in range(2):
@@ -93,7 +93,7 @@ class EstimatedAlignment(TruthAlignment):
         last_ns = since_ns
         for message in truth.messages:
             pose = self._transforms.lookup(frame_id, message.frame_id, message.stamp_ns)
-            # Trajectories need rising stamps, and captures may have the same stamp twice.
+            # Trajectories need rising stamps, and a capture may repeat a stamp.
             if message.stamp_ns > last_ns and pose is not None:
                 last_ns = message.stamp_ns
                 for person in {person.id: person for person in message.people}.values():

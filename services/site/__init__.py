@@ -1,1 +1,1 @@
-"""People of all areas of a site in one stream."""
+"""One stream of the people of all areas of a site."""

@@ -5,14 +5,14 @@ from people4d.messages.base import Name, Positive
 
 
 class SiteConfig(Config, frozen=True, kw_only=True):
-    """The areas of a site, and how their people become one stream."""
+    """Areas of a site, and the merging of their people."""
 
     areas: tuple[Name, ...] = ()  # names of the areas: robot names of their trackers
-    rate_hz: Positive = 15.0  # [Hz] of the stream
-    # [s] without a message of a camera after which its people are left out; trackers predict people
-    # meanwhile, ten times a second
+    rate_hz: Positive = 15.0  # rate of the stream [Hz]
+    # time without a message of a camera after which its people are left out [s]; trackers predict
+    # people at 10 Hz meanwhile
     fresh_s: Positive = 0.5
-    silence_s: Positive = 3.0  # [s] without people of an area after which it is reported
-    # [m] on the ground between people of two areas who are one person, seen by both
+    silence_s: Positive = 3.0  # time without people of an area after which it is reported [s]
+    # maximum distance on the ground between two tracks of one person in two areas [m]
     same_m: Positive = 0.5
-    clock_tolerance_s: Positive = 1.0  # [s] difference of an area's clock that is reported
+    clock_tolerance_s: Positive = 1.0  # maximum difference between the clocks of areas [s]

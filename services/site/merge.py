@@ -1,4 +1,4 @@
-"""People of several areas, each person once."""
+"""Merging of the tracks of several areas, each person once."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -9,24 +9,24 @@ from msgspec.structs import replace
 
 from people4d.messages import Track
 
-CONFLICT_M = 1.5  # between two measured tracks of one identity that are two people
+CONFLICT_M = 1.5  # minimum distance between measured tracks of two people with one identity [m]
 
 
 @dataclass(frozen=True, slots=True)
 class Merged:
     """Tracks of all areas."""
 
-    tracks: tuple[Track, ...]  # each person once, by id
-    doubles: int  # tracks left out: people who have another identity in a second area
-    conflicts: int  # tracks left out: other people under an identity that is used twice
+    tracks: tuple[Track, ...]  # each person once, sorted by id
+    doubles: int  # number of omitted tracks of people with another identity in a second area
+    conflicts: int  # number of omitted tracks of a second person with the same identity
 
 
 def merge(areas: Mapping[str, Iterable[Track]], same_m: float) -> Merged:
     """Return the tracks of all areas, each identity and each person once.
 
-    Of an identity that two areas have, the track that was measured last counts. Two tracks of two
-    areas with other identities that are nearer to each other than `same_m` are one person, who has
-    the identity of the longer one.
+    If two areas have one identity, the more recently measured track counts. If tracks of two areas
+    with different identities are closer than `same_m`, they are one person, with the identity of
+    the longer track.
     """
     best: dict[int, tuple[str, Track]] = {}
     conflicts = 0
@@ -54,7 +54,7 @@ def merge(areas: Mapping[str, Iterable[Track]], same_m: float) -> Merged:
 
 
 def predicted(track: Track, dt_s: float) -> Track:
-    """Return a track some time later, at constant velocity."""
+    """Return the prediction of a track at constant velocity."""
     step = np.eye(6)
     step[:3, 3:] = dt_s * np.eye(3)
     return replace(

@@ -1,4 +1,4 @@
-"""Node of the site: people of all areas in, one stream of people out."""
+"""Node of the site, which joins the people of all areas to one stream."""
 
 from collections import Counter, deque
 from collections.abc import Mapping, Sequence
@@ -20,34 +20,33 @@ COUNTERS = ("doubles", "id_conflicts", "other_frame", "refused_cameras", "clock_
 
 
 class AreaTracks(Message, frozen=True, kw_only=True):
-    """The people of one area; it is never sent."""
+    """Tracks of one area, inside the process."""
 
     area: Name  # name of the area
-    tracks: Tracks  # as its tracker published them
+    tracks: Tracks  # published by its tracker
 
 
 @dataclass(slots=True)
 class AreaState:
-    """The last messages of one area."""
+    """Last messages of one area."""
 
-    last: dict[str, tuple[Tracks, int]] = field(default_factory=dict)  # by camera, arrival [ns]
-    heard_ns: int | None = None  # [ns] monotonic arrival of the last one
-    # [ns] stamp less arrival of the last messages
+    last: dict[str, tuple[Tracks, int]] = field(default_factory=dict)  # tracks, arrival; by camera
+    heard_ns: int | None = None  # monotonic arrival of the last message
+    # stamp less arrival of the last messages
     offsets_ns: deque[int] = field(default_factory=lambda: deque(maxlen=15))
 
 
 class SiteNode(Node):
     """Publishes the people of all areas under the name of the site.
 
-    People are moved from the arrival of their message to the time of publication at their
-    velocity. Stamps are in the clock of the first area that is heard, in the order of the
-    configuration.
+    People are moved by their velocities from the arrival of their message to the time of
+    publication. Stamps are in the clock of the first configured area with messages.
 
     Args:
         config: Configuration of the service.
 
     Raises:
-        ConfigError: There are no areas, or one is named twice.
+        ConfigError: An area is named twice.
     """
 
     periodic_outputs: ClassVar[tuple[type[Message], ...]] = (Tracks,)
@@ -67,10 +66,10 @@ class SiteNode(Node):
         self._counters = Counter(dict.fromkeys(COUNTERS, 0))
 
     def attach(self, loop: LoopCallbacks) -> None:
-        """Take the name of the site.
+        """Check the name of the site.
 
         Raises:
-            ConfigError: It is that of an area.
+            ConfigError: An area has the same name.
         """
         if loop.robot in self._areas:
             raise ConfigError(
@@ -79,7 +78,7 @@ class SiteNode(Node):
             )
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
-        """Take the people of an area."""
+        """Add the people of an area."""
         self._begin(now_ns)
         if not isinstance(message, AreaTracks):
             return ()
@@ -98,7 +97,7 @@ class SiteNode(Node):
         return ()
 
     def tick(self, now_ns: int) -> Sequence[Message]:
-        """Return the people of all areas when they are due."""
+        """Return the people of all areas when a message is due."""
         self._begin(now_ns)
         if now_ns < self._due_ns:
             return ()
@@ -127,7 +126,7 @@ class SiteNode(Node):
         return self._due_ns
 
     def status(self) -> Status:
-        """Report areas that are silent or of another clock."""
+        """Report silent areas, and areas with another clock."""
         silence_ns, reasons = self._config.silence_s * 1e9, []
         started_ns = self._now_ns if self._started_ns is None else self._started_ns
         if not self._areas:
@@ -138,12 +137,12 @@ class SiteNode(Node):
             if self._now_ns - (started_ns if area.heard_ns is None else area.heard_ns) > silence_ns
         ]
         if silent:
-            reasons.append(f"no people come of {listed(silent)}: they are left out")
+            reasons.append(f"no people arrive from {listed(silent)}: they are left out")
         for name, ahead_s in self._apart_s().items():
             which = "ahead of" if ahead_s > 0 else "behind"
             reasons.append(f"the clock of area {name} is {abs(ahead_s):.1f} s {which} the first")
         if self._counters["other_frame"]:
-            reasons.append(f"people that are not in {self._frame_id} are left out")
+            reasons.append(f"people in frames other than {self._frame_id} are left out")
         return Status(
             state="degraded" if reasons else "ready",
             reason="; ".join(reasons),
@@ -156,7 +155,7 @@ class SiteNode(Node):
             self._started_ns = now_ns
 
     def _people(self, area: AreaState, now_ns: int) -> list[Track]:
-        """Return the people of an area now, each from the newest message that has them."""
+        """Return the present people of an area, each from its newest message."""
         fresh_ns = self._config.fresh_s * 1e9
         newest = dict[int, Track]()
         for tracks, arrived_ns in sorted(area.last.values(), key=lambda one: one[1]):
@@ -166,7 +165,7 @@ class SiteNode(Node):
         return list(newest.values())
 
     def _apart_s(self) -> Mapping[str, float]:
-        """Return by how much the clocks of areas differ from the first one's, if by too much."""
+        """Return the excessive differences of the clocks of areas from the first one [s]."""
         offsets = {
             name: median(area.offsets_ns) / 1e9
             for name, area in self._areas.items()

@@ -1,8 +1,9 @@
 """Node of the dashboard: what is decoded, and what pages are sent."""
 
 import contextlib
+import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import msgspec
@@ -32,7 +33,8 @@ class RunningNode:
         self.node: DashboardNode = build(DashboardConfig(port=0, **settings))
         self.demanded: set[str] = set()
         self.published: list[Message] = []
-        self.node.attach(LoopCallbacks(demand=self._demand, robot="robby"))
+        self._woken = threading.Event()
+        self.node.attach(LoopCallbacks(demand=self._demand, robot="robby", wake=self._woken.set))
         assert self.node._server
         self.url = self.node._server.address.url
 
@@ -55,13 +57,16 @@ class RunningNode:
                 self.node.handle(decode(payload), time.monotonic_ns())
         self.published += self.node.tick(time.monotonic_ns())
 
-    def wait(self, demanded: str) -> None:
-        """Tick until something is demanded."""
-        end_s = time.monotonic() + WAIT_S
-        while demanded not in self.demanded and time.monotonic() < end_s:
+    def wait(self, condition: Callable[[], bool]) -> None:
+        """Tick at each change of the demand until a condition is met."""
+        while not condition():
+            assert self._woken.wait(WAIT_S), self.demanded
+            self._woken.clear()
             self.node.tick(time.monotonic_ns())
-            time.sleep(0.005)
-        assert demanded in self.demanded
+
+    def wait_for(self, demanded: str) -> None:
+        """Wait until a kind of message is demanded."""
+        self.wait(lambda: demanded in self.demanded)
 
 
 @pytest.fixture
@@ -94,7 +99,7 @@ def test_viewer_gets_people_boxes_and_the_image_of_the_same_frame(run: RunningNo
     feed = feed_of()
     run.feed(feed.info, feed.pose)
     with run.connect() as socket:
-        run.wait("RgbdFrame")
+        run.wait_for("RgbdFrame")
         run.feed(*feed.frame(3, 10**9))
         scene, image = receive(socket, "scene"), receive(socket, "image")
     assert scene["at_ms"] == image["at_ms"]
@@ -111,7 +116,7 @@ def test_joints_are_lifted_to_their_depth(run: RunningNode) -> None:
     feed = Feed(1, 320)
     run.feed(feed.info, feed.pose)
     with run.connect() as socket:
-        run.wait("RgbdFrame")
+        run.wait_for("RgbdFrame")
         run.feed(*feed.frame(3, 10**9))
         scene = receive(socket, "scene")
     lifted = np.array(scene["joints"][1], float)
@@ -130,7 +135,7 @@ def test_skeletons_of_shown_frames_are_sent_with_what_is_predicted(run: RunningN
     )
     header: dict[str, Any] = {"sequence": 3, "frame_id": "map", "camera": feed.info.camera}
     with run.connect() as socket:
-        run.wait("Skeletons")
+        run.wait_for("Skeletons")
         run.feed(Skeletons(stamp_ns=7, people=(), **header))  # of no frame that is shown
         run.feed(*feed.frame(3, 10**9), Skeletons(stamp_ns=10**9, people=(person,), **header))
         skeletons = receive(socket, "skeletons")
@@ -142,11 +147,8 @@ def test_cloud_is_sent_to_those_who_show_it(run: RunningNode) -> None:
     feed = feed_of()
     run.feed(feed.info, feed.pose)
     with run.connect(type="watch", images=True, cloud=True) as socket:
-        run.wait("RgbdFrame")
-        end_s = time.monotonic() + WAIT_S
-        while not run.node._wanted.cloud and time.monotonic() < end_s:
-            time.sleep(0.005)
-        run.node.tick(time.monotonic_ns())
+        run.wait_for("RgbdFrame")
+        run.wait(lambda: run.node._demand.cloud)
         run.feed(*feed.frame(3, 10**9))
         cloud = receive(socket, "cloud")
     assert len(cloud["depth_mm"]) == 2 * cloud["width"] * cloud["height"]
@@ -159,7 +161,7 @@ def test_privacy_lets_no_pixel_out() -> None:
         feed = feed_of()
         run.feed(feed.info, feed.pose)
         with run.connect(type="watch", images=True, cloud=True) as socket:
-            run.wait("Detections")
+            run.wait_for("Detections")
             assert not run.demanded & {"RgbdFrame", "CompressedRgbdFrame"}
             run.feed(*feed.frame(0, 10**9))
             kinds = set()
@@ -173,12 +175,8 @@ def test_privacy_lets_no_pixel_out() -> None:
 
 def test_subscriptions_end_with_the_last_viewer(run: RunningNode) -> None:
     with run.connect():
-        run.wait("Health")
-    end_s = time.monotonic() + WAIT_S
-    while run.demanded and time.monotonic() < end_s:
-        run.node.tick(time.monotonic_ns())
-        time.sleep(0.005)
-    assert run.demanded == set()
+        run.wait_for("Health")
+    run.wait(lambda: not run.demanded)
 
 
 def test_frames_are_selected_at_a_rate_and_their_messages_belong_together() -> None:
@@ -219,7 +217,7 @@ def test_image_that_comes_late_is_sent_with_its_people_in_one_packet(run: Runnin
     feed = feed_of()
     run.feed(feed.info, feed.pose)
     with run.connect() as socket:
-        run.wait("RgbdFrame")
+        run.wait_for("RgbdFrame")
         first, *others = feed.frame(3, 10**9)
         run.feed(*others)
         alone = receive(socket, "scene")
@@ -234,10 +232,8 @@ def test_paused_viewer_gets_image_and_cloud_of_the_frame_that_it_seeks(run: Runn
     feed = feed_of()
     run.feed(feed.info, feed.pose)
     with run.connect(type="watch", images=True, cloud=True) as socket:
-        run.wait("RgbdFrame")
-        end_s = time.monotonic() + WAIT_S
-        while not run.node._demand.cloud and time.monotonic() < end_s:
-            run.node.tick(time.monotonic_ns())
+        run.wait_for("RgbdFrame")
+        run.wait(lambda: run.node._demand.cloud)
         run.feed(*feed.frame(3, 10**9))
         at_ms = receive(socket, "cloud")["at_ms"]
         run.node._selection.rate_hz = 1e9

@@ -66,7 +66,7 @@ def test_people_of_an_area_whose_tracker_ended_are_left_out() -> None:
     for k in range(60):
         hear(node, "b", S + k * 100 * MS, walker(2, 5.0))
     assert [t.id for t in say(node, 7 * S)] == [2]
-    assert node.status().reason == "no people come of a: they are left out"
+    assert node.status().reason == "no people arrive from a: they are left out"
 
 
 def test_person_of_one_camera_stays_while_others_send() -> None:
@@ -91,7 +91,7 @@ def test_people_in_another_frame_are_left_out() -> None:
     hear(node, "b", S, walker(2), frame_id="odom")
     assert [t.id for t in say(node, S + MS)] == [1]
     assert node.status().counters["other_frame"] == 1
-    assert node.status().reason == "people that are not in map are left out"
+    assert node.status().reason == "people in frames other than map are left out"
 
 
 def test_site_without_areas_says_so() -> None:

@@ -1,1 +1,1 @@
-"""Messages of ours as messages of ROS 2: nested mappings of fields, which `types.encode` takes."""
+"""Messages of people4d as fields of ROS 2 messages, for `types.encode`."""

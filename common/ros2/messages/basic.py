@@ -1,4 +1,4 @@
-"""Parts that many messages of ROS share."""
+"""Shared parts of messages of ROS."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -35,7 +35,7 @@ def xyz(values: Sequence[float]) -> Fields:
 
 
 def yaw_quaternion(yaw_rad: float) -> Fields:
-    """Return the Quaternion of a turn about z."""
+    """Return the Quaternion of a rotation about z."""
     return {"z": math.sin(yaw_rad / 2), "w": math.cos(yaw_rad / 2), "x": 0.0, "y": 0.0}
 
 
@@ -45,12 +45,12 @@ def quaternion(rotation: F64) -> Fields:
 
 
 def pose(position: Sequence[float], yaw_rad: float) -> Fields:
-    """Return a Pose that is upright."""
+    """Return an upright Pose."""
     return {"position": xyz(position), "orientation": yaw_quaternion(yaw_rad)}
 
 
 def transforms(edges: Iterable[tuple[str, str, F64]], stamp_ns: int) -> Fields:
-    """Return a tf2_msgs/TFMessage of parents, children and 4x4 parent_from_child."""
+    """Return a tf2_msgs/TFMessage from parents, children and 4x4 parent_from_child."""
     stamped = [
         {
             "header": header(stamp_ns, parent),
@@ -66,7 +66,7 @@ def transforms(edges: Iterable[tuple[str, str, F64]], stamp_ns: int) -> Fields:
 
 
 def odometry(message: Odometry, frame_id: str = "", child_frame_id: str = "") -> Fields:
-    """Return a nav_msgs/Odometry; unknown numbers are 0, as in ROS; frames may have other names."""
+    """Return a nav_msgs/Odometry, with 0 for unknown numbers as in ROS, and names of frames."""
     covariance = np.zeros((6, 6))
     if message.covariance is not None:
         covariance[PLANAR] = message.covariance

@@ -1,6 +1,6 @@
 """People as messages of planners: people_msgs, social_nav_msgs, cohan_msgs, spencer_tracking_msgs.
 
-Conventions are those that their readers have, see tests/ros2_bridge/test_consumers.py.
+Each follows the conventions of its readers, see tests/ros2_bridge/test_consumers.py.
 """
 
 import numpy as np
@@ -17,18 +17,18 @@ PERSONS = "spencer_tracking_msgs/msg/TrackedPersons"
 
 HUMAN, TORSO = 1, 1  # cohan_msgs/AgentType and TrackedSegmentType
 STATIC, MOVING = 0, 1  # cohan_msgs/TrackedAgent
-UNSET = 99999.0 + 1  # variance by which spencer_tracking_msgs marks a number that is not set
-YAW_VARIANCE = 0.12  # [rad^2] (20 deg)^2; trackers give none
+UNSET = 99999.0 + 1  # variance of unknown numbers in spencer_tracking_msgs
+YAW_VARIANCE = 0.12  # variance of a yaw, (20 deg)^2 [rad^2]
 
 
 def people(message: RosPeople, convention: str = "nav2") -> Fields:
     """Return a people_msgs/People.
 
-    Tags begin with id and group, whole numbers as text, since readers take them by their place.
+    Tags begin with id and group as text, since readers index them.
 
     Args:
         message: The people.
-        convention: "nav2": positions and velocities as they are, of which readers take x and y.
+        convention: "nav2": positions and velocities, whose x and y are read.
             "sfm": position.z is the yaw [rad] and velocity.z its rate [rad/s].
     """
     return {
@@ -74,7 +74,7 @@ def pedestrians(message: RosPeople) -> Fields:
 
 
 def agents(message: RosPeople) -> Fields:
-    """Return a cohan_msgs/TrackedAgents: the torso of each person, numbered from 1 in a row."""
+    """Return a cohan_msgs/TrackedAgents: torsos of people, numbered consecutively from 1."""
     listed = [
         {
             "track_id": person.slot,
@@ -105,7 +105,7 @@ def persons(message: RosPeople) -> Fields:
 
 
 def _motion(person: RosPerson, unset: float) -> Fields:
-    """Return pose and twist with covariance; `unset` is the variance of what is not estimated."""
+    """Return pose and twist with covariance; `unset` is the variance of unknown numbers."""
     twist = {
         "linear": xyz(person.velocity_mps),
         "angular": xyz((0.0, 0.0, person.yaw_rate_radps)),
@@ -125,7 +125,7 @@ def _motion(person: RosPerson, unset: float) -> Fields:
 
 
 def covariance_6x6(covariance: F64, turning: tuple[float, float, float]) -> F64:
-    """Return the covariance of x, y, z and rotations about them, the latter by variances."""
+    """Return the covariance of x, y, z and of rotations about them, given by variances."""
     full = np.zeros((6, 6))
     full[:3, :3] = covariance
     full[3, 3], full[4, 4], full[5, 5] = turning

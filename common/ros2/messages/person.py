@@ -1,4 +1,4 @@
-"""People as consumers of ROS read them: integer ids, a yaw and its rate, a group, an age."""
+"""People for consumers of ROS, with integer ids, yaw and its rate, group and age."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
@@ -10,49 +10,49 @@ from common.geometry.transforms import wrap
 from common.transport.stream_clock import EXTRAPOLATION_MAX_NS
 from people4d.messages import F64, Track, Tracks, Truth, TruthPerson
 
-MOVING_MPS = 0.1  # a slower person stands, as for nav2_social_costmap_plugin
-FORGOTTEN_S = 5.0  # after which a person that returns is a new one here
-RATE_S = 0.4  # time constant of the yaw rate
+MOVING_MPS = 0.1  # minimum speed of a moving person, as in nav2_social_costmap_plugin [m/s]
+FORGOTTEN_S = 5.0  # time after which an absent person is forgotten [s]
+RATE_S = 0.4  # time constant of the yaw rate [s]
 RATE_MAX_RADPS = 3.0
-ALONE = -1  # group of a person without one
+ALONE = -1  # group of a person without a group
 
 
 @dataclass(slots=True)  # frozen ones take three times as long to make
 class RosPerson:
-    """One person at the stamp of `RosPeople`; not to be changed."""
+    """One person at the stamp of `RosPeople`, never changed."""
 
-    id: int  # never given to two people
-    slot: int  # 1 to the number of people in the message
-    group: int  # ALONE if there is none
+    id: int  # unique number
+    slot: int  # number in the message, from 1 to its number of people
+    group: int  # ALONE without a group
     name: str  # identity as text
-    state: str  # of the track; "truth" for truth
+    state: str  # state of the track, or "truth"
     position_m: tuple[float, float, float]
     velocity_mps: tuple[float, float, float]
-    covariance: F64  # 6x6 of position and velocity [m, m/s]; zero if unknown
-    yaw_rad: float  # of the chest; direction of walking, else 0, if it is unknown
+    covariance: F64  # 6x6, of position and velocity [m, m/s]; zero if unknown
+    yaw_rad: float  # yaw of the chest; if unknown, direction of walking, else 0
     yaw_known: bool
     yaw_rate_radps: float
-    age_s: float  # since the first message with this person
-    detection: int | None  # index into Detections of this stamp
+    age_s: float  # time since the first message with this person
+    detection: int | None  # index in the Detections of this stamp
     score: float  # 0 to 1
-    path_yaw_rad: float | None = None  # direction walked, of truth
+    path_yaw_rad: float | None = None  # direction of walking, from truth
 
     @property
     def moves(self) -> bool:
-        """Moves, and does not only stand."""
+        """True if the person moves."""
         return math.hypot(*self.velocity_mps[:2]) >= MOVING_MPS
 
 
 @dataclass(frozen=True, slots=True)
 class RosPeople:
-    """The people of one message."""
+    """People of one message."""
 
     stamp_ns: int
     frame_id: str
     people: tuple[RosPerson, ...]
 
     def at(self, stamp_ns: int) -> "RosPeople | None":
-        """Return them at another time, with their velocities; None beyond EXTRAPOLATION_MAX_NS."""
+        """Return the people at another time; None beyond EXTRAPOLATION_MAX_NS."""
         if abs(stamp_ns - self.stamp_ns) > EXTRAPOLATION_MAX_NS:
             return None
         dt_s = (stamp_ns - self.stamp_ns) / 1e9
@@ -67,7 +67,7 @@ class RosPeople:
         return RosPeople(stamp_ns, self.frame_id, tuple(moved))
 
     def transformed(self, target_from_source: F64, frame_id: str) -> "RosPeople":
-        """Return them in another frame, whose z axis is vertical, too."""
+        """Return the people in another frame, also with a vertical z axis."""
         rotation, turn_rad = target_from_source[:3, :3], yaw_of(target_from_source)
         both = np.kron(np.eye(2), rotation)
         turned = (
@@ -84,13 +84,13 @@ class RosPeople:
 
 
 def yaw_of(transform: F64) -> float:
-    """Return the turn of a 4x4 transform about z."""
+    """Return the rotation of a 4x4 transform about z."""
     return math.atan2(transform[1, 0], transform[0, 0])
 
 
 @dataclass(slots=True)
 class _Memory:
-    """Past of one person."""
+    """Past of a person."""
 
     number: int
     slot: int
@@ -101,16 +101,16 @@ class _Memory:
 
 
 class RosPeopleView:
-    """Makes RosPeople of messages in the order of their stamps; remembers people between them."""
+    """Converts messages in the order of their stamps to RosPeople, with a memory of people."""
 
     def __init__(self) -> None:
         self._memories: dict[str, _Memory] = {}
-        self._numbers = 0  # of truth whose identity is no number
+        self._numbers = 0  # count of identities that are not numbers
 
     def tracks(
         self, message: Tracks, groups: Mapping[int, int], states: Sequence[str] = ()
     ) -> RosPeople:
-        """Return tracks; `groups` are those of people by id, `states` those of tracks to take."""
+        """Return tracks in `states` (empty: all states), with groups by id."""
         tracks = [one for one in message.tracks if not states or one.state in states]
         names = [str(track.id) for track in tracks]
         memories = self._update(message.stamp_ns, names, [track.yaw_rad for track in tracks])
@@ -121,7 +121,7 @@ class RosPeopleView:
         return RosPeople(message.stamp_ns, message.frame_id, tuple(people))
 
     def truth(self, message: Truth) -> RosPeople:
-        """Return truth; people whose identity is no number are numbered."""
+        """Return truth; identities that are not numbers are numbered."""
         names = [person.id for person in message.people]
         memories = self._update(message.stamp_ns, names, [one.yaw_rad for one in message.people])
         people = (
@@ -161,7 +161,7 @@ class RosPeopleView:
     def _update(
         self, stamp_ns: int, names: Sequence[str], yaws_rad: Sequence[float | None]
     ) -> list[_Memory]:
-        """Return the memories of the people of one message, brought to its time."""
+        """Return the memories of the people of a message, updated to its time."""
         if len(self._memories) > len(names):
             self._forget(stamp_ns, set(names))
         memories = [
@@ -172,7 +172,7 @@ class RosPeopleView:
         return memories
 
     def _forget(self, stamp_ns: int, present: Collection[str]) -> None:
-        """Remove people who have been absent for long, or were of another run of a recording."""
+        """Delete people who were absent for long, or belong to another run of a recording."""
         old_ns, next_ns = stamp_ns - round(FORGOTTEN_S * 1e9), stamp_ns + EXTRAPOLATION_MAX_NS
         self._memories = {
             name: memory
@@ -182,8 +182,8 @@ class RosPeopleView:
 
     def _remember(self, name: str, stamp_ns: int, yaw_rad: float | None) -> _Memory:
         memory = self._memories.get(name)
-        # A frame may be older than one of another camera, or than what was predicted; if it is
-        # older by more, a recording began again.
+        # A frame may be slightly older than a frame of another camera or a prediction. If it is
+        # much older, a recording restarted.
         if memory is None or memory.stamp_ns - stamp_ns > EXTRAPOLATION_MAX_NS:
             number = memory.number if memory else self._number(name)
             memory = _Memory(number, 0, stamp_ns, stamp_ns, yaw_rad)
@@ -200,7 +200,7 @@ class RosPeopleView:
         return memory
 
     def _number(self, name: str) -> int:
-        """Return the number of a new person: the identity itself if it is one that ROS can hold."""
+        """Return the number of a new person: the identity if it is a number within int32."""
         if name.isascii() and name.isdecimal() and int(name) < 2**31:
             return int(name)
         self._numbers += 1
@@ -208,7 +208,7 @@ class RosPeopleView:
 
 
 def _assign_slots(memories: Sequence[_Memory]) -> None:
-    """Give each person a slot from 1 to their number; those that have one hold it if they can."""
+    """Assign slots from 1 to the number of people, unchanged where possible."""
     free = set(range(1, len(memories) + 1))
     seekers = []
     for memory in memories:

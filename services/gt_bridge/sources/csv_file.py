@@ -1,4 +1,4 @@
-"""Truth from CSV, in the columns that `people4d csv` writes."""
+"""Truth from CSV with the columns of `people4d csv`."""
 
 import csv
 import math
@@ -17,17 +17,17 @@ from services.gt_bridge.config import GtBridgeConfig
 
 NEEDED = ("stamp_ns", "id", "x_m", "y_m", "z_m")
 Row: TypeAlias = Mapping[str, str]
-MAX_LINE = 16384  # characters
+MAX_LINE = 16384  # maximum length of a line [characters]
 MAX_COLUMNS = 256
 
 
 class CsvTruth:
-    """The rows of kind truth, or all rows if there is no column `kind`; stamps must not fall.
+    """Rows of kind truth, or all rows without a column `kind`; stamps must not fall.
 
     People without a position are left out.
 
     Raises:
-        SourceError: The file cannot be read, or lacks a column that is needed.
+        SourceError: The file cannot be read, or lacks a required column.
     """
 
     def __init__(self, config: GtBridgeConfig) -> None:
@@ -39,7 +39,7 @@ class CsvTruth:
         """Yield one message for each stamp.
 
         Raises:
-            SourceError: A row holds something else than it should.
+            SourceError: A row is invalid.
         """
         last_ns = None
         for sequence, (stamp_ns, rows) in enumerate(groupby(self._rows(), key=self._stamp_ns)):
@@ -92,7 +92,7 @@ class CsvTruth:
 
 
 def _lines(file: TextIO) -> Iterator[str]:
-    """Yield lines; one without an end is not gathered in memory."""
+    """Yield lines of limited length."""
     while line := file.readline(MAX_LINE):
         if len(line) == MAX_LINE:
             raise csv.Error(f"a line has {MAX_LINE} characters or more")
@@ -100,7 +100,7 @@ def _lines(file: TextIO) -> Iterator[str]:
 
 
 def _person(row: Row) -> TruthPerson | None:
-    """Return the person of a row, None without a position: motion capture loses people."""
+    """Return the person of a row, None without a position."""
     position = _vector(row, ("x_m", "y_m", "z_m"))
     if np.isnan(position).any():
         return None

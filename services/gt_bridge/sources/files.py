@@ -1,4 +1,4 @@
-"""Truth from files: the project's own recordings, arrays in an NPZ file, and MOT text."""
+"""Truth from recordings, arrays in an NPZ file, and MOT text."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,17 +14,17 @@ from people4d.messages import F64, Truth, TruthPerson
 from people4d.messages.base import MAX_M
 from services.gt_bridge.config import GtBridgeConfig
 
-AXES = ("t", "pos", "vel", "yaw")  # arrays needed: N, NxKx3, NxKx3, NxK
-MAX_TIME_S = 2**33  # [s] the year 2242; beyond it nanoseconds do not fit 64 bits
-MAX_FRAMES = 10**7  # 90 hours at 30 Hz: each is a message, also without people
-RATES_HZ = (1e-3, 1e6)
+AXES = ("t", "pos", "vel", "yaw")  # required arrays: N, NxKx3, NxKx3, NxK
+MAX_TIME_S = 2**33  # maximum time, in the year 2242, whose nanoseconds fit 64 bits [s]
+MAX_FRAMES = 10**7  # maximum number of frames, 90 hours at 30 Hz
+RATES_HZ = (1e-3, 1e6)  # range of frame rates
 
 
 class RecordingTruth:
-    """The Truth messages of a recording.
+    """Truth messages of a recording.
 
     Raises:
-        SourceError: The file is absent, is no recording, or holds no truth.
+        SourceError: The file does not exist, is not a recording, or holds no truth.
     """
 
     def __init__(self, config: GtBridgeConfig) -> None:
@@ -34,17 +34,17 @@ class RecordingTruth:
             raise SourceError(f"truth {config.truth} holds no truth", f"It holds {topics}.")
 
     def __iter__(self) -> Iterator[Truth]:
-        """Yield the messages in the order in which they were recorded."""
+        """Yield the messages in the order of the recording."""
         for _, message in self._recording.messages(Truth):
             if isinstance(message, Truth):
                 yield message
 
 
 class NpzTruth:
-    """K people at N times: ids "0" to K-1; people whose position is NaN are left out.
+    """K people at N times, with ids "0" to K-1, without people whose position is NaN.
 
     Raises:
-        SourceError: The file is absent, is no NPZ, or lacks an array.
+        SourceError: The file does not exist, is not NPZ, or lacks an array.
     """
 
     def __init__(self, config: GtBridgeConfig) -> None:
@@ -92,12 +92,10 @@ def _check(t: F64, pos: F64, vel: F64, yaw: F64) -> None:
 
 
 class MotTruth:
-    """The lines to be evaluated that have a position; frame 1 is at 0 s.
-
-    Boxes are not used: they say where people are in the image, not how far away.
+    """Evaluated lines with a position; frame 1 is at 0 s. Boxes are not used.
 
     Raises:
-        SourceError: The file cannot be read, has no position, or its rate is not known.
+        SourceError: The file cannot be read, has no position, or its rate is unknown.
     """
 
     def __init__(self, config: GtBridgeConfig) -> None:
@@ -124,7 +122,7 @@ class MotTruth:
             )
 
     def __iter__(self) -> Iterator[Truth]:
-        """Yield one message for each frame up to the last, empty ones too."""
+        """Yield one message for each frame up to the last, also for empty frames."""
         for number in range(1, int(self._rows.frames[-1]) + 1):
             start, end = np.searchsorted(self._rows.frames, [number, number + 1])
             yield Truth(
@@ -140,7 +138,7 @@ class MotTruth:
 
 
 def _rate_hz(path: Path) -> float:
-    """Read the rate from seqinfo.ini beside the file, or beside its folder as in gt/gt.txt."""
+    """Read the frame rate from seqinfo.ini beside the file, or beside its folder."""
     for folder in (path.parent, path.parent.parent):
         if (folder / "seqinfo.ini").is_file():
             return read_info(folder / "seqinfo.ini").rate_hz

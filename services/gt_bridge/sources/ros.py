@@ -17,7 +17,7 @@ SHOWN = 8  # maximum number of topics in an error
 
 
 class RosbagTruth:
-    """The People messages of one topic of a bag.
+    """People messages of one topic of a bag.
 
     Raises:
         SourceError: The bag cannot be read, has no such topic, or several without a choice.
@@ -29,7 +29,7 @@ class RosbagTruth:
             self._topic = self._choose(config.topic, bag.types)
 
     def __iter__(self) -> Iterator[Truth]:
-        """Yield the messages in the order in which they were recorded.
+        """Yield the messages in the order of the bag.
 
         Raises:
             SourceError: The bag is damaged, or the name of a frame is invalid.

@@ -105,13 +105,6 @@ class PedestrianWithCovariance(
 
 @dataclass
 @annotate.final
-class Pedestrians(idl.IdlStruct, typename="social_nav_msgs.msg.dds_.Pedestrians_"):
-    header: Header
-    pedestrians: types.sequence[Pedestrian]
-
-
-@dataclass
-@annotate.final
 class PedestriansWithCovariance(
     idl.IdlStruct, typename="social_nav_msgs.msg.dds_.PedestriansWithCovariance_"
 ):
