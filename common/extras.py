@@ -13,7 +13,6 @@ MODULES = {  # top-level modules by extra
     "keys": ("cryptography",),
     "mqtt": ("paho",),
     "openvino": ("openvino",),
-    "otel": ("opentelemetry",),
     "parquet": ("pyarrow",),
     "prometheus": ("prometheus_client",),
     "quantize": ("onnx",),

@@ -1,1 +1,1 @@
-"""Exporters for Prometheus and OpenTelemetry, through their own libraries."""
+"""Exporter for Prometheus, through its own library."""

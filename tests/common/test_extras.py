@@ -42,7 +42,6 @@ def test_missing_extra_is_an_error_with_its_installation(
         ("foxglove", ["view", "--foxglove"]),
         ("foxglove", ["record", "FILE", "--foxglove"]),
         ("prometheus", ["export", "--prometheus", "0"]),
-        ("otel", ["export", "--otlp", "http://127.0.0.1:1"]),
         ("quantize", ["models", "quantize", "movenet-multipose"]),
         ("parquet", ["csv", str(DEMO), "FILE.parquet"]),
         ("keys", ["keys", "FILE"]),
