@@ -25,7 +25,7 @@ from common.ros2.transport import LATCHED, SENSOR_DATA, Ros2Sample, Ros2Transpor
 from common.ros2.types import decode, encode, type_hash
 from people4d.errors import ConfigError
 from tests.common.ros2.foreign import Received, until
-from tests.common.ros2.idl import common_types
+from tests.common.ros2.idl import types as idl_types
 from tests.common.ros2.idl.peer import structures
 from tests.common.ros2.messages import filled, plain
 
@@ -134,8 +134,8 @@ def test_publisher_of_another_structure_is_counted(
 ) -> None:
     received = Received()
     transport.subscribe("point", "geometry_msgs/msg/Point", received)
-    writer = writer_of(foreign, "point", common_types.Quaternion)
-    writer.write(common_types.Quaternion(1, 2, 3, 4))
+    writer = writer_of(foreign, "point", idl_types.Quaternion)
+    writer.write(idl_types.Quaternion(1, 2, 3, 4))
     until(lambda: transport.counters["other_type"])
     assert not received.messages
 
@@ -147,11 +147,11 @@ def test_messages_of_another_type_hash_are_counted(
     transport.subscribe("point", "geometry_msgs/msg/Point", received, LATCHED)
     old = Policy.Userdata(f"typehash=RIHS01_{'0' * 64};".encode())
     same = Policy.Userdata(f"typehash={type_hash('geometry_msgs/msg/Point')};".encode())
-    wrong = writer_of(foreign, "point", common_types.Point, Qos(old, base=RELIABLE))
-    wrong.write(common_types.Point(**POINT))
+    wrong = writer_of(foreign, "point", idl_types.Point, Qos(old, base=RELIABLE))
+    wrong.write(idl_types.Point(**POINT))
     until(lambda: transport.counters["other_type"] == 1)
-    writer = writer_of(foreign, "point", common_types.Point, Qos(same, base=RELIABLE))
-    writer.write(common_types.Point(**POINT))
+    writer = writer_of(foreign, "point", idl_types.Point, Qos(same, base=RELIABLE))
+    writer.write(idl_types.Point(**POINT))
     assert plain(decode("geometry_msgs/msg/Point", received.wait().cdr)) == POINT
     assert len(received.messages) == 1
 
@@ -163,9 +163,9 @@ def test_publisher_without_the_reliability_asked_for_is_counted(
     best = Received()
     transport.subscribe("point", "geometry_msgs/msg/Point", Received())
     transport.subscribe("point", "geometry_msgs/msg/Point", best, SENSOR_DATA)
-    writer = writer_of(foreign, "point", common_types.Point, unreliable)
+    writer = writer_of(foreign, "point", idl_types.Point, unreliable)
     until(lambda: transport.counters["other_qos"] == 1)
-    writer.write(common_types.Point(**POINT))
+    writer.write(idl_types.Point(**POINT))
     best.wait()
 
 

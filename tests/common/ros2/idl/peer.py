@@ -16,12 +16,13 @@ from typing import Any
 
 from cyclonedds.core import InstanceState, Policy, Qos, ReadCondition, SampleState, ViewState
 from cyclonedds.domain import DomainParticipant
+from cyclonedds.idl import IdlStruct
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
-from tests.common.ros2.idl import common_types, people_types
+from tests.common.ros2.idl import types
 
 QOS = Qos(
     Policy.Reliability.Reliable(duration(seconds=1)),
@@ -39,12 +40,10 @@ LOOPBACK = """
 def structures() -> dict[str, Any]:
     """Return the types by the name that ROS gives them, for example people_msgs/msg/People."""
     found: dict[str, Any] = {}
-    for module in (common_types, people_types):
-        for value in vars(module).values():
-            name = getattr(value, "__idl_typename__", "")
-            if name:
-                package, middle, _, last = name.split(".")
-                found[f"{package}/{middle}/{last.rstrip('_')}"] = value
+    for structure in IdlStruct.__subclasses__():
+        if structure.__module__ == types.__name__:
+            package, middle, _, last = structure.__idl_typename__.split(".")
+            found[f"{package}/{middle}/{last.rstrip('_')}"] = structure
     return found
 
 

@@ -73,14 +73,6 @@ class Pose(idl.IdlStruct, typename="geometry_msgs.msg.dds_.Pose_"):
 
 @dataclass
 @annotate.final
-class Pose2D(idl.IdlStruct, typename="geometry_msgs.msg.dds_.Pose2D_"):
-    x: types.float64
-    y: types.float64
-    theta: types.float64
-
-
-@dataclass
-@annotate.final
 class PoseStamped(idl.IdlStruct, typename="geometry_msgs.msg.dds_.PoseStamped_"):
     header: Header
     pose: Pose
@@ -104,20 +96,6 @@ class Twist(idl.IdlStruct, typename="geometry_msgs.msg.dds_.Twist_"):
 @annotate.final
 class TwistWithCovariance(idl.IdlStruct, typename="geometry_msgs.msg.dds_.TwistWithCovariance_"):
     twist: Twist
-    covariance: types.array[types.float64, 36]
-
-
-@dataclass
-@annotate.final
-class Accel(idl.IdlStruct, typename="geometry_msgs.msg.dds_.Accel_"):
-    linear: Vector3
-    angular: Vector3
-
-
-@dataclass
-@annotate.final
-class AccelWithCovariance(idl.IdlStruct, typename="geometry_msgs.msg.dds_.AccelWithCovariance_"):
-    accel: Accel
     covariance: types.array[types.float64, 36]
 
 
@@ -203,14 +181,6 @@ class Odometry(idl.IdlStruct, typename="nav_msgs.msg.dds_.Odometry_"):
 
 @dataclass
 @annotate.final
-class Twist2D(idl.IdlStruct, typename="nav_2d_msgs.msg.dds_.Twist2D_"):
-    x: types.float64
-    y: types.float64
-    theta: types.float64
-
-
-@dataclass
-@annotate.final
 class TFMessage(idl.IdlStruct, typename="tf2_msgs.msg.dds_.TFMessage_"):
     transforms: types.sequence[TransformStamped]
 
@@ -237,3 +207,21 @@ class DiagnosticStatus(idl.IdlStruct, typename="diagnostic_msgs.msg.dds_.Diagnos
 class DiagnosticArray(idl.IdlStruct, typename="diagnostic_msgs.msg.dds_.DiagnosticArray_"):
     header: Header
     status: types.sequence[DiagnosticStatus]
+
+
+@dataclass
+@annotate.final
+class Person(idl.IdlStruct, typename="people_msgs.msg.dds_.Person_"):
+    name: str
+    position: Point
+    velocity: Point
+    reliability: types.float64
+    tagnames: types.sequence[str]
+    tags: types.sequence[str]
+
+
+@dataclass
+@annotate.final
+class People(idl.IdlStruct, typename="people_msgs.msg.dds_.People_"):
+    header: Header
+    people: types.sequence[Person]
