@@ -3,8 +3,8 @@
 import re
 import socket
 from dataclasses import dataclass
+from ipaddress import ip_address
 
-import psutil
 from starlette.datastructures import MutableHeaders
 from starlette.requests import HTTPConnection
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
@@ -86,7 +86,8 @@ class Guard:
         """Return the refusal of a request, or None and set its role."""
         request = HTTPConnection(scope)
         host = request.headers.get("host", "")
-        if _name(host) not in self.hosts:
+        name = _name(host)
+        if name not in self.hosts and not _is_address(name):
             return PlainTextResponse("Host is not one of dashboard.allowed_hosts.\n", 421)
         changes = scope["type"] == "websocket" or scope["method"] not in ("GET", "HEAD")
         if changes and not self._same_origin(request.headers.get("origin"), host):
@@ -121,25 +122,20 @@ class Guard:
 
 
 def allowed_hosts(config: DashboardConfig) -> frozenset[str]:
-    """Return the names of this machine that browsers may use."""
-    own = {"localhost", "127.0.0.1", "[::1]", *config.allowed_hosts}
+    """Return the names of this machine that browsers may use, as well as addresses."""
+    own = {"localhost", config.host, *config.allowed_hosts}
     if not is_local(config.host):
-        own |= {socket.gethostname(), f"{socket.gethostname()}.local", *_addresses(config.host)}
-    return frozenset(name.lower() for name in own | {config.host})
+        own |= {socket.gethostname(), f"{socket.gethostname()}.local"}
+    return frozenset(name.lower() for name in own)
 
 
-def _addresses(host: str) -> set[str]:
-    """Return the listening addresses, as written in Host."""
-    if host not in ("0.0.0.0", "::"):
-        return {host}
-    found = set()
-    for addresses in psutil.net_if_addrs().values():
-        for one in addresses:
-            if one.family == socket.AF_INET:
-                found.add(one.address)
-            elif one.family == socket.AF_INET6:
-                found.add(f"[{one.address.partition('%')[0]}]")
-    return found
+def _is_address(name: str) -> bool:
+    """Check that a Host is an address, which DNS rebinding cannot forge."""
+    try:
+        ip_address(name.strip("[]"))
+    except ValueError:
+        return False
+    return True
 
 
 def _name(host: str) -> str:

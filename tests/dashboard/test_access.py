@@ -89,6 +89,7 @@ def test_page_has_neither_inline_script_nor_style(page: Page) -> None:
     [
         *("evil.example", "evil.example:7480", "localhost.evil.example"),
         *("localhost:7480@evil.example", "localhost:7480:1", "localhost evil.example"),
+        *("127.0.0.1:7480@evil.example", "127.0.0.1.evil.example"),
     ],
 )
 def test_name_of_another_site_as_host_is_refused(page: Page, host: str) -> None:
@@ -98,8 +99,9 @@ def test_name_of_another_site_as_host_is_refused(page: Page, host: str) -> None:
     assert not page.edits
 
 
-def test_configured_name_as_host_is_served(page: Page) -> None:
-    assert page.client(base="http://robot.lan:7480").get("/").status_code == 200
+@pytest.mark.parametrize("host", ["robot.lan:7480", "192.168.1.5:7480", "[fe80::1]:7480"])
+def test_configured_name_or_address_as_host_is_served(page: Page, host: str) -> None:
+    assert page.client(base=f"http://{host}").get("/").status_code == 200
 
 
 @pytest.mark.parametrize(
