@@ -3,7 +3,6 @@
 import time
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import msgspec
@@ -47,14 +46,6 @@ HISTORY_BYTES = 64 * 2**20  # maximum size of the history
 _pack = msgspec.msgpack.encode
 
 
-@dataclass(frozen=True)
-class _Detected:
-    """Detections that wait for their tracks."""
-
-    detections: Detections
-    until_ns: int  # monotonic
-
-
 class DashboardNode(Node):
     """Shows the messages of the pipeline; images are decoded only while a page shows them."""
 
@@ -73,7 +64,8 @@ class DashboardNode(Node):
         self._overview = Overview()
         self._server: WebServer | None = None
         self._demand, self._wanted = Demand(), Demand()
-        self._detected: dict[Key, _Detected] = {}
+        # detections without tracks, and the monotonic time up to which they wait
+        self._detected: dict[Key, tuple[Detections, int]] = {}
         self._cloud_ns: dict[str, int] = {}
         self._last: dict[str, tuple[int, dict[str, Any]]] = {}  # newest scene of each camera
         self._events: deque[dict[str, Any]] = deque(maxlen=EVENTS_MAX)
@@ -106,11 +98,11 @@ class DashboardNode(Node):
                 self._overview.add_message(tracks, self._selection)
                 self._show(key, message, tracks)
             else:
-                self._detected[key] = _Detected(message, now_ns + PAIR_NS)
+                self._detected[key] = message, now_ns + PAIR_NS
         elif isinstance(message, Tracks):
             key = message.camera, message.stamp_ns
-            detected = self._detected.pop(key, None)
-            self._show(key, detected.detections if detected else None, message)
+            detections, _ = self._detected.pop(key, (None, 0))
+            self._show(key, detections, message)
         elif isinstance(message, RgbdFrame | CompressedRgbdFrame):
             self._show_late(message)
         elif isinstance(message, Predictions):
@@ -135,10 +127,10 @@ class DashboardNode(Node):
         """Follow the demand of the pages; send detections without tracks, health and edits."""
         if self._wanted != self._demand:
             self._follow(self._wanted)
-        for key, one in list(self._detected.items()):
-            if now_ns >= one.until_ns:
+        for key, (detections, until_ns) in list(self._detected.items()):
+            if now_ns >= until_ns:
                 del self._detected[key]
-                self._show(key, one.detections, None)
+                self._show(key, detections, None)
         if self._demand.viewers:
             for name, packet in self._overview.due(now_ns):
                 self._publish(name, packet, stays=True)
@@ -151,7 +143,7 @@ class DashboardNode(Node):
 
     def wake_ns(self) -> int | None:
         """Return the time of the next packet [ns]."""
-        times = [one.until_ns for one in self._detected.values()]
+        times = [until_ns for _, until_ns in self._detected.values()]
         if self._demand.viewers:
             times.append(self._overview.due_ns)
         return min(times, default=None)

@@ -5,6 +5,7 @@ import time
 from collections import deque
 from collections.abc import Awaitable, Callable
 from pathlib import Path
+from typing import Literal
 
 import anyio
 import msgspec
@@ -34,28 +35,16 @@ LOGINS_MAX = 16  # maximum number of simultaneous logins
 LOGIN_PAUSE_S = 0.5  # pause after a wrong token [s]
 
 
-class Watch(msgspec.Struct, frozen=True, tag="watch", forbid_unknown_fields=True):
-    """Request to send images and depth clouds or not."""
+class PageRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Request of a page."""
 
-    images: bool
-    cloud: bool
-
-
-class Pause(msgspec.Struct, frozen=True, tag="pause", forbid_unknown_fields=True):
-    """Request to stop live people and images."""
+    type: Literal["watch", "pause", "live", "seek"]
+    images: bool = True  # of watch: send images
+    cloud: bool = False  # of watch: send depth clouds
+    at_ms: float = 0.0  # of seek on a paused page: wall clock of the packets [ms]
 
 
-class Live(msgspec.Struct, frozen=True, tag="live", forbid_unknown_fields=True):
-    """Request to continue with live people and images."""
-
-
-class Seek(msgspec.Struct, frozen=True, tag="seek", forbid_unknown_fields=True):
-    """Request of a paused page for the packets of a time."""
-
-    at_ms: float  # wall clock [ms]
-
-
-REQUESTS = msgspec.msgpack.Decoder(Watch | Pause | Live | Seek)
+REQUESTS = msgspec.msgpack.Decoder(PageRequest)
 
 
 class WebApp:
@@ -185,14 +174,13 @@ class WebApp:
                 self._hub.counters["bad_requests"] += 1
                 return "no valid request"
 
-    def _follow(self, request: Watch | Pause | Live | Seek, viewer: Viewer) -> None:
-        if isinstance(request, Watch):
+    def _follow(self, request: PageRequest, viewer: Viewer) -> None:
+        if request.type == "watch":
             viewer.images, viewer.cloud = request.images, request.cloud
-        elif isinstance(request, Seek):
-            if viewer.paused:
-                self._hub.seek(viewer, request.at_ms)
-        else:
-            viewer.paused = isinstance(request, Pause)
+        elif request.type != "seek":
+            viewer.paused = request.type == "pause"
+        elif viewer.paused:
+            self._hub.seek(viewer, request.at_ms)
         self._hub.update_demand()
 
 

@@ -24,7 +24,7 @@ from services.dashboard.address import Tokens
 from services.dashboard.history import History, Packet
 from services.dashboard.hub import Hub, Viewer
 from services.dashboard.selection import FrameSelection
-from services.dashboard.web import Live, Pause, Seek, Watch, WebApp
+from services.dashboard.web import PageRequest, WebApp
 from services.dashboard.zones import ZonesRequest, zone_edit
 from services.events.journal import Journal
 from services.events.zones import read_zones, write_zones
@@ -88,7 +88,9 @@ def _stream(data: bytes, _: Path) -> None:
 
 
 def _stream_seeds(_: Path) -> Sequence[bytes]:
-    requests = [Watch(True, True), Pause(), Seek(2500.0), Live(), Seek(-1e300)]
+    seeks = [PageRequest("seek", at_ms=at_ms) for at_ms in (2500.0, -1e300)]
+    others = [PageRequest("watch", cloud=True), PageRequest("pause"), PageRequest("live")]
+    requests = [*others[:2], seeks[0], others[2], seeks[1]]
     frames = [msgspec.msgpack.encode(request) for request in requests]
     return [b"".join(bytes([len(f)]) + f for f in frames), b"\x01\xc1"]
 
