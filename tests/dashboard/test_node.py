@@ -250,9 +250,13 @@ def test_paused_viewer_gets_image_and_cloud_of_the_frame_that_it_seeks(run: Runn
 
 
 def test_page_that_opens_later_gets_the_events(run: RunningNode) -> None:
-    run.feed(*(Event(stamp_ns=n, sequence=n, kind="appeared", id=n + 1) for n in range(3)))
-    with run.connect() as socket:
-        events = receive(socket, "events")["events"]
+    with run.connect() as early:
+        receive(early, "about")  # the server runs
+        run.feed(*(Event(stamp_ns=n, sequence=n, kind="appeared", id=n + 1) for n in range(3)))
+        while len(receive(early, "events")["events"]) < 3:
+            pass
+        with run.connect() as late:
+            events = receive(late, "events")["events"]
     assert [(one["number"], one["kind"], one["id"]) for one in events] == [
         *((0, "appeared", 1), (1, "appeared", 2), (2, "appeared", 3)),
     ]
