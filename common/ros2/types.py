@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from functools import cache
-from importlib import resources
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -26,13 +26,8 @@ DEFAULTS: Mapping[str, Fields] = {"geometry_msgs/msg/Quaternion": {"w": 1.0}}  #
 @cache
 def definitions() -> dict[str, str]:
     """Return the texts of types that are not part of ROS 2, by name."""
-    texts: dict[str, str] = {}
-    for package in resources.files("common.ros2").joinpath("definitions").iterdir():
-        for file in package.iterdir() if package.is_dir() else ():
-            if file.name.endswith(".msg"):
-                name = f"{package.name}/msg/{file.name.removesuffix('.msg')}"
-                texts[name] = file.read_text(encoding="utf-8")
-    return texts
+    files = Path(__file__).with_name("definitions").glob("*/*.msg")
+    return {f"{file.parent.name}/msg/{file.stem}": file.read_text("utf-8") for file in files}
 
 
 @cache

@@ -112,21 +112,23 @@ class RosPeopleView:
     ) -> RosPeople:
         """Return tracks in `states` (empty: all states), with groups by id."""
         tracks = [one for one in message.tracks if not states or one.state in states]
-        names = [str(track.id) for track in tracks]
-        memories = self._update(message.stamp_ns, names, [track.yaw_rad for track in tracks])
-        people = (
-            self._person(message.stamp_ns, memory, track, groups.get(track.id, ALONE))
-            for track, memory in zip(tracks, memories, strict=True)
-        )
-        return RosPeople(message.stamp_ns, message.frame_id, tuple(people))
+        return self._people(message, tracks, [groups.get(one.id, ALONE) for one in tracks])
 
     def truth(self, message: Truth) -> RosPeople:
         """Return truth; identities that are not numbers are numbered."""
-        names = [person.id for person in message.people]
-        memories = self._update(message.stamp_ns, names, [one.yaw_rad for one in message.people])
+        return self._people(message, message.people, [ALONE] * len(message.people))
+
+    def _people(
+        self,
+        message: Tracks | Truth,
+        sources: Sequence[Track | TruthPerson],
+        groups: Sequence[int],
+    ) -> RosPeople:
+        names, yaws_rad = [str(one.id) for one in sources], [one.yaw_rad for one in sources]
+        memories = self._update(message.stamp_ns, names, yaws_rad)
         people = (
-            self._person(message.stamp_ns, memory, person, ALONE)
-            for person, memory in zip(message.people, memories, strict=True)
+            self._person(message.stamp_ns, *one)
+            for one in zip(memories, sources, groups, strict=True)
         )
         return RosPeople(message.stamp_ns, message.frame_id, tuple(people))
 
