@@ -38,7 +38,7 @@ class GtBridgeConfig(Config, frozen=True, kw_only=True):
     source: str = "auto"
     topic: str = ""  # ROS topic of people_msgs/People; empty: the only one in the bag
     ros2: Ros2Config = Ros2Config(node="people4d_truth")  # connection of ros2:, except transport
-    rate_hz: NonNegative = 0.0  # frame rate of MOT text; 0: from seqinfo.ini beside it [Hz]
+    rate_hz: NonNegative = 0.0  # frame rate of MOT text; 0: from its seqinfo.ini [Hz]
     # time
     offset_s: float = 0.0  # clock of the camera less clock of the truth, added to stamps [s]
     loop_s: NonNegative = 0.0  # length of a round of a looping camera; 0: no loop [s]

@@ -21,7 +21,7 @@ S = 10**9
 
 
 def truth(*stamps_s: float) -> list[Truth]:
-    """One person who is at x = stamp."""
+    """One person at x = stamp."""
     return [
         builders.truth(
             TruthPerson(id="a", position_m=np.array([s, 0.0, 1.0])),
@@ -141,7 +141,7 @@ def test_each_frame_is_scored_as_soon_as_its_tracks_arrive() -> None:
     for message in (INFO, POSE):
         assert node.handle(message, 0) == []
     for k in range(1, 4):
-        stamp_ms = k * 250  # between two samples, of which the later one is not yet sent
+        stamp_ms = k * 250  # between two samples; the later one is not yet sent
         sent = node.handle(frame(stamp_ms / 1000), 0)
         assert max(stamps_s(sent)) <= stamp_ms / 1000
         (got,) = scores(node.handle(tracks(stamp_ms, track(1, 2.0 + k / 4 + 0.3, 0.4, vx=1.0)), 0))
@@ -197,7 +197,7 @@ def test_odd_messages_raise_nothing_while_scoring() -> None:
         if isinstance(message, node.inputs):
             for answer in node.handle(decode(encode(message)), 0):
                 assert decode(encode(answer))
-            if isinstance(message, Tracks):  # the same at a time of which there is truth
+            if isinstance(message, Tracks):  # the same at a time with truth
                 node.handle(frame(1.0), 0)
                 timely = msgspec.structs.replace(message, stamp_ns=S, frame_id="map")
                 for answer in node.handle(timely, 0):

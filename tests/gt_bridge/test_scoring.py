@@ -342,7 +342,7 @@ def test_memory_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def crossing(ms: float) -> tuple[TruthPerson, TruthPerson]:
-    """Two people who cross again and again in front of the camera, at 0.8 m/s."""
+    """Two people cross repeatedly in front of the camera, at 0.8 m/s."""
     y = 1.6 * math.asin(math.sin(math.pi * ms / 4000)) / (math.pi / 2)
     return person("a", 3.0, y), person("b", 3.5, -y)
 

@@ -138,10 +138,8 @@ class MotTruth:
 
 
 def _rate_hz(path: Path) -> float:
-    """Read the frame rate from seqinfo.ini beside the file, or beside its folder."""
+    """Read the frame rate from seqinfo.ini in the folder of the file, or in its parent folder."""
     for folder in (path.parent, path.parent.parent):
         if (folder / "seqinfo.ini").is_file():
             return read_info(folder / "seqinfo.ini").rate_hz
-    raise SourceError(
-        f"truth {path} has no seqinfo.ini beside it, so its rate is not known", "Set rate_hz."
-    )
+    raise SourceError(f"truth {path} has no seqinfo.ini, so its rate is not known", "Set rate_hz.")

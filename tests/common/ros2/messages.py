@@ -10,7 +10,7 @@ from common.ros2.types import Fields, typestore
 
 
 def filled(kind: str, seed: int = 0) -> Fields:
-    """Return fields of a message, none of them empty."""
+    """Return fields of a message, all with values."""
     return _message(kind, random.Random(f"{kind} {seed}"))
 
 

@@ -1,4 +1,4 @@
-"""Names of ROS 2, and keys made of them, against those of pamoja-ros2."""
+"""Names and keys of ROS 2, compared with pamoja-ros2."""
 
 import pytest
 from pamoja import ros2 as pamoja

@@ -27,7 +27,7 @@ def keypoints() -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
 
 
 def skeletons(stamp_ns: int = START_NS, camera: str = "front") -> Skeletons:
-    """Return one person's skeleton, of which the nose is predicted."""
+    """Return the skeleton of one person, with a predicted nose."""
     person = PersonSkeleton(
         id=7,
         state="confirmed",

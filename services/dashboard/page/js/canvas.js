@@ -9,7 +9,7 @@ export function fitCanvas(canvas, height = null) {
   return { context, width, height: tall };
 }
 
-// Labels of one drawing: one that would hide another is moved above or below it.
+// Draw a label, moved up or down if it would cover another label of the drawing.
 export function label(context, text, x, y, ground, ink, taken, size = 12) {
   context.font = `600 ${size}px system-ui, sans-serif`;
   context.textBaseline = "middle";

@@ -1,4 +1,4 @@
-// Colours that people with any colour vision can tell apart (Okabe and Ito, 2008), and of the theme.
+// Palette for all kinds of colour vision (Okabe and Ito, 2008), and colours of the theme.
 const PEOPLE = ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#b8a800", "#8a6fd1"];
 export const STAGES = ["#0072b2", "#56b4e9", "#009e73", "#b8a800", "#e69f00", "#d55e00", "#cc79a7", "#8a6fd1", "#7f8a96"];
 

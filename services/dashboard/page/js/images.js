@@ -5,8 +5,8 @@ import { on, select, store } from "./store.js";
 
 const LIMBS = [[0, 1], [0, 2], [1, 3], [2, 4], [5, 6], [5, 7], [7, 9], [6, 8], [8, 10], [5, 11], [6, 12], [11, 12], [11, 13], [13, 15], [12, 14], [14, 16]];
 const SCORE_MIN = 0.3;
-const SCENES_MAX = 32; // that wait for their image
-const IMAGE_MS = 1000; // without an image, after which boxes are drawn without one
+const SCENES_MAX = 32; // maximum number of scenes that wait for their image
+const IMAGE_MS = 1000; // maximum age of the image under newer boxes
 const views = new Map();
 const holder = document.getElementById("images");
 
@@ -25,7 +25,7 @@ function viewOf(camera) {
   return views.get(camera);
 }
 
-// Images are decoded one by one; of those that come meanwhile the newest is next, so that a slow page shows some, too.
+// Images are decoded one by one, always the newest, so that a slow page skips images.
 export async function takeImage(message) {
   const view = viewOf(message.camera);
   view.next = message;
@@ -42,7 +42,7 @@ export async function takeImage(message) {
   view.decodes = false;
 }
 
-// An image is drawn with the boxes of its own frame only.
+// Draw an image with the boxes of its own frame.
 function show(view, scene, bitmap) {
   view.bitmap?.close();
   Object.assign(view, { scene, bitmap, shown: performance.now() });
@@ -66,7 +66,7 @@ function draw(view) {
   const { context, width } = fitCanvas(canvas, height);
   canvas.style.height = `${height}px`;
   view.scale = width / imageWidth;
-  const labels = [], taken = []; // labels are drawn last, so that no line crosses them
+  const labels = [], taken = []; // labels are drawn last, above all lines
   context.clearRect(0, 0, width, height);
   if (view.bitmap) context.drawImage(view.bitmap, 0, 0, width, height);
   else {

@@ -1,4 +1,4 @@
-// Brings the parts of the page together.
+// Connects the parts of the page.
 import { refreshColours } from "./colours.js";
 import "./events.js";
 import "./health.js";
@@ -42,7 +42,7 @@ setSender((request) => stream.send(request));
 on("scene", () => { $("count").textContent = `${store.people.length} ${store.people.length === 1 ? "person" : "people"}`; });
 on("latency", (total) => { $("latency").textContent = total ? `${total.p50_ms.toFixed(0)} ms from image to people` : ""; });
 
-// 3D is loaded when it comes into view, and its cloud is asked for only then.
+// 3D and its cloud are loaded when they come into view.
 let space = null, spaceVisible = false;
 const watch = () => stream.send({ type: "watch", images: true, cloud: spaceVisible && space !== null && $("cloud").checked && !document.hidden });
 new IntersectionObserver(async ([entry]) => {
@@ -78,7 +78,7 @@ $("theme").addEventListener("click", () => {
   setTheme(next);
 });
 
-// A button that was clicked would take the next Space; one that was reached by the keyboard keeps it.
+// A clicked button loses the focus, since Space would press it; the keyboard keeps the focus.
 document.addEventListener("click", (event) => { if (event.detail) event.target.closest?.("button, [type='checkbox']")?.blur(); });
 
 document.addEventListener("keydown", (event) => {

@@ -1,4 +1,4 @@
-// The map from above: x up, y left, as the robot looks at its start.
+// Top view (x up, y left).
 import { arrow, fitCanvas, label } from "./canvas.js";
 import { colourOf, css, inkOn } from "./colours.js";
 import { emit, on, select, store, trajectoryOf } from "./store.js";
@@ -26,7 +26,7 @@ function autoFit() {
   const low = [0, 1].map((k) => Math.min(...good.map((p) => p[k])) - 0.6);
   const high = [0, 1].map((k) => Math.max(...good.map((p) => p[k])) + 0.6);
   const scale = Math.min(view.height / (high[0] - low[0]), view.width / (high[1] - low[1]), 160);
-  // It follows slowly, so that nothing jumps while people walk.
+  // Smooth zoom and shift while people walk.
   const settled = view.fitted ? 0.12 : 1;
   view.fitted = true;
   view.x += settled * ((low[0] + high[0]) / 2 - view.x);
@@ -227,7 +227,7 @@ function drawSketch(context) {
   }
 }
 
-// Fingers and mouse: drag to move, wheel or two fingers to zoom, tap to choose or to set a corner.
+// Mouse and touch: drag moves, wheel or two fingers zoom, a tap selects or sets a corner.
 const pointers = new Map();
 let dragged = 0;
 canvas.addEventListener("pointerdown", (event) => {

@@ -1,4 +1,4 @@
-// Pause, and back up to a minute: the service holds what it sent.
+// Pause and history: the service stores what it sent.
 import { emit, on, store } from "./store.js";
 
 const $ = (id) => document.getElementById(id);
@@ -14,7 +14,7 @@ export function setPaused(paused) {
   pausedAt = store.atMs;
   send({ type: paused ? "pause" : "live" });
   slider.value = 0;
-  if (paused) ask(); // for parts of one frame: what is shown live comes at several rates
+  if (paused) ask(); // for all parts of one frame, which arrive at several rates
   show();
   emit("paused", paused);
 }
@@ -43,5 +43,5 @@ slider.addEventListener("input", () => seek(Number(slider.value)));
 $("back").addEventListener("click", () => step(-5));
 $("forward").addEventListener("click", () => (store.paused && Number(slider.value) > -5 ? setPaused(false) : store.paused && step(5)));
 on("about", () => { slider.min = -store.historyMs / 1000; });
-// A new connection is live until it hears otherwise.
+// The service treats a new connection as live.
 on("connected", () => { if (store.paused) { send({ type: "pause" }); ask(); } });

@@ -7,7 +7,7 @@ const LIMBS = [[5, 6], [5, 7], [7, 9], [6, 8], [8, 10], [5, 11], [6, 12], [11, 1
 const START = { azimuth: 2.6, height: 0.5, distance: 7, target: [2.5, 0, 0.8] };
 
 const PREDICTED_OPACITY = 0.35;
-const CLOUD_MS = 1000; // age of a cloud that is shown with newer people
+const CLOUD_MS = 1000; // maximum age of a cloud with newer people
 
 export function openSpace(canvas) {
   const note = document.getElementById("space-note");
@@ -21,7 +21,7 @@ export function openSpace(canvas) {
   scene.add(grid, people, cameras, cloud);
   const view = structuredClone(START);
 
-  // Without a graphics card a picture takes long: then it is coarser, and the rest of the page goes first.
+  // Slow rendering (no graphics card) reduces the resolution, in favour of the rest of the page.
   let waiting = false, tookMs = 0;
   function draw() {
     if (waiting) return;
@@ -97,7 +97,7 @@ export function openSpace(canvas) {
   let changed = true, cloudShown = true, cloudFrame = "", cloudCamera = "", cloudMs = 0;
   function takeScene() { changed = true; setCloud(); draw(); }
 
-  // Live the cloud comes less often than people; of the past only that of the frame is shown.
+  // A live cloud arrives less often than people. A past cloud is shown with its own frame only.
   function setCloud() {
     const same = cloudFrame === store.frames[cloudCamera];
     cloud.visible = cloudShown && (same || (!store.paused && Math.abs(store.atMs - cloudMs) < CLOUD_MS));

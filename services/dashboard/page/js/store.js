@@ -1,6 +1,6 @@
-// What the page knows, and who wants to hear of changes.
+// State of the page, and listeners to its changes.
 const TRAJECTORY_MS = 60000;
-const SKELETONS_MS = 1000; // after which they are no longer published
+const SKELETONS_MS = 1000; // maximum age of skeletons
 export const store = {
   people: [], cameras: {}, frames: {}, robot: null, joints: {}, predicted: {}, skeletonsMs: 0, predictions: [], trajectories: new Map(), zones: [], zonesBase: 0,
   selected: null, paused: false, atMs: 0, historyMs: 60000, privacy: false, images: true,
@@ -30,7 +30,7 @@ export function takeScene(scene) {
     if (!store.paused) extendTrajectories(scene);
   }
   store.frames[scene.camera] = scene.frame;
-  // Keypoints at their depth stand in for skeletons where none are published, and of a past frame until its own come.
+  // Keypoints at their depth replace skeletons that are not published, or not yet loaded for a past frame.
   if (store.paused || Math.abs(scene.at_ms - store.skeletonsMs) > SKELETONS_MS) Object.assign(store, { joints: scene.joints, predicted: {} });
   emit("scene", scene);
 }
@@ -58,7 +58,7 @@ function extendTrajectories({ at_ms: atMs, people }) {
   }
 }
 
-// Trajectory of a person up to the time that is shown, 20 s long.
+// Trajectory of a person in the last 20 s before the shown time.
 export function trajectoryOf(id) {
   const trajectory = store.trajectories.get(id) ?? [];
   return trajectory.filter(([at]) => at <= store.atMs + 1 && at > store.atMs - 20000);

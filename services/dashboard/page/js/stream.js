@@ -1,4 +1,4 @@
-// Connection to the service: messages in MessagePack, and a new try when it breaks.
+// Connection to the service by MessagePack, which reconnects.
 const FIRST_MS = 300, LONGEST_MS = 5000;
 
 export class Stream {

@@ -1,4 +1,4 @@
-// The table of people; its buttons choose a person by keyboard.
+// Table of people, with a button for each.
 import { colourOf } from "./colours.js";
 import { on, select, store } from "./store.js";
 
@@ -52,7 +52,7 @@ function draw() {
 }
 
 on("scene", () => {
-  if (performance.now() - drawn < 240 && rows.size === store.people.length) return; // readable
+  if (performance.now() - drawn < 240 && rows.size === store.people.length) return; // slow enough to read
   drawn = performance.now();
   draw();
 });

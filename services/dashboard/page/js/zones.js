@@ -1,4 +1,4 @@
-// Zones: drawn on the map corner by corner, by mouse, finger or keyboard; saved by the service.
+// Zones: drawn on the map by mouse, touch or keyboard, saved by the service.
 import { drawing, requestDraw, toScreen } from "./map.js";
 import { emit, on, store } from "./store.js";
 
