@@ -12,6 +12,5 @@ export function inkOn(colour) {
   return 0.2126 * r + 0.7152 * g + 0.0722 * b > 0.18 ? "#000000" : "#ffffff";
 }
 
-let style = getComputedStyle(document.documentElement);
+const style = getComputedStyle(document.documentElement);
 export const css = (name) => style.getPropertyValue(`--${name}`).trim();
-export function refreshColours() { style = getComputedStyle(document.documentElement); }

@@ -1,5 +1,4 @@
 // Connects the parts of the page.
-import { refreshColours } from "./colours.js";
 import "./events.js";
 import "./health.js";
 import { takeImage } from "./images.js";
@@ -62,21 +61,7 @@ $("cloud").addEventListener("change", () => { space?.showCloud($("cloud").checke
 $("reset").addEventListener("click", () => space?.reset());
 document.addEventListener("visibilitychange", watch);
 
-function setTheme(theme) {
-  document.documentElement.dataset.theme = theme;
-  refreshColours();
-  emit("theme");
-}
-const stored = localStorage.getItem("theme");
-if (stored === "dark" || stored === "light") setTheme(stored);
-const dark = matchMedia("(prefers-color-scheme: dark)");
-dark.addEventListener("change", () => { refreshColours(); emit("theme"); });
-$("theme").addEventListener("click", () => {
-  const current = document.documentElement.dataset.theme ?? (dark.matches ? "dark" : "light");
-  const next = current === "dark" ? "light" : "dark";
-  localStorage.setItem("theme", next);
-  setTheme(next);
-});
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => emit("theme"));
 
 // A clicked button loses the focus, since Space would press it; the keyboard keeps the focus.
 document.addEventListener("click", (event) => { if (event.detail) event.target.closest?.("button, [type='checkbox']")?.blur(); });
