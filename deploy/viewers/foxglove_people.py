@@ -1,7 +1,8 @@
 """People in Foxglove: entities of the 3D panel, annotations of the image panel."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 from foxglove import messages as fox
@@ -26,58 +27,55 @@ Vector = fox.Vector3
 
 def people_update(frame: PeopleFrame) -> fox.SceneUpdate:
     """Return cylinder, uncertainty, heading, label and trajectory of each person."""
-    stamp_ns, frame_id = frame.tracks.stamp_ns, frame.tracks.frame_id
-    entities = [
-        fox.SceneEntity(
-            timestamp=stamp(stamp_ns),
-            frame_id=frame_id,
-            id=f"track {track.id}",
-            cylinders=[_body(track), _uncertainty(track)],
-            arrows=list(_heading(track)),
-            lines=list(_trajectory(track, frame)),
-            texts=[_label(track, view)],
-        )
+    entities = {
+        f"track {track.id}": {
+            "cylinders": [_body(track), _uncertainty(track)],
+            "arrows": list(_heading(track)),
+            "lines": list(_trajectory(track, frame)),
+            "texts": [_label(track, view)],
+        }
         for view in frame.people
         if (track := view.track) is not None
-    ]
-    return fox.SceneUpdate(deletions=[CLEAR], entities=entities)
+    }
+    return _scene(frame.tracks.stamp_ns, frame.tracks.frame_id, entities)
 
 
 def skeletons_update(frame: SkeletonFrame) -> fox.SceneUpdate:
     """Return the skeletons, with pale predicted joints."""
-    entities = [
-        fox.SceneEntity(
-            timestamp=stamp(frame.stamp_ns),
-            frame_id=frame.frame_id,
-            id=f"skeleton {k}",
-            lines=list(_limbs(skeleton)),
-            spheres=list(_joints(skeleton)),
-        )
+    entities = {
+        f"skeleton {k}": {"lines": list(_limbs(skeleton)), "spheres": list(_joints(skeleton))}
         for k, skeleton in enumerate(frame.skeletons)
-    ]
-    return fox.SceneUpdate(deletions=[CLEAR], entities=entities)
+    }
+    return _scene(frame.stamp_ns, frame.frame_id, entities)
 
 
 def predictions_update(message: Predictions) -> fox.SceneUpdate:
     """Return the predicted path of each person, with an ellipse of 95 % at each horizon."""
-    entities = []
+    entities = {}
     for person in message.people:
         path = predicted_path(person)
-        ellipses = [
-            _ellipse(mean_m, covariance_m2, colour(person.id, 0.15))
-            for mean_m, covariance_m2 in zip(path, person.covariances_m2, strict=True)
-        ]
         points = [point3(p) for p in np.vstack([person.position_m[None], path])]
-        entities.append(
-            fox.SceneEntity(
-                timestamp=stamp(message.stamp_ns),
-                frame_id=message.frame_id,
-                id=f"prediction {person.id}",
-                cylinders=ellipses,
-                lines=[_line(fox.LinePrimitiveLineType.LineStrip, points, person.id, 0.03)],
-            )
-        )
-    return fox.SceneUpdate(deletions=[CLEAR], entities=entities)
+        entities[f"prediction {person.id}"] = {
+            "cylinders": [
+                _ellipse(mean_m, covariance_m2, colour(person.id, 0.15))
+                for mean_m, covariance_m2 in zip(path, person.covariances_m2, strict=True)
+            ],
+            "lines": [_line(fox.LinePrimitiveLineType.LineStrip, points, person.id, 0.03)],
+        }
+    return _scene(message.stamp_ns, message.frame_id, entities)
+
+
+def _scene(
+    stamp_ns: int, frame_id: str, entities: Mapping[str, Mapping[str, Any]]
+) -> fox.SceneUpdate:
+    """Return a scene of entities, given by id with their primitives, in place of all others."""
+    return fox.SceneUpdate(
+        deletions=[CLEAR],
+        entities=[
+            fox.SceneEntity(timestamp=stamp(stamp_ns), frame_id=frame_id, id=name, **primitives)
+            for name, primitives in entities.items()
+        ],
+    )
 
 
 def annotations(frame: PeopleFrame) -> fox.ImageAnnotations:
@@ -123,15 +121,14 @@ def _above(position_m: F64, height_m: float) -> F64:
     return raised
 
 
+def _cylinder(pose: fox.Pose, size: fox.Vector3, shade: fox.Color) -> fox.CylinderPrimitive:
+    return fox.CylinderPrimitive(pose=pose, size=size, bottom_scale=1.0, top_scale=1.0, color=shade)
+
+
 def _body(track: Track) -> fox.CylinderPrimitive:
     centre_m = _above(track.position_m, BODY_M / 2 - TORSO_M)
-    return fox.CylinderPrimitive(
-        pose=pose_at(centre_m),
-        size=Vector(x=0.5, y=0.5, z=BODY_M),
-        bottom_scale=1.0,
-        top_scale=1.0,
-        color=colour(track.id, 0.15 if track.state == "lost" else 0.35),
-    )
+    shade = colour(track.id, 0.15 if track.state == "lost" else 0.35)
+    return _cylinder(pose_at(centre_m), Vector(x=0.5, y=0.5, z=BODY_M), shade)
 
 
 def _uncertainty(track: Track) -> fox.CylinderPrimitive:
@@ -144,13 +141,7 @@ def _ellipse(centre_m: F64, covariance_m2: F64, shade: fox.Color) -> fox.Cylinde
     values, vectors = np.linalg.eigh(covariance_m2)
     minor_m, major_m = (2 * math.sqrt(5.991 * max(float(v), 0.0)) for v in values)
     yaw_rad = math.atan2(vectors[1, 1], vectors[0, 1])
-    return fox.CylinderPrimitive(
-        pose=pose_at(centre_m, yaw_rad),
-        size=Vector(x=major_m, y=minor_m, z=0.01),
-        bottom_scale=1.0,
-        top_scale=1.0,
-        color=shade,
-    )
+    return _cylinder(pose_at(centre_m, yaw_rad), Vector(x=major_m, y=minor_m, z=0.01), shade)
 
 
 def _heading(track: Track) -> Iterator[fox.ArrowPrimitive]:
