@@ -9,7 +9,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from common.drawing.people import ARROW_M
-from common.drawing.strokes import colour_of
+from common.drawing.strokes import Colour, colour_of
 from common.io.images import encode_jpeg, encode_png16
 from common.runtime.latency import end_to_end, merge_stages, segments
 from deploy.viewers.rerun_viewer import PORT, start_viewer
@@ -22,6 +22,7 @@ from deploy.viewers.scene import (
 )
 from people4d.errors import SourceError
 from people4d.messages import (
+    F64,
     CameraInfo,
     CompressedRgbdFrame,
     Health,
@@ -140,10 +141,9 @@ class RerunLog:
         tracks = frame.tracks.tracks
         colours = [colour_of(track.id) for track in tracks]
         centres = [track.position_m for track in tracks]
-        deviations = [np.linalg.eigvalsh(t.covariance[:3, :3]) for t in tracks]
-        self._stream.log(
-            "map/people",
-            rr.Points3D(
+        headings = [(t.position_m, t.yaw_rad, t.id) for t in tracks if t.yaw_rad is not None]
+        shown = {
+            "people": rr.Points3D(
                 centres,
                 radii=[0.1] * len(tracks),
                 colors=colours,
@@ -151,53 +151,32 @@ class RerunLog:
                     f"#{t.id} {t.state} {np.linalg.norm(t.velocity_mps):.1f} m/s" for t in tracks
                 ],
             ),
-        )
-        self._stream.log(
-            "map/uncertainty",
-            rr.Ellipsoids3D(
-                centers=centres,
-                half_sizes=[[SIGMAS * np.sqrt(max(v[-1], 0.0))] * 2 + [0.01] for v in deviations],
-                colors=colours,
-            ),
-        )
-        turned = [track for track in tracks if track.yaw_rad is not None]
-        self._stream.log(
-            "map/headings",
-            rr.Arrows3D(
-                origins=[track.position_m for track in turned],
+            "uncertainty": _ellipses(centres, [t.covariance[:2, :2] for t in tracks], colours),
+            "headings": rr.Arrows3D(
+                origins=[position_m for position_m, _, _ in headings],
                 vectors=[
-                    [ARROW_M * np.cos(track.yaw_rad or 0), ARROW_M * np.sin(track.yaw_rad or 0), 0]
-                    for track in turned
+                    [ARROW_M * np.cos(yaw_rad), ARROW_M * np.sin(yaw_rad), 0]
+                    for _, yaw_rad, _ in headings
                 ],
-                colors=[colour_of(track.id) for track in turned],
+                colors=[colour_of(number) for *_, number in headings],
             ),
-        )
-        self._stream.log(
-            "map/trajectories",
-            rr.LineStrips3D(
+            "trajectories": rr.LineStrips3D(
                 list(frame.trajectories.values()),
                 colors=[colour_of(track_id) for track_id in frame.trajectories],
             ),
-        )
+        }
+        for name, archetype in shown.items():
+            self._stream.log(f"map/{name}", archetype)
 
     def _predict(self, message: Predictions) -> None:
         paths = [predicted_path(person) for person in message.people]
         colours = [colour_of(person.id) for person in message.people]
         self._stream.log("map/predictions", rr.LineStrips3D(paths, colors=colours))
-        horizons = len(message.horizons_s)
-        sizes = [
-            [SIGMAS * np.sqrt(np.linalg.eigvalsh(covariance_m2)[-1])] * 2 + [0.01]
-            for person in message.people
-            for covariance_m2 in person.covariances_m2
-        ]
-        self._stream.log(
-            "map/predictions/ellipses",
-            rr.Ellipsoids3D(
-                centers=[point for path in paths for point in path],
-                half_sizes=sizes,
-                colors=[colour for colour in colours for _ in range(horizons)],
-            ),
-        )
+        centres = [point for path in paths for point in path]
+        covariances = [one for person in message.people for one in person.covariances_m2]
+        repeated = [colour for colour in colours for _ in message.horizons_s]
+        ellipses = _ellipses(centres, covariances, repeated)
+        self._stream.log("map/predictions/ellipses", ellipses)
 
     def _latency(self, tracks: Tracks) -> None:
         total = end_to_end(tracks.trace)
@@ -248,6 +227,15 @@ def blueprint(cameras: list[str]) -> rrb.Blueprint:
         ),
         collapse_panels=True,
     )
+
+
+def _ellipses(
+    centres_m: list[F64], covariances_m2: list[F64], colours: list[Colour]
+) -> rr.Ellipsoids3D:
+    """Return flat discs around 95 % ellipses of x and y."""
+    radii_m = [SIGMAS * np.sqrt(max(np.linalg.eigvalsh(c)[-1], 0.0)) for c in covariances_m2]
+    sizes = [[radius_m, radius_m, 0.01] for radius_m in radii_m]
+    return rr.Ellipsoids3D(centers=centres_m, half_sizes=sizes, colors=colours)
 
 
 def _boxes(people: tuple[ScenePerson, ...]) -> rr.Boxes2D:
