@@ -40,7 +40,6 @@ def test_missing_extra_is_an_error_with_its_installation(
     [
         ("rerun", ["view", "--rerun"]),
         ("foxglove", ["view", "--foxglove"]),
-        ("foxglove", ["record", "FILE", "--foxglove"]),
         ("prometheus", ["export", "--prometheus", "0"]),
         ("quantize", ["models", "quantize", "movenet-multipose"]),
         ("parquet", ["csv", str(DEMO), "FILE.parquet"]),
