@@ -13,6 +13,7 @@ MODULES = {  # top-level modules by extra
     "keys": ("cryptography",),
     "mqtt": ("paho",),
     "openvino": ("openvino",),
+    "otel": ("opentelemetry",),
     "parquet": ("pyarrow",),
     "prometheus": ("prometheus_client",),
     "quantize": ("onnx",),

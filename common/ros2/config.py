@@ -21,5 +21,5 @@ class Ros2Config(Config, frozen=True, kw_only=True):
     endpoints: tuple[str, ...] = ()
     # network interface or address of DDS, by default of this machine only
     interface: str = "127.0.0.1"
-    node: str = "people4d"  # name of the node; not for dds
+    node: str = "people4d"  # name of the node
     namespace: str = ""  # namespace of the node and its relative topics, for example robot1

@@ -29,6 +29,7 @@ from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
 from common.ros2.config import Ros2Config
+from common.ros2.dds_graph import DdsGraph
 from common.ros2.dds_types import cdr_type
 from common.ros2.names import resolve
 from common.ros2.transport import DEFAULT, Qos, Receive, Ros2Sample, Ros2Transport, Send
@@ -59,7 +60,7 @@ _domains: WeakValueDictionary[tuple[int, str], Domain] = WeakValueDictionary()
 
 
 class Dds(Ros2Transport):
-    """Participant of DDS without the name of a node; loopback only unless configured.
+    """Participant of DDS with the name of a node; loopback only unless configured.
 
     Publishers carry the hash of their type as in ROS 2 since Iron. Messages of a publisher with
     another hash are dropped. $CYCLONEDDS_URI, the configuration of Cyclone DDS, overrides
@@ -74,14 +75,17 @@ class Dds(Ros2Transport):
         self._config = config
         try:
             self._domain = _domain(config)
+            enclave = Policies(Policy.Userdata(b"enclave=/;"))
             with BINDING_LOCK:
-                self._participant = DomainParticipant(config.domain_id)
+                self._participant = DomainParticipant(config.domain_id, qos=enclave)
         except DDSException as error:
             raise ConfigError(
                 f"no DDS on interface {config.interface!r}, domain {config.domain_id}: {error.msg}",
                 "interface is the name of a network interface or its address, empty for the "
                 "choice of Cyclone DDS; CYCLONEDDS_URI configures all else.",
             ) from error
+        with BINDING_LOCK:
+            self._graph = DdsGraph(self._participant, config)
         self._writers: list[DataWriter[Any]] = []
         self._threads: list[threading.Thread] = []
         self._stop = GuardCondition(self._participant)
@@ -94,6 +98,7 @@ class Dds(Ros2Transport):
         with BINDING_LOCK:
             entity = self._topic(topic, kind)
             writer = DataWriter(self._participant, entity, qos=self._policies(qos, kind))
+        self._graph.announce("writer", writer)
         number, sample = len(self._writers), cdr_type(kind)
         self._writers.append(writer)
 
@@ -115,6 +120,7 @@ class Dds(Ros2Transport):
         with BINDING_LOCK:
             entity = self._topic(topic, kind)
             reader = DataReader(self._participant, entity, qos=self._policies(qos, kind))
+        self._graph.announce("reader", reader)
         subscription = _Subscription(self.counters, reader, kind, qos.depth)
 
         def work() -> None:
@@ -132,6 +138,7 @@ class Dds(Ros2Transport):
         for thread in self._threads:
             thread.join(CLOSE_S)
         self._writers.clear()  # deletes them
+        self._graph.close()
 
     def _topic(self, topic: str, kind: str) -> Any:
         name = resolve(topic, self._config.namespace)

@@ -22,7 +22,7 @@ COMMANDS = (
     ("ps", "system.ps", "Show processes: state, health, rates, drops."),
     ("top", "live.top", "Show the duration of every stage, rates, losses and ages, live."),
     ("trace", "live.trace", "Write the path of frames through all processes, for Perfetto."),
-    ("export", "live.export", "Serve latency and health to Prometheus."),
+    ("export", "live.export", "Serve latency and health to Prometheus or OpenTelemetry."),
     ("logs", "system.logs", "Show the logs of the processes."),
     ("listen", "live.views", "Show the tracks, live."),
     ("view", "live.view", "Show people and images in Rerun or Foxglove, or write a file for them."),

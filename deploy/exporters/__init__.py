@@ -1,1 +1,1 @@
-"""Exporter for Prometheus, through its own library."""
+"""Exporters for Prometheus and OpenTelemetry, through their own libraries."""

@@ -41,6 +41,7 @@ def test_missing_extra_is_an_error_with_its_installation(
         ("rerun", ["view", "--rerun"]),
         ("foxglove", ["view", "--foxglove"]),
         ("prometheus", ["export", "--prometheus", "0"]),
+        ("otel", ["export", "--otlp", "http://127.0.0.1:1"]),
         ("quantize", ["models", "quantize", "movenet-multipose"]),
         ("parquet", ["csv", str(DEMO), "FILE.parquet"]),
         ("keys", ["keys", "FILE"]),

@@ -1,4 +1,4 @@
-"""Metrics for Prometheus, read by its own library."""
+"""Metrics for Prometheus and traces for OpenTelemetry, read by their own libraries."""
 
 import socket
 import threading
@@ -7,9 +7,14 @@ import urllib.request
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import replace
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from typing import Any, ClassVar
 
 import msgspec
 import pytest
+from opentelemetry.sdk.metrics.export import InMemoryMetricReader
+from opentelemetry.sdk.trace.export import SimpleSpanProcessor
+from opentelemetry.sdk.trace.export.in_memory_span_exporter import InMemorySpanExporter
 from prometheus_client.parser import text_string_to_metric_families
 from typer.testing import CliRunner
 
@@ -17,19 +22,16 @@ from common.runtime.latency import end_to_end, segments
 from common.runtime.monitor import FramePath, clocks_of
 from common.transport.clock import HostOffset
 from deploy.cli import app
-from deploy.cli.live.export import feed
+from deploy.cli.live.export import feed, otlp_exporter
+from deploy.exporters.measures import CAMERAS_MAX, SAMPLES_MAX, STAGES_MAX, Exporter
 from deploy.exporters.metrics_server import CONNECTIONS_MAX
-from deploy.exporters.prometheus import (
-    CAMERAS_MAX,
-    SAMPLES_MAX,
-    STAGES_MAX,
-    PrometheusExporter,
-)
+from deploy.exporters.otel import OtelExporter
+from deploy.exporters.prometheus import PrometheusExporter
 from people4d.client import Client
 from people4d.errors import People4dError
 from people4d.messages import Span
 from tests.deploy.cli.test_top import talking
-from tests.deploy.traces import healths, span, trace_of, tracks
+from tests.deploy.traces import BEGIN_NS, MS, healths, span, trace_of, tracks
 from tests.network import WAIT_S
 
 pytestmark = pytest.mark.network
@@ -37,7 +39,7 @@ pytestmark = pytest.mark.network
 __all__ = ["talking"]  # a fixture
 
 
-def give(exporter: PrometheusExporter, frames: int) -> None:
+def give(exporter: Exporter, frames: int) -> None:
     """Give an exporter heartbeats and frames of a system on two hosts."""
     exporter.healths = healths()
     clocks = clocks_of(healths())
@@ -119,7 +121,7 @@ def test_negative_durations_are_counted(prometheus: PrometheusExporter) -> None:
     assert ("people4d_stage_seconds_count", labels) not in got
 
 
-def forge(exporter: PrometheusExporter, number: int) -> None:
+def forge(exporter: Exporter, number: int) -> None:
     """Give an exporter heartbeats and a frame with unused names."""
     health = healths()[0]
     counters = {f"received_{number}_{k}": 1 for k in range(50)} | {
@@ -133,7 +135,7 @@ def forge(exporter: PrometheusExporter, number: int) -> None:
     exporter.add_frame_path(replace(frame, tracks=camera))
 
 
-def test_invented_names_are_bounded_and_counted(
+def test_invented_names_are_bounded_and_counted_for_prometheus(
     prometheus: PrometheusExporter,
 ) -> None:
     give(prometheus, 4)
@@ -149,6 +151,24 @@ def test_invented_names_are_bounded_and_counted(
         "people4d_cpu",
         frozenset({"service=detector", "instance=detector-1", "host=nuc"}),
     ) in got
+
+
+def test_invented_names_are_bounded_and_counted_for_opentelemetry() -> None:
+    metrics = InMemoryMetricReader()
+    exporter = OtelExporter("robot", SimpleSpanProcessor(InMemorySpanExporter()), metrics)
+    data = None
+    for number in range(200):
+        forge(exporter, number)
+        if number % 40 == 39:
+            data = metrics.get_metrics_data()
+    exporter.close()
+    assert data is not None
+    points: dict[str, list[Any]] = {
+        metric.name: list(metric.data.data_points)
+        for metric in data.resource_metrics[0].scope_metrics[0].metrics
+    }
+    assert sum(map(len, points.values())) <= SAMPLES_MAX + STAGES_MAX + CAMERAS_MAX + 1
+    assert points["people4d.left_out"][0].value > 500
 
 
 def test_long_name_is_left_out(prometheus: PrometheusExporter) -> None:
@@ -176,11 +196,78 @@ def test_taken_port_is_reported(prometheus: PrometheusExporter) -> None:
         PrometheusExporter("127.0.0.1", prometheus.port)
 
 
+def test_opentelemetry_spans_match_hand_worked_values() -> None:
+    spans, metrics = InMemorySpanExporter(), InMemoryMetricReader()
+    exporter = OtelExporter("robot", SimpleSpanProcessor(spans), metrics)
+    give(exporter, 1)
+    finished = spans.get_finished_spans()
+    by_name = {one.name: one for one in finished}
+    frame = by_name["frame"]
+    assert frame.context is not None
+    assert (frame.start_time, frame.end_time) == (BEGIN_NS, BEGIN_NS + 45 * MS)
+    assert frame.attributes is not None
+    assert frame.attributes["people4d.clock_error_ms"] == 0.5
+    # 10 measured, 2 between processes, 1 beside; all below the frame.
+    children = [one for one in finished if one.parent is not None]
+    assert len(children) == 13
+    assert {child.parent.span_id for child in children if child.parent} == {frame.context.span_id}
+    ride = by_name["tracker.transport"]
+    assert (ride.start_time, ride.end_time) == (BEGIN_NS + 37 * MS, BEGIN_NS + 40 * MS)
+    assert dict(by_name["tracker.association"].resource.attributes) == {
+        "service.name": "tracker",
+        "service.namespace": "robot",
+        "service.instance.id": "tracker-1",
+        "host.name": "brain",
+    }
+    data = metrics.get_metrics_data()
+    assert data is not None
+    points: dict[str, list[Any]] = {
+        metric.name: list(metric.data.data_points)
+        for metric in data.resource_metrics[0].scope_metrics[0].metrics
+    }
+    assert {"people4d.stage.duration", "people4d.latency", "people4d.losses"} <= set(points)
+    (latency,) = points["people4d.latency"]
+    assert latency.sum == pytest.approx(0.045)
+    (offset,) = [p for p in points["people4d.clock_offset"] if p.attributes["host"] == "brain"]
+    assert offset.value == pytest.approx(0.25)
+    exporter.close()
+
+
+class Collector(BaseHTTPRequestHandler):
+    """Takes what OTLP sends over HTTP, and keeps the paths."""
+
+    paths: ClassVar[list[str]] = []
+
+    def do_POST(self) -> None:
+        self.paths.append(self.path)
+        self.rfile.read(int(self.headers["Content-Length"]))
+        self.send_response(200)
+        self.end_headers()
+
+    def log_message(self, *_: object) -> None:
+        """Be silent."""
+
+
+def test_otlp_is_flushed_at_the_end() -> None:
+    server = HTTPServer(("127.0.0.1", 0), Collector)
+    thread = threading.Thread(target=server.serve_forever)
+    thread.start()
+    try:
+        exporter = otlp_exporter("robot", f"http://127.0.0.1:{server.server_port}/")
+        give(exporter, 2)
+        exporter.close()
+    finally:
+        server.shutdown()
+        thread.join()
+        server.server_close()
+    assert set(Collector.paths) == {"/v1/traces", "/v1/metrics"}
+
+
 def test_metrics_of_a_running_system_are_served(
     talking: str, prometheus: PrometheusExporter
 ) -> None:
     client = Client(talking)
-    thread = threading.Thread(target=feed, args=(client, prometheus), daemon=True)
+    thread = threading.Thread(target=feed, args=(client, [prometheus]), daemon=True)
     thread.start()
     key = ("people4d_latency_seconds_count", frozenset({"camera=front"}))
     end_s = time.monotonic() + WAIT_S
@@ -193,4 +280,4 @@ def test_metrics_of_a_running_system_are_served(
 def test_export_without_a_target_is_rejected() -> None:
     result = CliRunner().invoke(app, ["export"])
     assert result.exit_code == 2
-    assert "--prometheus" in result.stderr
+    assert "--prometheus PORT, --otlp URL" in result.stderr

@@ -3,8 +3,9 @@
 import os
 import socket
 import time
-from contextlib import closing, suppress
-from typing import TYPE_CHECKING, Annotated
+from collections.abc import Sequence
+from contextlib import ExitStack, closing, suppress
+from typing import Annotated
 
 import typer
 
@@ -13,45 +14,92 @@ from common.runtime.monitor import Monitor
 from common.transport.trace import ProcessId
 from deploy.cli.options import Connect, Robot, open_client
 from deploy.cli.terminal import signals_interrupt
+from deploy.exporters.measures import Exporter
 from people4d.client import Client
 from people4d.messages import Health
 
-if TYPE_CHECKING:
-    from deploy.exporters.prometheus import PrometheusExporter
-
-WINDOW_S = 10.0  # window of latencies [s]
+WINDOW_S = 10.0
+METRICS_S = 10.0
 
 
 def export(
     prometheus: Annotated[
-        int, typer.Option(metavar="PORT", min=0, max=65535, help="Serve /metrics on this port.")
-    ],
+        int | None,
+        typer.Option(metavar="PORT", min=0, max=65535, help="Serve /metrics on this port."),
+    ] = None,
     address: Annotated[str, typer.Option(help="Address of the server.")] = "127.0.0.1",
+    otlp: Annotated[
+        str,
+        typer.Option(
+            metavar="URL", help="Send to an OpenTelemetry collector, e.g. http://localhost:4318."
+        ),
+    ] = "",
     robot: Robot = "robot",
     connect: Connect = "",
 ) -> None:
-    """Export latency of every stage and health of every process to Prometheus.
+    """Export latency of every stage and health of every process to Prometheus or OpenTelemetry.
 
-    Runs until Ctrl-C, and needs the extra prometheus.
+    Runs until Ctrl-C. Prometheus needs the extra prometheus, OpenTelemetry the extra otel.
     """
-    need("Prometheus", "prometheus")
-    from deploy.exporters.prometheus import PrometheusExporter  # noqa: PLC0415 (optional)
-
+    if prometheus is None and not otlp:
+        raise typer.BadParameter("name --prometheus PORT, --otlp URL, or both")
+    if prometheus is not None:
+        need("Prometheus", "prometheus")
+    if otlp:
+        need("OpenTelemetry", "otel")
     with (
         open_client(connect, robot) as client,
-        closing(PrometheusExporter(address, prometheus)) as exporter,
+        ExitStack() as exporters,
         suppress(KeyboardInterrupt),
         signals_interrupt(),
     ):
-        typer.echo(f"Serving http://{address}:{exporter.port}/metrics; Ctrl-C ends it.")
-        feed(client, exporter)
+        used: list[Exporter] = []
+        if prometheus is not None:
+            used.append(exporters.enter_context(closing(prometheus_exporter(address, prometheus))))
+        if otlp:
+            used.append(exporters.enter_context(closing(otlp_exporter(robot, otlp))))
+        feed(client, used)
 
 
-def feed(client: Client, exporter: "PrometheusExporter") -> None:
-    """Give an exporter frames and heartbeats, until interrupted."""
+def feed(client: Client, exporters: Sequence[Exporter]) -> None:
+    """Give exporters what comes, until interrupted."""
     monitor = Monitor(ProcessId("export", f"export-{os.getpid()}", socket.gethostname()), WINDOW_S)
     for arrival, path in monitor.follow(client):
-        if path:
-            exporter.add_frame_path(path)
-        elif isinstance(arrival.message, Health):
-            exporter.healths = monitor.healths(time.monotonic())
+        for exporter in exporters:
+            if path:
+                exporter.add_frame_path(path)
+            elif isinstance(arrival.message, Health):
+                exporter.healths = monitor.healths(time.monotonic())
+
+
+def prometheus_exporter(address: str, port: int) -> Exporter:
+    """Return what serves Prometheus."""
+    from deploy.exporters.prometheus import PrometheusExporter  # noqa: PLC0415 (optional)
+
+    exporter = PrometheusExporter(address, port)
+    typer.echo(f"Serving http://{address}:{exporter.port}/metrics; Ctrl-C ends it.")
+    return exporter
+
+
+def otlp_exporter(robot: str, url: str) -> Exporter:
+    """Return what sends to a collector by OTLP over HTTP."""
+    from opentelemetry.exporter.otlp.proto.http.metric_exporter import (  # noqa: PLC0415
+        OTLPMetricExporter,
+    )
+    from opentelemetry.exporter.otlp.proto.http.trace_exporter import (  # noqa: PLC0415
+        OTLPSpanExporter,
+    )
+    from opentelemetry.sdk.metrics.export import PeriodicExportingMetricReader  # noqa: PLC0415
+    from opentelemetry.sdk.trace.export import BatchSpanProcessor  # noqa: PLC0415
+
+    from deploy.exporters.otel import OtelExporter  # noqa: PLC0415
+
+    base = url.rstrip("/")
+    typer.echo(f"Sending to {base}/v1/traces and /v1/metrics; Ctrl-C ends it.")
+    return OtelExporter(
+        robot,
+        BatchSpanProcessor(OTLPSpanExporter(f"{base}/v1/traces")),
+        PeriodicExportingMetricReader(
+            OTLPMetricExporter(f"{base}/v1/metrics"), export_interval_millis=METRICS_S * 1e3
+        ),
+    )

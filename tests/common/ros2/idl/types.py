@@ -187,6 +187,30 @@ class TFMessage(idl.IdlStruct, typename="tf2_msgs.msg.dds_.TFMessage_"):
 
 @dataclass
 @annotate.final
+class Gid(idl.IdlStruct, typename="rmw_dds_common.msg.dds_.Gid_"):
+    data: types.array[types.uint8, 16]
+
+
+@dataclass
+@annotate.final
+class NodeEntitiesInfo(idl.IdlStruct, typename="rmw_dds_common.msg.dds_.NodeEntitiesInfo_"):
+    node_namespace: types.bounded_str[256]
+    node_name: types.bounded_str[256]
+    reader_gid_seq: types.sequence[Gid]
+    writer_gid_seq: types.sequence[Gid]
+
+
+@dataclass
+@annotate.final
+class ParticipantEntitiesInfo(
+    idl.IdlStruct, typename="rmw_dds_common.msg.dds_.ParticipantEntitiesInfo_"
+):
+    gid: Gid
+    node_entities_info_seq: types.sequence[NodeEntitiesInfo]
+
+
+@dataclass
+@annotate.final
 class KeyValue(idl.IdlStruct, typename="diagnostic_msgs.msg.dds_.KeyValue_"):
     key: str
     value: str
