@@ -150,7 +150,7 @@ TOPICS: tuple[Topic, ...] = (
                   "ros2_bridge report operator", owned=True),
     Topic("detections", "detections/{camera}", Detections, 30, "queue", 64, "detector",
           readers="dashboard camera detector tracker skeleton gait visual_odometry gt_bridge "
-                  "report operator"),
+                  "ros2_bridge report operator"),
     Topic("crops", "raw/{camera}/crops", Crops, 30, "queue", 8, "detector",
           readers="reid operator", leaves_host=False),
     Topic("embeddings", "embeddings/{camera}", Embeddings, 30, "queue", 64, "reid",

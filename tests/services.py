@@ -4,7 +4,7 @@ import importlib
 import itertools
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from common.runtime.node import Node
 from people4d.messages import Odometry
 from services.camera.calibration import Intrinsics, camera_info
 from services.camera.source import Source, SourceFrame
-from services.ros2_bridge.config import OUTPUTS
+from services.ros2_bridge.config import Output
 
 SIZE = (48, 64)
 
@@ -47,7 +47,7 @@ SERVICES: dict[str, dict[str, Any]] = {
     "skeleton": {},
     "ros2_bridge": {
         "ros2": Ros2Config(transport="tests.ros2_bridge.memory:MemoryTransport"),
-        "publish": OUTPUTS,
+        "publish": get_args(Output),
         "reader_frame": "odom",
     },
     "gt_bridge": {},

@@ -1,4 +1,4 @@
-"""ROS 2 topics on DDS by Cyclone DDS, without bridge or router."""
+"""ROS 2 topics by DDS itself, through Cyclone DDS: no bridge, no router."""
 
 import os
 import re
@@ -30,44 +30,44 @@ from cyclonedds.util import duration
 
 from common.ros2.config import Ros2Config
 from common.ros2.dds_graph import DdsGraph
-from common.ros2.dds_types import cdr_type
+from common.ros2.dds_types import CdrSample, cdr_type
 from common.ros2.names import resolve
-from common.ros2.transport import DEFAULT, Qos, Receive, Ros2Sample, Ros2Transport, Send
+from common.ros2.transport import DEFAULT, Qos, Receive, Ros2Publisher, Ros2Sample, Ros2Transport
 from common.ros2.types import dds_name, type_hash
 from people4d.errors import ConfigError
 
-BLOCK_S = 0.1  # maximum wait of a reliable publisher for a slow subscriber [s]
-CLOSE_S = 2.0  # maximum wait for the end of a subscription [s]
+BLOCK_S = 0.1  # [s] a reliable publisher waits for a slow subscriber
+CLOSE_S = 2.0
 UNLIMITED = -1
 NEW = ViewState.Any | InstanceState.Alive | SampleState.NotRead
-MAX_PUBLISHERS = 1000  # maximum number of publishers read at once
+MAX_PUBLISHERS = 1000  # discovered at a time
 TYPE_HASH = re.compile(rb"typehash=(RIHS\d+_[0-9a-f]+);")  # in the user data of ROS 2's publishers
-TYPE_CONSISTENCY = 24  # number of the policy in DDS-XTypes
-# Unicast to the first participants of this machine, as in ROS 2 with local discovery.
+TYPE_CONSISTENCY = 24  # number of the policy, in DDS-XTypes
+# Unicast to the first participants of this machine, as ROS 2 does where discovery is local.
 LOCAL_DISCOVERY = (
     "<Discovery><ParticipantIndex>auto</ParticipantIndex>"
     "<MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>"
     '<Peers><Peer address="localhost"/></Peers></Discovery>'
 )
 
-# The binding converts policies in buffers shared by all threads of the process. Without this lock
-# it crashes when two subscriptions read publishers at once. Other users of the binding in the same
-# process must hold it for every call with a QoS, too.
+# The binding converts policies in buffers that all threads of the process share: without this lock
+# it crashes as soon as two subscriptions look at publishers at once. A program that uses the
+# binding beside this transport takes it for everything with a QoS, too.
 BINDING_LOCK = threading.RLock()
 
-# Domains with their configuration, shared by all participants of the process.
+# The configuration of a domain holds for all participants of the process.
 _domains: WeakValueDictionary[tuple[int, str], Domain] = WeakValueDictionary()
 
 
 class Dds(Ros2Transport):
-    """Participant of DDS with the name of a node; loopback only unless configured.
+    """Participant of DDS under a node's name; loopback only unless configured.
 
-    Publishers carry the hash of their type as in ROS 2 since Iron. Messages of a publisher with
-    another hash are dropped. $CYCLONEDDS_URI, the configuration of Cyclone DDS, overrides
+    Publishers carry the hash of their type as in ROS 2 since Iron; messages of a publisher with
+    another hash are dropped. $CYCLONEDDS_URI, the configuration of Cyclone DDS, wins over
     `interface`.
 
     Raises:
-        ConfigError: The network interface does not exist, or the configuration is invalid.
+        ConfigError: The network interface does not exist, or Cyclone DDS refuses its configuration.
     """
 
     def __init__(self, config: Ros2Config) -> None:
@@ -86,41 +86,30 @@ class Dds(Ros2Transport):
             ) from error
         with BINDING_LOCK:
             self._graph = DdsGraph(self._participant, config)
-        self._writers: list[DataWriter[Any]] = []
+        self._publishers: list[_DdsPublisher] = []
         self._threads: list[threading.Thread] = []
         self._stop = GuardCondition(self._participant)
 
-    def publisher(self, topic: str, kind: str, qos: Qos = DEFAULT) -> Send:
-        """Announce a topic, see the base class.
-
-        Cyclone DDS rejects payloads of another type, which count as send_errors.
-        """
+    def publisher(self, topic: str, kind: str, qos: Qos = DEFAULT) -> Ros2Publisher:
+        """Announce a topic, see the base class."""
         with BINDING_LOCK:
             entity = self._topic(topic, kind)
             writer = DataWriter(self._participant, entity, qos=self._policies(qos, kind))
-        self._graph.announce("writer", writer)
-        number, sample = len(self._writers), cdr_type(kind)
-        self._writers.append(writer)
-
-        def send(cdr: bytes) -> None:
-            try:
-                if self._writers:  # not closed
-                    self._writers[number].write(sample(cdr))
-            except DDSException:
-                self.counters["send_errors"] += 1
-
-        return send
+        self._graph.add_writer(writer)
+        publisher = _DdsPublisher(writer, cdr_type(kind), self.counters, self._graph)
+        self._publishers.append(publisher)
+        return publisher
 
     def subscribe(self, topic: str, kind: str, receive: Receive, qos: Qos = DEFAULT) -> None:
         """Receive a topic, see the base class.
 
-        A publisher whose type has another name or structure is counted once: Cyclone DDS does not
-        deliver its messages.
+        Of a publisher whose type has another name or structure nothing arrives: it is counted once,
+        not by its messages.
         """
         with BINDING_LOCK:
             entity = self._topic(topic, kind)
             reader = DataReader(self._participant, entity, qos=self._policies(qos, kind))
-        self._graph.announce("reader", reader)
+        self._graph.add_reader(reader)
         subscription = _Subscription(self.counters, reader, kind, qos.depth)
 
         def work() -> None:
@@ -137,7 +126,8 @@ class Dds(Ros2Transport):
         self._stop.set(True)
         for thread in self._threads:
             thread.join(CLOSE_S)
-        self._writers.clear()  # deletes them
+        for publisher in self._publishers:
+            publisher.close()
         self._graph.close()
 
     def _topic(self, topic: str, kind: str) -> Any:
@@ -151,31 +141,56 @@ class Dds(Ros2Transport):
             Policy.Reliability.Reliable(duration(seconds=BLOCK_S))
             if qos.reliability == "reliable"
             else Policy.Reliability.BestEffort,
-            # The encoding of ROS 2.
+            # The encoding of ROS 2; another could not be decoded.
             Policy.DataRepresentation(use_cdrv0_representation=True),
         ]
         if qos.durability == "transient_local":
+            unlimited = -1
             policies += [
                 Policy.Durability.TransientLocal,
-                Policy.DurabilityService(0, history, UNLIMITED, UNLIMITED, UNLIMITED),
+                Policy.DurabilityService(0, history, unlimited, unlimited, unlimited),
             ]
         if self._config.distribution != "humble":
             policies.append(Policy.Userdata(f"typehash={type_hash(kind)};".encode()))
         return Policies(*policies)
 
 
+class _DdsPublisher(Ros2Publisher):
+    def __init__(
+        self, writer: Any, sample: type[CdrSample], counters: Counter[str], graph: DdsGraph
+    ) -> None:
+        self._writer = writer
+        self._sample = sample
+        self._counters = counters
+        self._graph = graph
+
+    def send(self, cdr: bytes) -> None:
+        """Publish a message; Cyclone DDS refuses bytes that are none of the type."""
+        try:
+            if self._writer is not None:
+                self._writer.write(self._sample(cdr))
+        except DDSException:
+            self._counters["send_errors"] += 1
+
+    def close(self) -> None:
+        """Leave the topic."""
+        if self._writer is not None:
+            self._graph.remove_writer(self._writer)
+            self._writer = None  # deletes it
+
+
 class _Subscription:
-    """One reader, and the types of its publishers."""
+    """One reader, and what is known of the publishers that it hears."""
 
     def __init__(self, counters: Counter[str], reader: Any, kind: str, depth: int) -> None:
         self._counters = counters
         self._reader = reader
         self._kind = kind
         self._depth = depth
-        self._of_type: dict[int, bool] = {}  # whether the type matches, by handle of the publisher
+        self._of_type: dict[int, bool] = {}  # by the handle of the publisher
 
     def run(self, participant: Any, stop: Any, receive: Receive) -> None:
-        """Deliver messages until `stop` is set."""
+        """Pass messages on until `stop` is set."""
         new = ReadCondition(self._reader, NEW)
         with BINDING_LOCK:
             publishers = BuiltinDataReader(participant, BuiltinTopicDcpsPublication)
@@ -186,7 +201,7 @@ class _Subscription:
             waitset.attach(entity)
         while not stop.read():
             waitset.wait(duration(infinite=True))
-            self._count_refused(publishers)
+            self._check(publishers)
             for sample in self._reader.take(self._depth, condition=new):
                 info = sample.sample_info
                 if self._is_of_type(info.publication_handle):
@@ -194,8 +209,8 @@ class _Subscription:
                 else:
                     self._counters["other_type"] += 1
 
-    def _count_refused(self, publishers: Any) -> None:
-        """Count publishers that Cyclone DDS does not connect: other type or lower quality."""
+    def _check(self, publishers: Any) -> None:
+        """Count publishers of another type, which Cyclone DDS does not connect."""
         refused = self._reader.get_requested_incompatible_qos_status()
         cause = "other_type" if refused.last_policy_id == TYPE_CONSISTENCY else "other_qos"
         self._counters[cause] += refused.total_count_change
@@ -210,7 +225,7 @@ class _Subscription:
         if handle not in self._of_type:
             with BINDING_LOCK:
                 publisher = self._reader.get_matched_publication_data(handle)
-            # None: the publisher left before its last message was read.
+            # None: it left before its last message was read.
             self._of_type[handle] = publisher is None or self._matches(publisher)
         return self._of_type[handle]
 
@@ -222,7 +237,7 @@ class _Subscription:
 
 
 def _domain(config: Ros2Config) -> Domain | None:
-    """Return the configured domain, or None if the environment configures Cyclone DDS."""
+    """Return the domain with its configuration; None where the environment configures it."""
     if os.environ.get("CYCLONEDDS_URI"):
         return None
     key = config.domain_id, config.interface

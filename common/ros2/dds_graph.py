@@ -1,6 +1,6 @@
-"""Announcement of a node on DDS, for `ros2 node list` and `ros2 node info`."""
+"""The node of a DDS participant, as `ros2 node list` and `ros2 node info` find it."""
 
-from typing import Any, Literal
+from typing import Any
 
 from cyclonedds.pub import DataWriter
 from cyclonedds.qos import Policy, Qos
@@ -16,16 +16,17 @@ KIND = "rmw_dds_common/msg/ParticipantEntitiesInfo"
 
 
 class DdsGraph:
-    """Announces a node with its publishers and subscriptions.
+    """Announces a node with its publishers and subscriptions; not to Humble.
 
-    Humble has another definition of the message: it shows the topics without a node.
+    Humble has another definition of the message. It shows the topics, but no node.
     """
 
     def __init__(self, participant: Any, config: Ros2Config) -> None:
         self._gid = _gid(participant)
         self._namespace = f"/{config.namespace}" if config.namespace else "/"
         self._node = config.node
-        self._gids: dict[str, list[Fields]] = {"reader_gid_seq": [], "writer_gid_seq": []}
+        self._readers: list[Fields] = []
+        self._writers: list[Fields] = []
         self._announcer: Any = None
         if config.distribution == "humble":
             return
@@ -36,21 +37,36 @@ class DdsGraph:
             Policy.DataRepresentation(use_cdrv0_representation=True),
         )
         self._announcer = DataWriter(participant, Topic(participant, TOPIC, cdr_type(KIND)), qos)
-        self._send()
+        self._announce()
 
-    def announce(self, role: Literal["reader", "writer"], entity: Any) -> None:
-        """Announce a subscription or publisher."""
-        self._gids[f"{role}_gid_seq"].append(_gid(entity))
-        self._send()
+    def add_reader(self, reader: Any) -> None:
+        """Announce a subscription."""
+        self._readers.append(_gid(reader))
+        self._announce()
+
+    def add_writer(self, writer: Any) -> None:
+        """Announce a publisher."""
+        self._writers.append(_gid(writer))
+        self._announce()
+
+    def remove_writer(self, writer: Any) -> None:
+        """Withdraw a publisher."""
+        self._writers.remove(_gid(writer))
+        self._announce()
 
     def close(self) -> None:
         """Withdraw the node."""
         self._announcer = None
 
-    def _send(self) -> None:
+    def _announce(self) -> None:
         if self._announcer is None:
             return
-        node = {"node_namespace": self._namespace, "node_name": self._node, **self._gids}
+        node = {
+            "node_namespace": self._namespace,
+            "node_name": self._node,
+            "reader_gid_seq": self._readers,
+            "writer_gid_seq": self._writers,
+        }
         message = {"gid": self._gid, "node_entities_info_seq": [node]}
         self._announcer.write(cdr_type(KIND)(encode(KIND, message)))
 

@@ -7,12 +7,21 @@ import hashlib
 import itertools
 import struct
 import time
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator
+from typing import Any
 
 from common.ros2 import types
 from common.ros2.config import Ros2Config
 from common.ros2.names import NodeTokens, TopicType
-from common.ros2.transport import DEFAULT, Qos, Receive, Ros2Sample, Ros2Transport, Send
+from common.ros2.transport import (
+    DEFAULT,
+    Qos,
+    Receive,
+    Ros2Publisher,
+    Ros2Sample,
+    Ros2Transport,
+)
 from common.ros2.zenoh_link import ZenohLink
 
 # Sequence number, wall clock [ns], length of the publisher's identity, identity.
@@ -32,33 +41,21 @@ class RmwZenoh(Ros2Transport):
         self._numbers: Iterator[int] = itertools.count(1)
         self._link.declare_token(self._tokens.of_node())
 
-    def publisher(self, topic: str, kind: str, qos: Qos = DEFAULT) -> Send:
+    def publisher(self, topic: str, kind: str, qos: Qos = DEFAULT) -> Ros2Publisher:
         """Announce a topic, see `Ros2Transport.publisher`."""
-        named = TopicType.from_config(self._config, topic, kind)
+        named = TopicType.of(self._config, topic, kind)
         token = self._tokens.of_publisher(next(self._numbers), named, qos)
         publisher = self._link.publisher(named.key(self._config.domain_id), qos)
-        self._link.declare_token(token)
-        # rmw_zenoh also derives the identity from the token; it only has to be unique.
-        identity = hashlib.blake2b(token.encode(), digest_size=16).digest()
-        numbers = itertools.count(1)
-
-        def send(cdr: bytes) -> None:
-            attachment = ATTACHMENT.pack(next(numbers), time.time_ns(), 16, identity)
-            try:
-                publisher.put(cdr, attachment=attachment)
-            except Exception:  # for example of a closed session
-                self.counters["send_errors"] += 1
-
-        return send
+        return RmwZenohPublisher(publisher, token, self._link.declare_token(token), self.counters)
 
     def subscribe(self, topic: str, kind: str, receive: Receive, qos: Qos = DEFAULT) -> None:
         """Receive a topic, see `Ros2Transport.subscribe`."""
-        named = TopicType.from_config(self._config, topic, kind)
-        # All types, so that messages of other types are counted.
+        named = TopicType.of(self._config, topic, kind)
+        # All types, so that those that are not read are counted.
         key = f"{self._config.domain_id}{named.topic}/*/*"
         ending = f"/{types.dds_name(kind)}/{named.hash}"
 
-        def on_sample(cdr: bytes, attachment: bytes | None, key: str) -> None:
+        def take(cdr: bytes, attachment: bytes | None, key: str) -> None:
             if not key.endswith(ending):
                 self.counters["other_type"] += 1
             elif attachment is None or len(attachment) != ATTACHMENT.size:
@@ -66,9 +63,38 @@ class RmwZenoh(Ros2Transport):
             else:
                 self.deliver(receive, Ros2Sample(cdr, ATTACHMENT.unpack(attachment)[1]))
 
-        self._link.receive(key, qos, on_sample)
+        self._link.receive(key, qos, take)
         self._link.declare_token(self._tokens.of_subscription(next(self._numbers), named, qos))
 
     def close(self) -> None:
         """Leave the network, see `Ros2Transport.close`."""
         self._link.close()
+
+
+class RmwZenohPublisher(Ros2Publisher):
+    """Publisher of one topic, announced by a token; it numbers its messages."""
+
+    def __init__(
+        self,
+        publisher: Any,
+        token: str,
+        withdraw: Callable[[], None],
+        counters: Counter[str],
+    ) -> None:
+        self._publisher, self._withdraw, self._counters = publisher, withdraw, counters
+        # rmw_zenoh derives it from the token, too; it must only be the publisher's own.
+        self._identity = hashlib.blake2b(token.encode(), digest_size=16).digest()
+        self._numbers = itertools.count(1)
+
+    def send(self, cdr: bytes) -> None:
+        """Publish a message, see `Ros2Publisher.send`."""
+        attachment = ATTACHMENT.pack(next(self._numbers), time.time_ns(), 16, self._identity)
+        try:
+            self._publisher.put(cdr, attachment=attachment)
+        except Exception:  # for example of a closed session
+            self._counters["send_errors"] += 1
+
+    def close(self) -> None:
+        """Leave the topic."""
+        self._withdraw()
+        self._publisher.undeclare()

@@ -1,4 +1,4 @@
-"""Zenoh session on the keys of ROS 2, used by the transport `rmw_zenoh`."""
+"""Zenoh session on the keys of ROS 2, from which `rmw_zenoh` makes a transport."""
 
 import os
 from collections.abc import Callable
@@ -20,30 +20,30 @@ OnSample = Callable[[bytes, bytes | None, str], None]  # payload, attachment, ke
 
 
 def read_config(config: Ros2Config) -> zenoh.Config:
-    """Return the configuration of Zenoh for the robot's own network, or for other endpoints.
+    """Return the configuration of Zenoh: of the robot's own network, or for other endpoints.
 
     Raises:
-        ConfigError: A file or environment variable of Zenoh's configuration is invalid.
+        ConfigError: A file or variable of it is not usable.
     """
     if not config.endpoints:
         if os.environ.get("PEOPLE4D_KEYS"):
             raise ConfigError(
-                "the robot's router admits roles of people4d only, and nodes of ROS 2 have none",
+                "the robot's router lets in roles of people4d only, which nodes of ROS 2 have not",
                 "Run rmw_zenohd on another port, and set ros2.endpoints to it.",
             )
         return session.read_config(None, "peer")
-    # Peers on other hosts cannot reach a loopback address: a client lets the router forward.
+    # Peers on other hosts cannot reach this one on the loopback interface: routers forward then.
     local = all(any(host in endpoint for host in LOCAL) for endpoint in config.endpoints)
     environment = {"PEOPLE4D_CONNECT": ",".join(config.endpoints)}
     return session.read_config(session.CONFIGS, "peer" if local else "client", environment)
 
 
 class ZenohLink(ZenohSession):
-    """Publishes and receives bytes with attachments on any key, and declares liveliness tokens.
+    """Publishes and receives raw bytes with attachments on any key, and declares tokens.
 
     Raises:
-        ConfigError: An endpoint or a configuration file is invalid.
-        People4dError: No session could be opened.
+        ConfigError: An endpoint is none, or a file of the configuration is not usable.
+        People4dError: There is no session.
     """
 
     def __init__(self, config: Ros2Config) -> None:
@@ -51,8 +51,8 @@ class ZenohLink(ZenohSession):
         self._tokens: list[Any] = []
 
     def publisher(self, key: str, qos: Qos) -> Any:
-        """Declare a publisher; it caches messages for late joiners if it is transient local."""
-        drop: Any = zenoh.CongestionControl.DROP  # a blocked consumer must not delay others
+        """Declare a publisher; late joiners get its last messages if the quality says so."""
+        drop: Any = zenoh.CongestionControl.DROP  # a consumer that hangs must not hold up others
         if qos.durability == "volatile":
             return self._session.declare_publisher(key, congestion_control=drop, express=True)
         return zenoh.ext.declare_advanced_publisher(
@@ -65,7 +65,7 @@ class ZenohLink(ZenohSession):
         )
 
     def receive(self, key: str, qos: Qos, on_sample: OnSample) -> None:
-        """Call a function with each message of other sessions on a key, in a separate thread."""
+        """Call a function with each message of others on a key, in a thread of its own."""
         channel: Any = zenoh.handlers.RingChannel(max(qos.depth, 1))
         subscriber: Any
         others = zenoh.Locality.REMOTE
@@ -79,9 +79,17 @@ class ZenohLink(ZenohSession):
         subscription = self._keep(subscriber)
         self._start(lambda: _pass_on(subscription, on_sample), f"receive {key}")
 
-    def declare_token(self, key: str) -> None:
-        """Declare a liveliness token until `close`."""
-        self._tokens.append(self._session.liveliness().declare_token(key))
+    def declare_token(self, key: str) -> Callable[[], None]:
+        """Declare a liveliness token, and return what withdraws it; closing does, too."""
+        token: Any = self._session.liveliness().declare_token(key)
+        self._tokens.append(token)
+
+        def withdraw() -> None:
+            if token in self._tokens:
+                self._tokens.remove(token)
+                token.undeclare()
+
+        return withdraw
 
 
 def _pass_on(subscription: ZenohSubscription, on_sample: OnSample) -> None:

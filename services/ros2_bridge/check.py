@@ -1,5 +1,7 @@
 """Check of the settings before anything is started."""
 
+import msgspec
+
 from common.ros2.names import resolve
 from common.ros2.transports import find_transport
 from services.ros2_bridge.config import Ros2BridgeConfig
@@ -12,5 +14,6 @@ def check_outputs(config: Ros2BridgeConfig) -> None:
         ConfigError: A library is not installed, or ROS has no such name.
     """
     find_transport(config.ros2)
-    for output in config.publish:
-        resolve(config.topic(output), config.ros2.namespace)
+    for name, output in msgspec.structs.asdict(config.outputs).items():
+        if name in config.publish:
+            resolve(output.topic, config.ros2.namespace)

@@ -1,7 +1,6 @@
 """Configuration of the bridge to ROS 2."""
 
-from collections.abc import Mapping
-from typing import Literal, get_args
+from typing import Literal
 
 from common.config import Config
 from common.ros2.config import Ros2Config
@@ -14,64 +13,63 @@ Output = Literal[
     "pedestrians",
     "agents",
     "tracked_persons",
+    "humans",
+    "boxes",
     "odometry",
     "tf",
     "clock",
     "diagnostics",
 ]
-OUTPUTS: tuple[Output, ...] = get_args(Output)
-# Topics by output; without "/" in front a topic is below the namespace
-TOPICS: Mapping[Output, str] = {
-    "people": "/people",
-    "markers": "people4d/markers",
-    "prediction_markers": "people4d/prediction_markers",
-    "pedestrians": "/pedestrians",
-    "agents": "/tracked_agents",
-    "tracked_persons": "/spencer/perception/tracked_persons",
-    "odometry": "people4d/odometry",
-    "tf": "/tf",
-    "clock": "/clock",
-    "diagnostics": "/diagnostics",
-}
-# Maximum rates by output [Hz]; all messages of the others are sent
-RATES_MAX_HZ: Mapping[Output, float] = {"markers": 15.0, "diagnostics": 1.0}
+
+
+class OutputConfig(Config, frozen=True, kw_only=True):
+    """One output; without "/" in front its topic is below the namespace."""
+
+    topic: str  # name of the topic, or of the first part of several
+    rate_max_hz: NonNegative = 0.0  # [Hz] messages between are left out; 0: all are sent
+
+
+class OutputConfigs(Config, frozen=True, kw_only=True):
+    """Topics and rates of all outputs, those that are not published, too."""
+
+    people: OutputConfig = OutputConfig(topic="/people")
+    markers: OutputConfig = OutputConfig(topic="people4d/markers", rate_max_hz=15.0)
+    prediction_markers: OutputConfig = OutputConfig(topic="people4d/prediction_markers")
+    pedestrians: OutputConfig = OutputConfig(topic="/pedestrians")
+    agents: OutputConfig = OutputConfig(topic="/tracked_agents")
+    tracked_persons: OutputConfig = OutputConfig(topic="/spencer/perception/tracked_persons")
+    humans: OutputConfig = OutputConfig(topic="/humans")
+    boxes: OutputConfig = OutputConfig(topic="people4d/boxes")
+    odometry: OutputConfig = OutputConfig(topic="people4d/odometry")
+    tf: OutputConfig = OutputConfig(topic="/tf")  # static ones: the same name with _static
+    clock: OutputConfig = OutputConfig(topic="/clock")
+    diagnostics: OutputConfig = OutputConfig(topic="/diagnostics", rate_max_hz=1.0)
 
 
 class Ros2BridgeConfig(Config, frozen=True, kw_only=True):
-    """Published topics, and the frames, stamps and conventions of their readers."""
+    """Topics that are published, and how readers want people to be."""
 
     ros2: Ros2Config = Ros2Config()  # connection and name of the node
     # outputs: people (people_msgs), markers and prediction_markers (RViz), pedestrians
-    # (social_nav_msgs), agents (CoHAN), tracked_persons (SPENCER), odometry, tf, clock (of the
-    # recording, for use_sim_time), diagnostics
+    # (social_nav_msgs), agents (CoHAN), tracked_persons (SPENCER), humans (ROS4HRI), boxes
+    # (vision_msgs), odometry, tf, clock (of the recording, for use_sim_time), diagnostics
     publish: tuple[Output, ...] = ("people", "markers")
-    # other topics by output, for example {markers = "/people_in_rviz"}
-    topics: dict[Output, str] = {}  # noqa: RUF012 (msgspec copies it)
-    # other maximum rates by output [Hz], for example {people = 10.0}; 0: all messages are sent
-    rates_max_hz: dict[Output, NonNegative] = {}  # noqa: RUF012 (msgspec copies it)
+    outputs: OutputConfigs = OutputConfigs()
     # convention of people_msgs: nav2 (nav2_social_costmap_plugin, people in RViz) or sfm
     # (social_force_window_planner)
     convention: Literal["nav2", "sfm"] = "nav2"
-    # states of published tracks
+    # tracks that are published
     states: tuple[Literal["tentative", "confirmed", "lost"], ...] = ("confirmed", "lost")
-    # frame of published people; empty: frame of the tracks, "map" unless set otherwise
+    # frame that people are brought to; empty: as they are tracked, "map" unless set otherwise
     frame_id: NameOrEmpty = ""
-    # other names of frames in ROS, for example {map = "robot1/map"}
+    # names that ROS has for frames of ours, for example {map = "robot1/map"}
     frame_names: dict[str, str] = {}  # noqa: RUF012 (msgspec copies it)
-    # stamps: acquired (of the image), or sent (now; people are moved by their velocities over at
-    # most 0.5 s). sent is for recordings, whose stamps are mapped to the time of their playing, and
-    # for readers that refuse messages older than 0.1 s, as CoHAN does
+    # stamps: acquired (of the image), or sent (now, with people moved on by their velocities, at
+    # most 0.5 s: for recordings, whose stamps are mapped to the time of their playing, and for
+    # readers that refuse what is older than 0.1 s, as CoHAN does)
     stamps: Literal["acquired", "sent"] = "acquired"
-    # frame that a reader transforms people to, for example odom: people wait for its transforms on
-    # /tf, so that its lookup at the stamp succeeds; empty: people are sent at once
+    # frame that a reader transforms people to, for example odom: its transforms on /tf are awaited,
+    # so that its lookup at the stamp succeeds; empty: people are sent at once
     reader_frame: str = ""
-    reader_wait_s: Positive = 0.1  # longest wait for a transform as late as the stamp [s]
-    box_m: tuple[Positive, Positive, Positive] = (0.5, 0.6, 1.75)  # depth, width, height [m]
-
-    def topic(self, output: Output) -> str:
-        """Return the topic of an output."""
-        return self.topics.get(output, TOPICS[output])
-
-    def rate_max_hz(self, output: Output) -> float:
-        """Return the maximum rate of an output [Hz]; 0 if all messages are sent."""
-        return self.rates_max_hz.get(output, RATES_MAX_HZ.get(output, 0.0))
+    reader_wait_s: Positive = 0.1  # [s] longest wait for a transform as late as the stamp
+    box_m: tuple[Positive, Positive, Positive] = (0.5, 0.6, 1.75)  # [m] depth, width, height

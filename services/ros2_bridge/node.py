@@ -1,4 +1,4 @@
-"""Node of the bridge, which publishes messages of people4d as topics of ROS 2."""
+"""Node of the bridge: our messages in, topics of ROS 2 out."""
 
 import time
 from collections import Counter
@@ -16,6 +16,7 @@ from common.ros2.transport import Ros2Transport
 from common.runtime.node import NO_LOOP, LoopCallbacks, Node, Status
 from common.transport.stream_clock import EXTRAPOLATION_MAX_NS, StreamClock
 from people4d.messages import (
+    Detections,
     Health,
     Message,
     MovingTransform,
@@ -25,17 +26,18 @@ from people4d.messages import (
     Tracks,
 )
 from services.ros2_bridge.config import Ros2BridgeConfig
+from services.ros2_bridge.humans import Humans, Image
 from services.ros2_bridge.motion import MotionOutputs
-from services.ros2_bridge.output import Ros2Outputs
+from services.ros2_bridge.output import Ros2Output
 from services.ros2_bridge.people import PeopleOutputs
 from services.ros2_bridge.reader_frames import ReaderFrames
 
 COUNTERS = ("reader_unlinked", "reader_restamped", "reader_waits", "not_extrapolated")
 STAMP_MAX_NS = 2**31 * 10**9  # builtin_interfaces/Time has 31 bits of seconds
-GROUPS_NS = 1_000_000_000  # maximum age of predicted groups [ns]
-PENDING_MAX = 16  # maximum number of messages that wait for transforms
-INSTANCES_MAX = 1024  # maximum number of processes in diagnostics
-HEALTH_NS = 3_000_000_000  # age of the last heartbeat at which a process is stale [ns]
+GROUPS_NS = 1_000_000_000  # age from which on predicted groups say nothing
+PENDING_MAX = 16  # messages that wait for transforms
+INSTANCES_MAX = 1024  # further names of processes are ignored
+HEALTH_NS = 3_000_000_000  # age from which on a process is stale
 
 
 @dataclass(frozen=True)
@@ -43,20 +45,21 @@ class _Pending:
     """People that wait for transforms up to their stamp."""
 
     people: RosPeople
+    image: Image
     until_ns: int  # monotonic
 
 
 class Ros2BridgeNode(Node):
-    """Publishes the configured outputs, and counts messages that cannot be sent.
+    """Publishes what is configured; a message that cannot be sent is counted.
 
     Args:
-        config: Published outputs.
-        transport: Node of ROS 2; closed with this node.
+        config: What is published.
+        transport: Node of ROS 2, which this closes.
         wall_ns: The wall clock.
     """
 
     inputs: tuple[type[Message], ...] = (
-        *(Tracks, Predictions, Health),
+        *(Tracks, Predictions, Detections, Health),
         *(StaticTransform, MovingTransform, Odometry),
     )
     required_inputs: ClassVar[tuple[type[Message], ...]] = (Tracks,)
@@ -69,7 +72,7 @@ class Ros2BridgeNode(Node):
     ) -> None:
         self._config, self._transport, self._wall_ns = config, transport, wall_ns
         self._stream, self._is_sent = StreamClock(wall_ns), config.stamps == "sent"
-        self._offset_ns = 0  # wall time of the last people less their stamp
+        self._offset_ns = 0  # of the last people's wall time from their stamp
         self._counters = Counter(dict.fromkeys(COUNTERS, 0))
         self._loop = NO_LOOP
         self._view = RosPeopleView()
@@ -78,30 +81,40 @@ class Ros2BridgeNode(Node):
         self._reader = ReaderFrames(self._counters, self._wake)
         if config.reader_frame:
             self._reader.subscribe(transport)
-        outputs = Ros2Outputs(config, transport, self._counters)
-        self._people = PeopleOutputs(outputs)
-        self._motion = MotionOutputs(outputs, self._reader.add_transform)
-        self._diagnostics = outputs.open_output("diagnostics", DIAGNOSTICS)
-        self._clock = outputs.open_output("clock", CLOCK)
+        self._people = PeopleOutputs(config, transport, self._counters)
+        self._motion = MotionOutputs(config, transport, self._counters, self._reader.add)
+        self._humans: Humans | None = None
+        if "humans" in config.publish:
+            self._humans = Humans(config.outputs.humans, transport, self._counters)
+        self._diagnostics: Ros2Output | None = None
+        if "diagnostics" in config.publish:
+            kind, counters = DIAGNOSTICS, self._counters
+            self._diagnostics = Ros2Output(transport, config.outputs.diagnostics, kind, counters)
+        self._clock: Ros2Output | None = None
+        if "clock" in config.publish:
+            self._clock = Ros2Output(transport, config.outputs.clock, CLOCK, self._counters)
         self._healths: dict[str, tuple[Health, int]] = {}
         self._report_ns: int | None = None
         self._unlinked = False
-        self._too_far_s = 0.0  # refused time step of the last people, 0 if none [s]
+        self._too_far_s = 0.0  # [s] to the time that the last people could not be moved to
 
     def attach(self, loop: LoopCallbacks) -> None:
         """Take the callbacks of the loop."""
         self._loop = loop
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
-        """Publish a message, or count it if ROS cannot hold its stamp."""
+        """Publish what follows from a message; one whose stamp ROS cannot hold is counted."""
         if not 0 <= message.stamp_ns < STAMP_MAX_NS:
             self._counters["ros2_unfit"] += 1
         elif isinstance(message, Tracks):
-            self._handle_tracks(message, now_ns)
+            self._take_tracks(message, now_ns)
         elif isinstance(message, Predictions):
             groups = {one.id: one.group for one in message.people if one.group is not None}
             self._groups = message.stamp_ns, groups
             self._people.send_predictions(message, self._stamp_ns(message))
+        elif isinstance(message, Detections):
+            if self._humans:
+                self._humans.add_detections(message)
         elif isinstance(message, Health):
             if message.instance in self._healths or len(self._healths) < INSTANCES_MAX:
                 self._healths[message.instance] = message, now_ns
@@ -111,7 +124,7 @@ class Ros2BridgeNode(Node):
         return ()
 
     def tick(self, now_ns: int) -> Sequence[Message]:
-        """Publish people whose transforms arrived, and diagnostics when they are due."""
+        """Publish people whose transforms came, and diagnostics when they are due."""
         waiting, self._pending = self._pending, []
         for pending in waiting:
             self._send_when_linked(pending, now_ns)
@@ -125,12 +138,12 @@ class Ros2BridgeNode(Node):
                 (health, now_ns - at_ns < HEALTH_NS) for health, at_ns in self._healths.values()
             )
             self._diagnostics.send(diagnostics(healths, self._wall_ns()))
-            rate_hz = self._config.rate_max_hz("diagnostics") or 1.0
+            rate_hz = self._config.outputs.diagnostics.rate_max_hz or 1.0
             self._report_ns = now_ns + round(1e9 / rate_hz)
         return ()
 
     def wake_ns(self) -> int | None:
-        """Return the time at which waiting people or diagnostics are due [ns]."""
+        """Return the time at which waiting people or diagnostics are due."""
         times = [pending.until_ns for pending in self._pending]
         return min([*times, *([] if self._report_ns is None else [self._report_ns])], default=None)
 
@@ -166,7 +179,7 @@ class Ros2BridgeNode(Node):
             return self._stream.wall_ns(message)
         return message.stamp_ns
 
-    def _handle_tracks(self, message: Tracks, now_ns: int) -> None:
+    def _take_tracks(self, message: Tracks, now_ns: int) -> None:
         stamp_ns, sent_ns = self._stream.wall_ns(message), self._wall_ns()
         self._offset_ns = stamp_ns - message.stamp_ns
         if self._clock:
@@ -182,22 +195,23 @@ class Ros2BridgeNode(Node):
             found = self._moved(replace(found, stamp_ns=stamp_ns), sent_ns)
             if found is None:
                 return
+        image = message.camera, message.stamp_ns
         until_ns = now_ns + round(self._config.reader_wait_s * 1e9)
-        self._send_when_linked(_Pending(found, until_ns), now_ns)
+        self._send_when_linked(_Pending(found, image, until_ns), now_ns)
 
     def _send_when_linked(self, pending: _Pending, now_ns: int) -> None:
-        """Publish people once a reader can look up their frame at their stamp.
+        """Publish people once a reader can look their frame up at their stamp, or late.
 
-        After the longest wait, they are moved to the newest stamp that it can look up.
+        Late means with the newest stamp that it can look up, to which they are moved.
         """
         people, target = pending.people, self._config.reader_frame
         if not target or target == people.frame_id:
-            self._people.send(people)
+            self._send(people, pending.image)
             return
         newest_ns = self._reader.newest_ns(target, people.frame_id)
         if newest_ns is not None and newest_ns >= people.stamp_ns:
             self._unlinked = False
-            self._people.send(people)
+            self._send(people, pending.image)
         elif now_ns < pending.until_ns and len(self._pending) < PENDING_MAX:
             self._counters["reader_waits"] += 1
             self._pending.append(pending)
@@ -209,11 +223,17 @@ class Ros2BridgeNode(Node):
             moved = self._moved(people, newest_ns)
             if moved:
                 self._counters["reader_restamped"] += 1
-                self._people.send(moved)
+                self._send(moved, pending.image)
 
     def _moved(self, people: RosPeople, stamp_ns: int) -> RosPeople | None:
-        """Return people at another time; None, and counted, if it is too far away."""
+        """Return people at another time; None, and counted, if it is too far."""
         moved = people.at(stamp_ns)
         self._too_far_s = 0.0 if moved else (stamp_ns - people.stamp_ns) / 1e9
         self._counters["not_extrapolated"] += 0 if moved else len(people.people)
         return moved
+
+    def _send(self, people: RosPeople, image: Image) -> None:
+        self._people.send(people)
+        if self._humans:
+            self._humans.send(people, image)
+            self._motion.send_bodies(people)

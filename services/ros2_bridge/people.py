@@ -1,51 +1,71 @@
-"""Outputs of people and predictions, in the frame of their readers."""
+"""People as messages of ROS: in the frame and at the stamp that readers can use."""
 
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable
 from functools import partial
 
 import msgspec
 import numpy as np
 
 from common.geometry.transform_buffer import TransformBuffer
-from common.ros2.messages import markers, people
+from common.ros2.messages import boxes, markers, people
 from common.ros2.messages.basic import header
 from common.ros2.messages.person import RosPeople
+from common.ros2.transport import Ros2Transport
 from common.ros2.types import Fields
 from people4d.messages import F64, MovingTransform, Odometry, Predictions, StaticTransform
-from services.ros2_bridge.config import Output
-from services.ros2_bridge.output import Ros2Outputs
+from services.ros2_bridge.config import Ros2BridgeConfig
+from services.ros2_bridge.output import Ros2Output
 
 COUNTERS = ("unknown_frame",)
 
 
 class PeopleOutputs:
-    """Outputs of people and predictions; counts messages that no transform brings to the frame."""
+    """Topics of which each message holds all people, and the predictions.
 
-    def __init__(self, outputs: Ros2Outputs) -> None:
-        self._config, self._counters = config, counters = outputs.config, outputs.counters
+    Args:
+        config: What is published.
+        transport: Node that the topics belong to.
+        counters: Counts `COUNTERS`: messages that cannot be brought to the frame.
+    """
+
+    def __init__(
+        self, config: Ros2BridgeConfig, transport: Ros2Transport, counters: Counter[str]
+    ) -> None:
+        self._config, self._counters = config, counters
         self._transforms = TransformBuffer()
-        kinds: Mapping[Output, tuple[str, Callable[[RosPeople], Fields]]] = {
+        outputs = config.outputs
+        kinds: dict[str, tuple[str, Callable[[RosPeople], Fields]]] = {
             "people": (people.PEOPLE, partial(people.people, convention=config.convention)),
             "pedestrians": (people.PEDESTRIANS, people.pedestrians),
             "agents": (people.AGENTS, people.agents),
             "tracked_persons": (people.PERSONS, people.persons),
-            "markers": (markers.MARKERS, partial(markers.people_markers, size_m=config.box_m)),
+            "boxes": (boxes.DETECTIONS, partial(boxes.detections, size_m=config.box_m)),
+            "markers": (
+                markers.MARKERS,
+                partial(markers.people_markers, size_m=config.box_m),
+            ),
         }
+        configs = msgspec.structs.asdict(outputs)
         self._outputs = [
-            (output, convert)
+            (Ros2Output(transport, configs[name], kind, counters), convert)
             for name, (kind, convert) in kinds.items()
-            if (output := outputs.open_output(name, kind))
+            if name in config.publish
         ]
-        self._predictions = outputs.open_output("prediction_markers", markers.MARKERS)
-        counters.update(dict.fromkeys(COUNTERS, 0))
-        self.problem = ""  # reason why the last message was not sent
+        self._predictions: Ros2Output | None = None
+        if "prediction_markers" in config.publish:
+            self._predictions = Ros2Output(
+                transport, outputs.prediction_markers, markers.MARKERS, counters
+            )
+        self._counters.update(dict.fromkeys(COUNTERS, 0))
+        self.problem = ""  # reason for which the last message was not sent
 
     def add_transform(self, message: StaticTransform | MovingTransform | Odometry) -> None:
-        """Add a transform that may lead to the frame."""
+        """Take a transform that may lead to the frame."""
         self._transforms.add_transform(message)
 
     def in_frame(self, message: RosPeople) -> RosPeople | None:
-        """Return people in the frame of ROS; None if no transform leads to it."""
+        """Return people in the frame of ROS; None if it is not linked to theirs."""
         matrix, frame_id = self._target(message.frame_id, message.stamp_ns)
         if matrix is None:
             return None
@@ -60,7 +80,7 @@ class PeopleOutputs:
                 output.send(convert(message))
 
     def send_predictions(self, message: Predictions, stamp_ns: int) -> None:
-        """Publish predictions, with a stamp for readers."""
+        """Publish predictions with a stamp."""
         if not self._predictions or not self._predictions.is_due(message.stamp_ns):
             return
         matrix, frame_id = self._target(message.frame_id, message.stamp_ns)
@@ -69,7 +89,7 @@ class PeopleOutputs:
             self._predictions.send(markers.prediction_markers(_moved(message, matrix), head))
 
     def _target(self, source: str, stamp_ns: int) -> tuple[F64 | None, str]:
-        """Return the transform from a frame to the frame of ROS, and the latter's name."""
+        """Return the transform from a frame to that of ROS, and its name there."""
         target = self._config.frame_id or source
         frame_id = self._config.frame_names.get(target, target)
         if target == source:
@@ -84,7 +104,7 @@ class PeopleOutputs:
 
 
 def _moved(message: Predictions, target_from_source: F64) -> Predictions:
-    """Return predictions in another frame, also with a vertical z axis."""
+    """Return predictions in another frame, whose z axis is vertical, too."""
     rotation, shift = target_from_source[:3, :3], target_from_source[:3, 3]
     plane = rotation[:2, :2]
     people = tuple(

@@ -188,7 +188,7 @@ def _rerun() -> Callable[[Message], object]:
 
 STREAM: list[Any] = []
 EVERYTHING = Ros2BridgeConfig(
-    publish=("people", "markers", "diagnostics", "tf", "odometry"), reader_frame="map"
+    publish=("people", "markers", "humans", "diagnostics", "tf", "odometry"), reader_frame="map"
 )
 
 TARGETS = (

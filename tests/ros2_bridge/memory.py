@@ -10,9 +10,9 @@ from common.ros2.transport import (
     DEFAULT,
     Qos,
     Receive,
+    Ros2Publisher,
     Ros2Sample,
     Ros2Transport,
-    Send,
 )
 
 
@@ -23,6 +23,7 @@ class MemoryTopic:
     kind: str
     qos: Qos
     payloads: list[bytes] = field(default_factory=list)
+    closed: bool = False
 
 
 class MemoryTransport(Ros2Transport):
@@ -35,17 +36,13 @@ class MemoryTransport(Ros2Transport):
         self.subscriptions: dict[str, tuple[str, Receive, Qos]] = {}
         self.closed = False
 
-    def publisher(self, topic: str, kind: str, qos: Qos = DEFAULT) -> Send:
-        name = TopicType.from_config(self._config, topic, kind).topic
+    def publisher(self, topic: str, kind: str, qos: Qos = DEFAULT) -> Ros2Publisher:
+        name = TopicType.of(self._config, topic, kind).topic
         self.topics[name] = MemoryTopic(kind, qos)
-        return self.topics[name].payloads.append
+        return _MemoryPublisher(self.topics[name])
 
     def subscribe(self, topic: str, kind: str, receive: Receive, qos: Qos = DEFAULT) -> None:
-        self.subscriptions[TopicType.from_config(self._config, topic, kind).topic] = (
-            kind,
-            receive,
-            qos,
-        )
+        self.subscriptions[TopicType.of(self._config, topic, kind).topic] = kind, receive, qos
 
     def close(self) -> None:
         self.closed = True
@@ -62,3 +59,14 @@ class MemoryTransport(Ros2Transport):
     def send(self, topic: str, cdr: bytes) -> None:
         """Deliver a message to the node."""
         self.deliver(self.subscriptions[topic][1], Ros2Sample(cdr, sent_ns=0))
+
+
+class _MemoryPublisher(Ros2Publisher):
+    def __init__(self, topic: MemoryTopic) -> None:
+        self._topic = topic
+
+    def send(self, cdr: bytes) -> None:
+        self._topic.payloads.append(cdr)
+
+    def close(self) -> None:
+        self._topic.closed = True

@@ -16,7 +16,8 @@ def test_shipped_settings_pass() -> None:
 
 
 def test_name_that_ros_refuses_is_refused() -> None:
-    config = msgspec.convert({"topics": {"people": "/2d/people"}}, Ros2BridgeConfig)
+    outputs = {"people": {"topic": "/2d/people"}}
+    config = msgspec.convert({"outputs": outputs}, Ros2BridgeConfig)
     with pytest.raises(ConfigError, match="2d/people"):
         check_outputs(config)
 

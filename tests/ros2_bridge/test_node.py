@@ -1,7 +1,7 @@
 """The bridge: each of our messages as its readers in ROS get it."""
 
 import math
-from typing import Any
+from typing import Any, get_args
 
 import msgspec
 import numpy as np
@@ -13,14 +13,14 @@ from common.ros2.messages.basic import TF, transforms
 from common.ros2.transport import LATCHED
 from people4d.messages import Predictions, Span, Track
 from people4d.messages.prediction import MotionProbabilities, PersonPrediction
-from services.ros2_bridge.config import OUTPUTS, Output, Ros2BridgeConfig
+from services.ros2_bridge.config import Output, OutputConfigs, Ros2BridgeConfig
 from services.ros2_bridge.node import Ros2BridgeNode
 from tests import builders
 from tests.ros2_bridge.memory import MemoryTransport
 
 MS = 1_000_000
 START_NS = 1_700_000_000 * 10**9
-EVERYTHING = Ros2BridgeConfig(publish=OUTPUTS)
+EVERYTHING = Ros2BridgeConfig(publish=get_args(Output))
 
 
 def bridge(config: Ros2BridgeConfig, wall_ns: int = START_NS) -> tuple[Ros2BridgeNode, Any]:
@@ -163,6 +163,16 @@ def test_agents_are_numbered_in_a_row_and_hold_their_numbers() -> None:
     assert numbers(12, 5, 9) == {"12": 2, "5": 3, "9": 1}
 
 
+def test_boxes_stand_on_the_floor() -> None:
+    node, ros = bridge(Ros2BridgeConfig(publish=("boxes",), box_m=(0.4, 0.6, 1.8)))
+    node.handle(people(person()), 0)
+    (box,) = ros.last("/people4d/boxes").detections
+    assert (box.id, box.bbox.center.position.z, box.bbox.size.z) == ("7", 0.9, 1.8)
+    (result,) = box.results
+    assert (result.hypothesis.class_id, result.hypothesis.score) == ("person", 0.75)
+    assert result.pose.covariance[7] == 0.01
+
+
 def test_markers_show_box_heading_speed_id_and_ellipse() -> None:
     node, ros = bridge(Ros2BridgeConfig())
     node.handle(people(person()), 0)
@@ -184,6 +194,36 @@ def test_predictions_are_drawn_as_a_path_with_ellipses() -> None:
     assert points == [(2.0, -1.0), (2.0, -0.25), (2.0, 0.5)]
     assert first.scale.x == pytest.approx(2 * 2.146 * 0.3)
     assert (second.pose.position.y, second.ns) == (0.5, "predicted_2")
+
+
+def test_skeleton_has_eighteen_points_with_a_neck() -> None:
+    keypoints = np.zeros((17, 3), np.float32)
+    keypoints[5], keypoints[6] = (100, 50, 0.75), (140, 70, 0.5)  # shoulders, left first
+    keypoints[0] = (900, 50, 0.9)  # outside the image
+    detection = builders.detection(
+        box_xyxy_px=np.array([-10, 20, 320, 260], np.float32), keypoints=keypoints
+    )
+    found = builders.detections(detection, stamp_ns=START_NS, camera="front", width=640, height=480)
+    node, ros = bridge(Ros2BridgeConfig(publish=("humans", "tf")))
+    node.handle(found, 0)
+    node.handle(people(person()), 0)
+    assert ros.last("/humans/bodies/tracked").ids == ["b00007"]
+    assert ros.last("/humans/persons/tracked").ids == ["p00007"]
+    assert ros.last("/humans/persons/p00007/body_id").data == "b00007"
+    assert ros.topics["/humans/persons/p00007/body_id"].qos == LATCHED
+    region = ros.last("/humans/bodies/b00007/roi")
+    assert (region.xmin, region.xmax) == (0.0, 0.5)
+    skeleton = ros.last("/humans/bodies/b00007/skeleton2d").skeleton
+    assert len(skeleton) == 18
+    nose, neck, right = skeleton[:3]
+    assert nose.c == 0.0
+    assert (neck.x, neck.y, neck.c) == (pytest.approx(120 / 640), 60 / 480, 0.5)
+    assert (right.x, right.c) == (pytest.approx(140 / 640), 0.5)
+    (body,) = ros.last("/tf").transforms
+    assert (body.header.frame_id, body.child_frame_id) == ("map", "body_b00007")
+    node.handle(people(at_ms=33), 0)
+    assert ros.topics["/humans/bodies/b00007/roi"].closed
+    assert ros.last("/humans/bodies/tracked").ids == []
 
 
 def test_motion_is_published_as_odometry_and_transforms() -> None:
@@ -217,15 +257,15 @@ def test_health_becomes_diagnostics_and_a_silent_process_stale() -> None:
 
 
 def test_rate_leaves_messages_out() -> None:
-    rates: dict[Output, float] = {"people": 10.0}
-    node, ros = bridge(Ros2BridgeConfig(topics={"people": "seen"}, rates_max_hz=rates))
+    outputs = msgspec.convert({"people": {"topic": "seen", "rate_max_hz": 10.0}}, OutputConfigs)
+    node, ros = bridge(Ros2BridgeConfig(publish=("people",), outputs=outputs))
     for k in range(30):
         node.handle(people(person(), at_ms=33 * k), 0)
     assert len(ros.messages("/seen")) in range(8, 12)
 
 
 def test_people_are_brought_to_a_frame() -> None:
-    node, ros = bridge(Ros2BridgeConfig(frame_id="base_link", publish=("people", "agents")))
+    node, ros = bridge(Ros2BridgeConfig(frame_id="base_link", publish=("people", "boxes")))
     node.handle(people(person()), 0)
     assert not ros.messages("/people")
     assert node.status().counters["unknown_frame"] == 1
@@ -238,8 +278,8 @@ def test_people_are_brought_to_a_frame() -> None:
     # (2, -1) from (1, 0), turned back by a quarter
     assert (one.position.x, one.position.y) == (pytest.approx(-1.0), pytest.approx(-1.0))
     assert (one.velocity.x, one.velocity.y) == (pytest.approx(1.5), pytest.approx(0.0))
-    (segment,) = ros.last("/tracked_agents").agents[0].segments
-    assert segment.pose.covariance[0] == pytest.approx(0.01)
+    covariance = ros.last("/people4d/boxes").detections[0].results[0].pose.covariance
+    assert covariance[0] == pytest.approx(0.01)
 
 
 def test_people_are_moved_on_to_the_time_of_sending() -> None:

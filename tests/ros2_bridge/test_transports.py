@@ -1,5 +1,7 @@
 """The bridge on each transport: all outputs at once, and people at another node."""
 
+from typing import get_args
+
 import pytest
 
 from common.ros2 import types
@@ -8,7 +10,7 @@ from common.ros2.messages.people import PEOPLE
 from common.ros2.transport import SENSOR_DATA, Ros2Sample
 from common.ros2.transports import open_transport
 from services.ros2_bridge.build import build
-from services.ros2_bridge.config import OUTPUTS, Ros2BridgeConfig
+from services.ros2_bridge.config import Output, Ros2BridgeConfig
 from tests.common.ros2.foreign import Received
 from tests.network import Network
 from tests.ros2_bridge.test_node import people, person
@@ -27,7 +29,7 @@ def test_people_reach_another_node(network: Network, transport: str) -> None:
         received(types.decode(PEOPLE, sample.cdr))
 
     reader.subscribe("/people", PEOPLE, receive, SENSOR_DATA)
-    node = build(Ros2BridgeConfig(ros2=ros2, publish=OUTPUTS))
+    node = build(Ros2BridgeConfig(ros2=ros2, publish=get_args(Output)))
     message = received.wait(lambda: node.handle(people(person()), 0))
     assert message.people[0].tags[:2] == ["7", "-1"]
     counters = node.status().counters

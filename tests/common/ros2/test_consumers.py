@@ -28,6 +28,7 @@ EXAMPLES = ROOT / "examples" / "ros2"
 RECORDED = (
     *("people_msgs/msg/People", "social_nav_msgs/msg/PedestriansWithCovariance"),
     *("cohan_msgs/msg/TrackedAgents", "spencer_tracking_msgs/msg/TrackedPersons"),
+    *("hri_msgs/msg/Skeleton2D", "vision_msgs/msg/Detection3DArray"),
     *("visualization_msgs/msg/MarkerArray", "nav_msgs/msg/Odometry", "tf2_msgs/msg/TFMessage"),
     "diagnostic_msgs/msg/DiagnosticArray",
 )
@@ -67,7 +68,7 @@ def test_rosbags_reads_what_a_recorder_on_zenoh_wrote(network: Network, tmp_path
 
         def send() -> None:
             for topic, (kind, fields) in sent.items():
-                publishers[topic](encode(kind, fields))
+                publishers[topic].send(encode(kind, fields))
 
         until(lambda: len(channels) == len(sent), send)
         subscriber.undeclare()
@@ -91,7 +92,7 @@ def test_planner_in_python_advises(network: Network) -> None:
     cdr = encode("people_msgs/msg/People", {"people": [PERSON]})
     command = [sys.executable, str(EXAMPLES / "planner.py"), network.endpoint, "1"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as planner:
-        until(lambda: planner.poll() is not None, lambda: publisher(cdr))
+        until(lambda: planner.poll() is not None, lambda: publisher.send(cdr))
         assert planner.stdout
         assert planner.stdout.read() == "#7 will be 0.50 m away: slow down\n"
     node.close()

@@ -73,7 +73,7 @@ def test_every_type_returns_from_a_foreign_participant_with_all_its_fields(
         transport.subscribe(f"back/{kind.replace('/msg/', '_')}", kind, inboxes[kind], LATCHED)
     for kind, fields in sent.items():
         name = f"out/{kind.replace('/msg/', '_')}"
-        transport.publisher(name, kind, LATCHED)(encode(kind, fields))
+        transport.publisher(name, kind, LATCHED).send(encode(kind, fields))
     command = [sys.executable, "-m", "tests.common.ros2.idl.peer", str(DOMAIN), NAMESPACE]
     with subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
@@ -122,11 +122,11 @@ def test_late_subscriber_gets_the_last_message_of_a_latched_topic_only(
     latched, volatile = Received(), Received()
     publisher = transport.publisher("point", "geometry_msgs/msg/Point", LATCHED)
     for x in (1.0, 2.0):
-        publisher(encode("geometry_msgs/msg/Point", POINT | {"x": x}))
+        publisher.send(encode("geometry_msgs/msg/Point", POINT | {"x": x}))
     transport.subscribe("point", "geometry_msgs/msg/Point", volatile)
     transport.subscribe("point", "geometry_msgs/msg/Point", latched, LATCHED)
     assert latched.wait().cdr == encode("geometry_msgs/msg/Point", POINT | {"x": 2.0})
-    publisher(encode("geometry_msgs/msg/Point", POINT | {"x": 3.0}))
+    publisher.send(encode("geometry_msgs/msg/Point", POINT | {"x": 3.0}))
     until(lambda: len(latched.messages) > 1)
     until(lambda: volatile.messages)
 
@@ -135,9 +135,9 @@ def test_bytes_that_are_no_message_are_refused_and_counted(transport: Ros2Transp
     publisher = transport.publisher("image", "sensor_msgs/msg/Image")
     cdr = encode("sensor_msgs/msg/Image", filled("sensor_msgs/msg/Image"))
     for wrong in (b"", b"\0\1", b"\0\1\0\0" + b"\xff" * 40, cdr[:20]):
-        publisher(wrong)
+        publisher.send(wrong)
     assert transport.counters["send_errors"] == 4
-    publisher(cdr)
+    publisher.send(cdr)
     assert transport.counters["send_errors"] == 4
 
 
@@ -191,7 +191,7 @@ def test_receiver_that_raises_is_counted_and_receives_on(transport: Ros2Transpor
     transport.subscribe("point", "geometry_msgs/msg/Point", receive)
     publisher = transport.publisher("point", "geometry_msgs/msg/Point")
     for _ in range(3):
-        publisher(encode("geometry_msgs/msg/Point", POINT))
+        publisher.send(encode("geometry_msgs/msg/Point", POINT))
     until(lambda: len(received.messages) == 3)
     until(lambda: transport.counters["receive_errors"] == 3)
 

@@ -12,7 +12,7 @@ from zenoh_ros2_sdk.utils import get_type_hash, load_dependencies_recursive
 
 from common.ros2 import types
 from common.ros2.config import Ros2Config
-from common.ros2.messages import basic, health, markers, people
+from common.ros2.messages import basic, boxes, health, hri, markers, people
 from common.ros2.names import NO_HASH, TopicType
 from common.ros2.rmw_zenoh import ATTACHMENT, RmwZenoh
 from common.ros2.transport import LATCHED, SENSOR_DATA, Ros2Sample
@@ -25,7 +25,8 @@ pytestmark = pytest.mark.network
 
 # What the bridge publishes.
 PUBLISHED = (
-    *(people.PEOPLE, people.PEDESTRIANS, people.AGENTS, people.PERSONS, markers.MARKERS),
+    *(people.PEOPLE, people.PEDESTRIANS, people.AGENTS, people.PERSONS, boxes.DETECTIONS),
+    *(markers.MARKERS, hri.IDS, hri.REGION, hri.SKELETON, hri.TEXT),
     *(basic.ODOMETRY, basic.TF, health.DIAGNOSTICS),
 )
 PEOPLE = people.PEOPLE
@@ -55,7 +56,7 @@ def test_sdk_receives_what_is_published(sdk: Sdk, node: RmwZenoh) -> None:
     definition = sdk.learn(PEOPLE)
     subscriber = ROS2Subscriber("/people", PEOPLE, received, definition, **sdk.where)
     publisher = node.publisher("/people", PEOPLE)
-    message = received.wait(lambda: publisher(types.encode(PEOPLE, FIELDS)))
+    message = received.wait(lambda: publisher.send(types.encode(PEOPLE, FIELDS)))
     assert (message.header.stamp.sec, message.header.frame_id) == (3, "map")
     assert (message.people[0].position.x, message.people[0].tags) == (1.5, ["4", "-1"])
     subscriber.close()
@@ -94,14 +95,13 @@ def test_sdk_lists_topic_node_type_and_quality(sdk: Sdk, node: RmwZenoh) -> None
     assert (quality.durability, quality.history_depth) == (QosDurability.TRANSIENT_LOCAL, 1)
 
 
-def test_topic_vanishes_with_its_node(sdk: Sdk, network: Network) -> None:
+def test_topic_vanishes_with_its_publisher(sdk: Sdk, node: RmwZenoh) -> None:
     def listed() -> bool:
         return "/left" in dict(discovery.get_topic_names_and_types(**sdk.where))
 
-    node = RmwZenoh(Ros2Config(endpoints=(network.endpoint,), node="left"))
-    node.publisher("/left", PEOPLE)
+    publisher = node.publisher("/left", PEOPLE)
     until(listed)
-    node.close()
+    publisher.close()
     until(lambda: not listed())
 
 
@@ -114,8 +114,8 @@ def test_router_that_restricts_access_is_refused(monkeypatch: pytest.MonkeyPatch
 def test_late_sdk_gets_the_last_latched_message(sdk: Sdk, node: RmwZenoh) -> None:
     definition = sdk.learn(PEOPLE)
     publisher = node.publisher("/latched", PEOPLE, LATCHED)
-    publisher(types.encode(PEOPLE, {}))
-    publisher(types.encode(PEOPLE, FIELDS))
+    publisher.send(types.encode(PEOPLE, {}))
+    publisher.send(types.encode(PEOPLE, FIELDS))
     received = Received()
     quality = QosProfile(durability=QosDurability.TRANSIENT_LOCAL)
 
@@ -128,7 +128,7 @@ def test_late_sdk_gets_the_last_latched_message(sdk: Sdk, node: RmwZenoh) -> Non
 
 def test_late_node_gets_the_last_latched_message(network: Network, node: RmwZenoh) -> None:
     publisher = node.publisher("/tf_static", PEOPLE, LATCHED)
-    publisher(types.encode(PEOPLE, FIELDS))
+    publisher.send(types.encode(PEOPLE, FIELDS))
     received = Received()
     late = RmwZenoh(Ros2Config(endpoints=(network.endpoint,)))
     late.subscribe("/tf_static", PEOPLE, received, LATCHED)
@@ -146,7 +146,7 @@ def test_client_with_keys_and_numbers_of_pamoja(network: Network, node: RmwZenoh
     with raw_session(network.endpoint) as session:
         subscriber = session.declare_subscriber(key, heard)
         cdr = types.encode(TWIST, {"linear": {"x": 0.5}, "angular": {"z": -0.25}})
-        sample = heard.wait(lambda: publisher(cdr))
+        sample = heard.wait(lambda: publisher.send(cdr))
         linear, angular = pamoja.twist_from_cdr(list(sample.payload.to_bytes())) or ((), ())
         assert (linear, angular) == ((0.5, 0.0, 0.0), (0.0, 0.0, -0.25))
         attachment = sample.attachment.to_bytes()
@@ -195,7 +195,7 @@ def test_nodes_of_humble_have_no_hashes(network: Network) -> None:
     publisher, heard = humble.publisher("/people", PEOPLE), Received()
     with raw_session(network.endpoint) as session:
         session.declare_subscriber(f"0/people/people_msgs::msg::dds_::People_/{NO_HASH}", heard)
-        heard.wait(lambda: publisher(types.encode(PEOPLE, FIELDS)))
+        heard.wait(lambda: publisher.send(types.encode(PEOPLE, FIELDS)))
     humble.close()
 
 
@@ -203,7 +203,7 @@ def test_closed_session_counts_what_it_cannot_send(network: Network) -> None:
     transport = RmwZenoh(Ros2Config(endpoints=(network.endpoint,)))
     publisher = transport.publisher("/people", PEOPLE)
     transport.close()
-    publisher(b"")
+    publisher.send(b"")
     assert transport.counters["send_errors"] == 1
 
 
@@ -222,7 +222,7 @@ def test_every_field_arrives_as_sent(sdk: Sdk, shared_node: RmwZenoh, kind: str)
     theirs, ours = Received(), Received()
     subscriber = ROS2Subscriber(f"{topic}/out", kind, theirs, definition, **sdk.where)
     publisher = shared_node.publisher(f"{topic}/out", kind)
-    assert plain(theirs.wait(lambda: publisher(cdr))) == expected
+    assert plain(theirs.wait(lambda: publisher.send(cdr))) == expected
     subscriber.close()
     shared_node.subscribe(f"{topic}/in", kind, ours)
     message = sdk.session.store.deserialize_cdr(cdr, kind)

@@ -1,0 +1,87 @@
+"""Topics of ROS4HRI (REP 155): bodies and persons, each with topics of its own."""
+
+from collections import Counter
+from collections.abc import Mapping
+
+import msgspec
+
+from common.ros2.messages import hri
+from common.ros2.messages.person import RosPeople, RosPerson
+from common.ros2.transport import DEFAULT, LATCHED, Ros2Transport
+from people4d.messages import Detections
+from services.ros2_bridge.config import OutputConfig
+from services.ros2_bridge.output import Ros2Output
+
+IMAGES_MAX = 16  # detections that wait for their tracks
+PEOPLE_MAX = 64  # with topics of their own, since each is four publishers
+
+Image = tuple[str, int]  # camera and stamp
+
+
+class Humans:
+    """Lists of bodies and persons; of each its region and skeleton in the image.
+
+    Args:
+        config: First part of the topics' names, and the rate of all.
+        transport: Node that the topics belong to.
+        counters: Counts what is sent, and people beyond PEOPLE_MAX.
+    """
+
+    def __init__(
+        self, config: OutputConfig, transport: Ros2Transport, counters: Counter[str]
+    ) -> None:
+        self._config, self._transport, self._counters = config, transport, counters
+        self._images: dict[Image, Detections] = {}
+        self._people: dict[int, Mapping[str, Ros2Output]] = {}  # topics by the person's id
+        self._bodies = self._output("bodies/tracked", hri.IDS)
+        self._persons = self._output("persons/tracked", hri.IDS)
+        counters["too_many_humans"] = 0
+
+    def add_detections(self, message: Detections) -> None:
+        """Remember what keypoints and regions are taken from."""
+        self._images[message.camera, message.stamp_ns] = message
+        while len(self._images) > IMAGES_MAX:
+            del self._images[next(iter(self._images))]
+
+    def send(self, message: RosPeople, key: Image) -> None:
+        """Publish people that were tracked in an image."""
+        if not self._bodies.is_due(message.stamp_ns):
+            return
+        detections = self._images.get(key)
+        self._counters["too_many_humans"] += max(len(message.people) - PEOPLE_MAX, 0)
+        people = message.people[:PEOPLE_MAX]
+        for number in self._people.keys() - {person.id for person in people}:
+            for output in self._people.pop(number).values():
+                output.close()
+        for person in people:
+            if person.id not in self._people:
+                self._people[person.id] = self._announce(person)
+            if detections:
+                image = msgspec.structs.replace(detections, stamp_ns=message.stamp_ns)
+                self._send_parts(person, image)
+        self._bodies.send(hri.ids(message, [hri.body_id(person) for person in people]))
+        self._persons.send(hri.ids(message, [hri.person_id(person) for person in people]))
+
+    def _announce(self, person: RosPerson) -> Mapping[str, Ros2Output]:
+        """Make the topics of a person, and say which body is its."""
+        body, own = f"bodies/{hri.body_id(person)}", f"persons/{hri.person_id(person)}"
+        outputs = {
+            "region": self._output(f"{body}/roi", hri.REGION),
+            "skeleton": self._output(f"{body}/skeleton2d", hri.SKELETON),
+            "body_id": self._output(f"{own}/body_id", hri.TEXT, latched=True),
+        }
+        outputs["body_id"].send({"data": hri.body_id(person)})
+        return outputs
+
+    def _send_parts(self, person: RosPerson, image: Detections) -> None:
+        detection, outputs = image.at(person.detection), self._people[person.id]
+        if detection is None:
+            return
+        outputs["region"].send(hri.region(detection, image))
+        if detection.keypoints is not None:
+            outputs["skeleton"].send(hri.skeleton(detection.keypoints, image))
+
+    def _output(self, name: str, kind: str, latched: bool = False) -> Ros2Output:
+        config = msgspec.structs.replace(self._config, topic=f"{self._config.topic}/{name}")
+        qos = LATCHED if latched else DEFAULT
+        return Ros2Output(self._transport, config, kind, self._counters, qos)
