@@ -105,7 +105,7 @@ def test_node_and_topics_are_announced_as_ros_2_does(
     assert people.qos[Policy.Userdata].data == hashed.encode()
     assert endpoints["rt/tf_static"].qos[Policy.Durability] == Policy.Durability.TransientLocal
 
-    structure = common_types.ParticipantEntitiesInfo
+    structure = idl_types.ParticipantEntitiesInfo
     with BINDING_LOCK:
         graph = Topic(foreign, "ros_discovery_info", structure)
         (info,) = DataReader(foreign, graph, qos=RELIABLE).take(10)
