@@ -13,7 +13,7 @@ import numpy as np
 from common.ros2 import types
 from common.ros2.config import Ros2Config
 from common.ros2.names import TopicType
-from common.ros2.transport import DEFAULT, LATCHED, Send
+from common.ros2.transport import DEFAULT, LATCHED, Ros2Publisher
 from common.ros2.transports import open_transport
 from services.camera.ros.live import LiveRosOptions, LiveRosSource
 from services.camera.source import SourceFrame, SourceItem
@@ -51,14 +51,14 @@ class Driver:
     def __init__(self, config: Ros2Config) -> None:
         self.name = config.transport
         self._transport = open_transport(config)
-        self._publishers: dict[str, Send] = {}
+        self._publishers: dict[str, Ros2Publisher] = {}
 
     def publish(self, topic: str, message: Any) -> None:
         kind = message.__msgtype__
         if topic not in self._publishers:
             qos = LATCHED if topic == "/tf_static" else DEFAULT
             self._publishers[topic] = self._transport.publisher(topic, kind, qos)
-        self._publishers[topic](bytes(types.typestore().serialize_cdr(message, kind)))
+        self._publishers[topic].send(bytes(types.typestore().serialize_cdr(message, kind)))
 
     def close(self) -> None:
         self._transport.close()
