@@ -121,8 +121,7 @@ def _probabilities(result: AssociationResult) -> dict[tuple[int, int], float]:
     columns = {m.index: j for j, m in enumerate(first.detections)}
     return {
         (record.id, m.index): float(table[rows[record.id], columns[m.index]])
-        for record, m in result.matches
-        if record.id in rows
+        for record, m in first.matches
     }
 
 

@@ -45,6 +45,15 @@ def test_leave_and_return() -> None:
     assert track.identity_confidence == 1.0
 
 
+def test_match_by_distance_alone_has_its_own_confidence() -> None:
+    # The embedding is too far for round 1; round 2 matches the person who stands.
+    sort = tracker()
+    stay(sort, 0, 4, person(3, 0, embedding=RED))
+    (track,) = sort.update(frame(4, person(3, 0, embedding=BLUE)))
+    assert (track.id, track.identity) == (1, "continued")
+    assert track.identity_confidence == 0.5
+
+
 def test_no_identity_without_the_policy() -> None:
     sort = tracker(IdentityConfig(enabled=False))
     assert stay(sort, 0, 4, person(3, 0, embedding=RED)) == [(1, "confirmed", None)]
