@@ -25,6 +25,11 @@ class AreaTracks(Message, frozen=True, kw_only=True):
     area: Name  # name of the area
     tracks: Tracks  # published by its tracker
 
+    @property
+    def camera(self) -> str:
+        """Camera whose frames number the messages of the area."""
+        return self.tracks.camera
+
 
 @dataclass(slots=True)
 class AreaState:

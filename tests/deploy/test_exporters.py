@@ -32,7 +32,7 @@ from people4d.errors import People4dError
 from people4d.messages import Span
 from tests.deploy.cli.test_top import talking
 from tests.deploy.traces import BEGIN_NS, MS, healths, span, trace_of, tracks
-from tests.network import WAIT_S
+from tests.network import WAIT_S, Network
 
 pytestmark = pytest.mark.network
 
@@ -264,9 +264,9 @@ def test_otlp_is_flushed_at_the_end() -> None:
 
 
 def test_metrics_of_a_running_system_are_served(
-    talking: str, prometheus: PrometheusExporter
+    network: Network, talking: str, prometheus: PrometheusExporter
 ) -> None:
-    client = Client(talking)
+    client = Client(network.endpoint, talking)
     thread = threading.Thread(target=feed, args=(client, [prometheus]), daemon=True)
     thread.start()
     key = ("people4d_latency_seconds_count", frozenset({"camera=front"}))

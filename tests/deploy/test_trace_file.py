@@ -15,6 +15,7 @@ from deploy.cli import app
 from people4d.messages import Message
 from tests.deploy.cli.test_top import talking
 from tests.deploy.traces import detections, healths, tracks
+from tests.network import Network
 
 pytestmark = pytest.mark.network
 
@@ -170,9 +171,12 @@ def test_trace_of_a_recording_is_written(recording: Path, tmp_path: Path) -> Non
     assert clocks["brain"] == {"offset_ms": 250.0, "error_ms": 0.5}
 
 
-def test_trace_of_a_running_system_is_written(talking: str, tmp_path: Path) -> None:
+def test_trace_of_a_running_system_is_written(
+    network: Network, talking: str, tmp_path: Path
+) -> None:
     out = tmp_path / "trace.json"
-    arguments = ["trace", "-o", str(out), "--seconds", "1", "--connect", talking]
+    arguments = ["trace", "-o", str(out), "--seconds", "1"]
+    arguments += ["--connect", network.endpoint, "--robot", talking]
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 0, result.output
     check(json.loads(out.read_text("utf-8"))["traceEvents"])

@@ -18,7 +18,7 @@ from people4d.errors import ConfigError, People4dError
 from people4d.messages import Health, Message, Tracks, Truth
 from people4d.session import endpoints_of, problem_of
 from tests.contract.examples import BY_NAME
-from tests.network import Network
+from tests.network import WAIT_S, Network
 
 pytestmark = pytest.mark.network
 
@@ -169,6 +169,9 @@ def test_thread_that_fails_to_receive_ends_the_iteration_with_an_error(
         pytest.raises(People4dError, match="no room for a message"),
     ):
         next(client.messages(Tracks))
+    for thread in threading.enumerate():
+        if thread.name == "people":  # it ends after it told its error
+            thread.join(WAIT_S)
 
 
 @pytest.mark.parametrize(
