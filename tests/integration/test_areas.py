@@ -123,7 +123,7 @@ def test_walker_has_one_identity_and_people_of_other_areas_outlive_a_tracker(
         planner.wait(Tracks, lambda m: {red, blue} < {t.id for t in m.tracks})
         first.kill()
         planner.wait(Tracks, lambda m: {t.id for t in m.tracks} == {red, blue})
-        planner.wait(Health, lambda h: h.reason == f"no people come of {a}: they are left out")
+        planner.wait(Health, lambda h: h.reason == f"no people arrive from {a}: they are left out")
         lonely = feeds[1].watcher.wait(Health, lambda h: "nothing comes" in h.reason)
         assert lonely.reason == f"nothing comes of area {a}: people from there get new identities"
         planner.wait(Tracks, lambda m: {t.id for t in m.tracks} == {red, blue})
