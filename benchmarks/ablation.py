@@ -85,7 +85,7 @@ REAL = (
 )
 DETECTORS = {"MoveNet": DEFAULT, "YOLO": "YOLOv8n-pose, OSNet"}
 EVENT_FRAMES = 20  # two seconds
-TUNING_SEEDS, TEST_SEEDS = range(900, 905), range(906, 1000)  # of the lab
+TUNING_SEEDS, TEST_SEEDS = range(900, 905), range(906, 1000)  # seeds of lab scenes
 SIZE = "duration_s=12&width=320&height=240"
 LAB_GROUPS = (
     f"random?people=2&{SIZE}",

@@ -23,7 +23,7 @@ from services.tracker.node import TrackerNode
 
 PEOPLE = (3, 10, 20, 200)
 WARM_UP = 15  # frames
-DIMENSION = 512  # of an embedding, as OSNet's
+DIMENSION = 512  # length of an embedding, as of OSNet
 FRAME_NS = 33_333_333
 SIZE_PX = (640, 480)
 PRESETS = ("best", "pose-strongsort-movenet")

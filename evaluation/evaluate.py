@@ -19,7 +19,7 @@ class RunReport:
 
     scores: RunScores
     switches: tuple[SwitchRow, ...]  # one row for each ID switch
-    images: tuple[SwitchImage, ...] = ()  # of the first switches, if the recording is shown
+    images: tuple[SwitchImage, ...] = ()  # images of the first switches, if the recording is shown
     trajectories: RunTrajectories | None = None  # if the recording is shown
 
 

@@ -18,7 +18,7 @@ from people4d.topics import BY_MESSAGE, Topic
 
 SILENT_S = 1.2  # silence after which a replica hangs; heartbeats come twice a second [s]
 REPLICAS_MAX = 16  # maximum number of replicas, a bound against invented names
-# A replica that answers none of its messages is excluded, whatever its heartbeats report
+# A replica that answers no message is excluded, whatever its heartbeats report
 UNANSWERED_MIN = 3  # minimum number of unanswered messages
 UNANSWERED_S = 5.0  # minimum time since the first of them [s]
 EXCLUDED_S = 60.0  # duration of the exclusion [s]

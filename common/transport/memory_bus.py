@@ -9,14 +9,15 @@ from people4d.messages import Message
 
 
 class MemoryBus:
-    """Delivers messages to nodes immediately, through the codec as between processes.
+    """Delivers messages to nodes immediately.
 
     Args:
         nodes: The nodes, called in this order.
+        codec: Pass each message through the codec, as between processes.
     """
 
-    def __init__(self, nodes: Sequence[Node]) -> None:
-        self.nodes = nodes
+    def __init__(self, nodes: Sequence[Node], codec: bool = True) -> None:
+        self.nodes, self._codec = nodes, codec
         self.log: list[Message] = []
         self.now_ns = 0
 
@@ -34,10 +35,11 @@ class MemoryBus:
         while waiting:
             message = waiting.popleft()
             self.log.append(message)
-            payload = encode(message)
+            payload = encode(message) if self._codec else None
             for node in self.nodes:
                 if isinstance(message, node.inputs):
-                    waiting.extend(node.handle(decode(payload), self.now_ns))
+                    received = decode(payload) if payload else message
+                    waiting.extend(node.handle(received, self.now_ns))
         return self.log[start:]
 
     def advance(self, duration_ns: int = 0) -> list[Message]:

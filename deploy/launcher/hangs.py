@@ -75,7 +75,7 @@ class HangDetector:
         return found
 
     def _forget(self, processes: Mapping[str, Process], now_s: float) -> None:
-        """Forget heartbeats of process numbers that are not those of our processes."""
+        """Forget heartbeats of processes that this system did not start."""
         pids = {p.name: p.pid for p in processes.values()}
         self.names |= {name for name, pid in self._heard if pids.get(name) == pid}
         self.unannounced += len({name for name, _ in self._heard} - pids.keys())

@@ -24,7 +24,14 @@ from supervisor.options import ServerOptions
 
 POLL_S = 0.1  # polling period of processes; 1 s in supervisord [s]
 OWN = ("deploy.launcher.watchdog",)
-HANDLED = ("SIGTERM", "SIGINT", "SIGQUIT", "SIGHUP", "SIGCHLD", "SIGUSR2")  # of supervisord
+HANDLED = (
+    "SIGTERM",
+    "SIGINT",
+    "SIGQUIT",
+    "SIGHUP",
+    "SIGCHLD",
+    "SIGUSR2",
+)  # signals that supervisord handles
 
 
 class PreforkOptions(ServerOptions):  # type: ignore[misc]  # supervisor has no types

@@ -64,7 +64,7 @@ class CameraImages:
         self.name, self._intrinsics, self._max_depth_m = name, intrinsics, max_depth_m
         self.transform = static_transform(parent, f"{name}_optical_frame", matrix)
         self.info: CameraInfo | None = None  # calibration; None before the first images
-        self._stamp_ns: int | None = None  # of the last frame
+        self._stamp_ns: int | None = None  # acquisition time of the last frame [ns]
 
     def accept(self, rgb: U8, depth: npt.NDArray[Any], stamp_ns: int) -> SourceFrame:
         """Return images as a frame of its own memory, depth in millimetres.
@@ -80,7 +80,9 @@ class CameraImages:
         if self._stamp_ns is not None and stamp_ns <= self._stamp_ns:
             ago_s = (self._stamp_ns - stamp_ns) / 1e9
             problem = f"camera {self.name}: a frame is {ago_s:g} s older than the one before"
-            raise SourceError(problem, "Give the oldest first; for another recording begin anew.")
+            raise SourceError(
+                problem, "Give the oldest first; a new recording needs a new Pipeline or Camera."
+            )
         self.info, self._stamp_ns = info, stamp_ns
         return SourceFrame(frame.rgb.copy(), frame.depth_mm.copy(), stamp_ns)
 

@@ -1,7 +1,6 @@
 """The pipeline in memory."""
 
 import json
-from collections import deque
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from types import TracebackType
@@ -12,9 +11,9 @@ import numpy.typing as npt
 from common.calibration.transforms_file import MAP
 from common.config import setting
 from common.drawing.people import annotate
+from common.transport.memory_bus import MemoryBus
 from deploy.program.images import CameraImages
 from evaluation.methods import read_method
-from evaluation.pipeline import pipeline
 from people4d.errors import ConfigError
 from people4d.messages import (
     U8,
@@ -27,12 +26,15 @@ from people4d.messages import (
 )
 from services.camera.calibration import Intrinsics
 from services.camera.upright import turned_image, turned_info, turned_transforms, turns_of
+from services.detector.build import build as build_detector
+from services.reid.build import build as build_reid
+from services.tracker.build import build as build_tracker
 
 M = TypeVar("M", bound=Message)
 
 
 class Pipeline:
-    """Detector, re-identification and tracker joined in memory; the same input, the same people.
+    """Detector, re-identification and tracker joined in memory; equal input gives equal people.
 
     Frames are processed in the calling thread, oldest first; a context manager, or `close` at the
     end.
@@ -49,10 +51,12 @@ class Pipeline:
     def __init__(self, preset: str = "", settings: Mapping[str, Any] | None = None) -> None:
         texts = [_setting(name, value) for name, value in (settings or {}).items()]
         method = read_method(preset, texts)
-        self._nodes = pipeline(method.detector, method.reid, method.tracker)
+        self._tracker = build_tracker(method.tracker)
+        embedders = [build_reid(method.reid)] if method.reid else []
+        self._bus = MemoryBus([build_detector(method.detector), *embedders, self._tracker], False)
         self._cameras: dict[str, _Camera] = {}
-        self.detections: Detections | None = None  # what `process` found in its last frame
-        self.people: Tracks | None = None  # what it returned
+        self.detections: Detections | None = None  # detections of the last frame
+        self.people: Tracks | None = None  # tracks that `process` returned last
 
     def add_camera(
         self,
@@ -82,8 +86,8 @@ class Pipeline:
         self._cameras[name] = _Camera(images)
 
     def add_motion(self, message: Odometry | MovingTransform) -> None:
-        """Take the motion of a base that carries cameras, before the frame of its time."""
-        self._pass_on([message], message.stamp_ns)
+        """Pass on the motion of a base that carries cameras, before the frame of its time."""
+        self._publish(message.stamp_ns, message)
 
     def process(
         self, rgb: U8, depth: npt.NDArray[Any], stamp_s: float | Fraction, camera: str = ""
@@ -105,8 +109,8 @@ class Pipeline:
             SourceError: The images are not as they should be, or the stamp is not after the last.
         """
         stamp_ns = round(stamp_s * 10**9)
-        outputs = self._pass_on(self._camera(camera).messages(rgb, depth, stamp_ns), stamp_ns)
-        outputs += self._nodes[-1].flush(stamp_ns)  # nothing else comes for this time
+        outputs = self._publish(stamp_ns, *self._camera(camera).messages(rgb, depth, stamp_ns))
+        outputs += self._tracker.flush(stamp_ns)  # no other message comes for this time
         self.detections = _last(Detections, outputs)
         self.people = _last(Tracks, outputs)
         return self.people
@@ -117,11 +121,11 @@ class Pipeline:
 
     def problems(self) -> list[str]:
         """Return what limits the pipeline now, a sentence each."""
-        return [reason for node in self._nodes if (reason := node.status().reason)]
+        return [reason for node in self._bus.nodes if (reason := node.status().reason)]
 
     def close(self) -> None:
         """Release the networks."""
-        for node in self._nodes:
+        for node in self._bus.nodes:
             node.close()
 
     def __enter__(self) -> Self:
@@ -140,17 +144,11 @@ class Pipeline:
         known = ", ".join(self._cameras) or "none"
         raise ConfigError(f"there is no camera {name!r} but {known}", "Call add_camera before.")
 
-    def _pass_on(self, messages: Sequence[Message], now_ns: int) -> list[Message]:
-        """Hand messages to the nodes, and what follows from them; return all that followed."""
-        waiting, outputs = deque(messages), list[Message]()
-        while waiting:
-            message = waiting.popleft()
-            for node in self._nodes:
-                if isinstance(message, node.inputs):
-                    following = node.handle(message, now_ns)
-                    waiting.extend(following)
-                    outputs.extend(following)
-        return outputs
+    def _publish(self, now_ns: int, *messages: Message) -> list[Message]:
+        """Return messages and all messages that follow from them."""
+        self._bus.now_ns = now_ns
+        self._bus.log.clear()
+        return self._bus.publish(*messages)
 
 
 def _last(kind: type[M], messages: Sequence[Message]) -> M | None:

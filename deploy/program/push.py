@@ -23,12 +23,13 @@ from services.camera.calibration import Intrinsics
 from services.camera.config import CameraConfig
 from services.camera.source import Source, SourceFrame, SourceSetup
 
-SYSTEM_S = 5.0  # longest wait for the system [s]
-CLOSE_S = 5.0  # longest wait for the end of the camera [s]
+SYSTEM_S = 5.0  # maximum wait for the system [s]
+POLL_S = 0.1  # period of that wait [s]
+CLOSE_S = 5.0  # maximum wait for the end of the camera [s]
 
 
 class PushedFrames(Source):
-    """Frames from another thread, the newest first if they come too fast."""
+    """Frames from another thread."""
 
     live = True
     calibrates_late = True
@@ -42,7 +43,7 @@ class PushedFrames(Source):
             yield item
 
     def put(self, item: SourceFrame | SourceSetup) -> None:
-        """Give an item; the camera leaves out frames that it cannot send in time."""
+        """Queue an item; the camera drops frames that it cannot send in time."""
         self._items.put(item)
 
     def interrupt(self) -> None:
@@ -159,4 +160,4 @@ def _check_system(bus: ZenohBus, instance: str) -> None:
         if time.monotonic() > end_s:
             problem = f"no system of robot {bus.robot!r} runs"
             raise ConfigError(problem, "Start it without a camera: people4d up --source push.")
-        threading.Event().wait(0.1)
+        time.sleep(POLL_S)

@@ -39,9 +39,9 @@ class PageRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Request of a page."""
 
     type: Literal["watch", "pause", "live", "seek"]
-    images: bool = True  # of watch: send images
-    cloud: bool = False  # of watch: send depth clouds
-    at_ms: float = 0.0  # of seek on a paused page: wall clock of the packets [ms]
+    images: bool = True  # request watch: send images
+    cloud: bool = False  # request watch: send depth clouds
+    at_ms: float = 0.0  # request seek on a paused page: wall clock of the packets [ms]
 
 
 REQUESTS = msgspec.msgpack.Decoder(PageRequest)

@@ -34,7 +34,9 @@ class RunLimits:
     def __init__(self, truth: str = "") -> None:
         self._truth = truth
         self._frame_ns: int | None = None  # arrival of the last frame
-        self._beats: Counter[tuple[str, str]] = Counter()  # by instance, and reason without numbers
+        self._beats: Counter[tuple[str, str]] = (
+            Counter()
+        )  # heartbeats by instance and reason without numbers
         self._reasons: dict[tuple[str, str], str] = {}  # last reason, with its numbers
         self._ends_ns: dict[type[Message], int] = {}  # last stamps
         self._odometry_used = False

@@ -21,7 +21,7 @@ from people4d.messages import (
 )
 
 BINS = 48  # length of the synthetic embeddings
-GAIN_SIGMA = 0.15  # of the logarithm of a camera's factors
+GAIN_SIGMA = 0.15  # standard deviation of the logarithm of a camera's factors
 SAME_M = 0.4  # [m] largest distance from a detection to its person
 
 

@@ -33,8 +33,8 @@ class Tally:
     walkers: int = 0
     with_measures: int = 0
     length_off_m: list[float] = field(default_factory=list)
-    cadence_off: list[float] = field(default_factory=list)  # of steady walking
-    turns_cadence_off: list[float] = field(default_factory=list)  # from all true strides
+    cadence_off: list[float] = field(default_factory=list)  # errors in steady walking
+    turns_cadence_off: list[float] = field(default_factory=list)  # errors from all true strides
     asymmetry_off: list[float] = field(default_factory=list)
     limps: int = 0  # true asymmetries of 8 % or more
     limps_found: int = 0  # with their side

@@ -53,7 +53,7 @@ class DepthLayer:
         self._points = {name: PointFilter(name) for name in POINTS}
         self._acceptance = Acceptance(info)
         self._assigned: dict[str, Extremity] = {}  # by point
-        self._floor_feet: Mapping[str, SurfacePosition] = {}  # of feet without depth
+        self._floor_feet: Mapping[str, SurfacePosition] = {}  # positions of feet without depth
 
     def start_point(self, name: str, point_m: F64, observation: MeshObservation) -> bool:
         """Track a point from the vertex nearest to a position (3, optical frame) on.

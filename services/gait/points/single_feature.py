@@ -35,7 +35,7 @@ class FeatureFilter(PointFilter):
         super().__init__(name)
         self._config, self._generator = config, generator
         self.particles: F64 = np.empty((0, 4))
-        self.vertices = np.empty(0, np.int64)  # of the particles; -1 off the body
+        self.vertices = np.empty(0, np.int64)  # vertices of the particles; -1 off the body
         self.spin: F64 | None = None  # reference spin image
 
     def start_at_vertex(self, vertex: int, body: MeasuredBody) -> None:

@@ -62,7 +62,7 @@ class ImageSort:
         self._config = config
         self._tracks: Records = np.zeros(0, TRACK)
         self._next_id, self._frames = 1, 0
-        self._stamp_ns = 0  # of the frame that is tracked
+        self._stamp_ns = 0  # time of the current frame [ns]
 
     def update(self, frame: BoxFrame) -> BoxTracks:
         """Process one frame, an empty one too, and return the confirmed tracks matched in it."""

@@ -30,7 +30,7 @@ DISTINCT_END = 0.7  # Minimum strength of the end of a limb that may have any po
 class PointEvidence:
     """Evidence of one point in one frame, besides the body."""
 
-    anchor: Anchor | None = None  # of its keypoint
+    anchor: Anchor | None = None  # anchor of its keypoint
     counterpart: PointFilter | None = None  # the same point on the other side of the body
     extremity: Extremity | None = None  # assigned to the point
     surface: SurfacePosition | None = None  # measured position
