@@ -1,4 +1,4 @@
-"""ROS 2 topics by DDS itself, through Cyclone DDS: no bridge, no router."""
+"""ROS 2 topics on DDS by Cyclone DDS, without bridge or router."""
 
 import os
 import re
@@ -36,38 +36,38 @@ from common.ros2.transport import DEFAULT, Qos, Receive, Ros2Publisher, Ros2Samp
 from common.ros2.types import dds_name, type_hash
 from people4d.errors import ConfigError
 
-BLOCK_S = 0.1  # [s] a reliable publisher waits for a slow subscriber
-CLOSE_S = 2.0
+BLOCK_S = 0.1  # maximum wait of a reliable publisher for a slow subscriber [s]
+CLOSE_S = 2.0  # maximum wait for the end of a subscription [s]
 UNLIMITED = -1
 NEW = ViewState.Any | InstanceState.Alive | SampleState.NotRead
-MAX_PUBLISHERS = 1000  # discovered at a time
+MAX_PUBLISHERS = 1000  # maximum number of publishers read at once
 TYPE_HASH = re.compile(rb"typehash=(RIHS\d+_[0-9a-f]+);")  # in the user data of ROS 2's publishers
-TYPE_CONSISTENCY = 24  # number of the policy, in DDS-XTypes
-# Unicast to the first participants of this machine, as ROS 2 does where discovery is local.
+TYPE_CONSISTENCY = 24  # number of the policy in DDS-XTypes
+# Unicast to the first participants of this machine, as in ROS 2 with local discovery.
 LOCAL_DISCOVERY = (
     "<Discovery><ParticipantIndex>auto</ParticipantIndex>"
     "<MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>"
     '<Peers><Peer address="localhost"/></Peers></Discovery>'
 )
 
-# The binding converts policies in buffers that all threads of the process share: without this lock
-# it crashes as soon as two subscriptions look at publishers at once. A program that uses the
-# binding beside this transport takes it for everything with a QoS, too.
+# The binding converts policies in buffers shared by all threads of the process. Without this lock
+# it crashes when two subscriptions read publishers at once. Other users of the binding in the same
+# process must hold it for every call with a QoS, too.
 BINDING_LOCK = threading.RLock()
 
-# The configuration of a domain holds for all participants of the process.
+# Domains with their configuration, shared by all participants of the process.
 _domains: WeakValueDictionary[tuple[int, str], Domain] = WeakValueDictionary()
 
 
 class Dds(Ros2Transport):
-    """Participant of DDS under a node's name; loopback only unless configured.
+    """Participant of DDS with the name of a node; loopback only unless configured.
 
-    Publishers carry the hash of their type as in ROS 2 since Iron; messages of a publisher with
-    another hash are dropped. $CYCLONEDDS_URI, the configuration of Cyclone DDS, wins over
+    Publishers carry the hash of their type as in ROS 2 since Iron. Messages of a publisher with
+    another hash are dropped. $CYCLONEDDS_URI, the configuration of Cyclone DDS, overrides
     `interface`.
 
     Raises:
-        ConfigError: The network interface does not exist, or Cyclone DDS refuses its configuration.
+        ConfigError: The network interface does not exist, or the configuration is invalid.
     """
 
     def __init__(self, config: Ros2Config) -> None:
@@ -103,8 +103,8 @@ class Dds(Ros2Transport):
     def subscribe(self, topic: str, kind: str, receive: Receive, qos: Qos = DEFAULT) -> None:
         """Receive a topic, see the base class.
 
-        Of a publisher whose type has another name or structure nothing arrives: it is counted once,
-        not by its messages.
+        A publisher whose type has another name or structure is counted once: Cyclone DDS does not
+        deliver its messages.
         """
         with BINDING_LOCK:
             entity = self._topic(topic, kind)
@@ -141,14 +141,13 @@ class Dds(Ros2Transport):
             Policy.Reliability.Reliable(duration(seconds=BLOCK_S))
             if qos.reliability == "reliable"
             else Policy.Reliability.BestEffort,
-            # The encoding of ROS 2; another could not be decoded.
+            # The encoding of ROS 2.
             Policy.DataRepresentation(use_cdrv0_representation=True),
         ]
         if qos.durability == "transient_local":
-            unlimited = -1
             policies += [
                 Policy.Durability.TransientLocal,
-                Policy.DurabilityService(0, history, unlimited, unlimited, unlimited),
+                Policy.DurabilityService(0, history, UNLIMITED, UNLIMITED, UNLIMITED),
             ]
         if self._config.distribution != "humble":
             policies.append(Policy.Userdata(f"typehash={type_hash(kind)};".encode()))
@@ -180,17 +179,17 @@ class _DdsPublisher(Ros2Publisher):
 
 
 class _Subscription:
-    """One reader, and what is known of the publishers that it hears."""
+    """One reader, and the types of its publishers."""
 
     def __init__(self, counters: Counter[str], reader: Any, kind: str, depth: int) -> None:
         self._counters = counters
         self._reader = reader
         self._kind = kind
         self._depth = depth
-        self._of_type: dict[int, bool] = {}  # by the handle of the publisher
+        self._of_type: dict[int, bool] = {}  # whether the type matches, by handle of the publisher
 
     def run(self, participant: Any, stop: Any, receive: Receive) -> None:
-        """Pass messages on until `stop` is set."""
+        """Deliver messages until `stop` is set."""
         new = ReadCondition(self._reader, NEW)
         with BINDING_LOCK:
             publishers = BuiltinDataReader(participant, BuiltinTopicDcpsPublication)
@@ -210,7 +209,7 @@ class _Subscription:
                     self._counters["other_type"] += 1
 
     def _check(self, publishers: Any) -> None:
-        """Count publishers of another type, which Cyclone DDS does not connect."""
+        """Count publishers that Cyclone DDS does not connect: other type or lower quality."""
         refused = self._reader.get_requested_incompatible_qos_status()
         cause = "other_type" if refused.last_policy_id == TYPE_CONSISTENCY else "other_qos"
         self._counters[cause] += refused.total_count_change
@@ -225,7 +224,7 @@ class _Subscription:
         if handle not in self._of_type:
             with BINDING_LOCK:
                 publisher = self._reader.get_matched_publication_data(handle)
-            # None: it left before its last message was read.
+            # None: the publisher left before its last message was read.
             self._of_type[handle] = publisher is None or self._matches(publisher)
         return self._of_type[handle]
 
@@ -237,7 +236,7 @@ class _Subscription:
 
 
 def _domain(config: Ros2Config) -> Domain | None:
-    """Return the domain with its configuration; None where the environment configures it."""
+    """Return the configured domain, or None if the environment configures Cyclone DDS."""
     if os.environ.get("CYCLONEDDS_URI"):
         return None
     key = config.domain_id, config.interface

@@ -1,4 +1,4 @@
-"""Names of ROS 2, and keys and tokens of rmw_zenoh made of them.
+"""Names of ROS 2, and keys and liveliness tokens of rmw_zenoh.
 
 Source: design document of rmw_zenoh (docs/design.md there).
 """
@@ -22,11 +22,11 @@ def resolve(topic: str, namespace: str = "") -> str:
     """Return the full name of a topic, "/" first.
 
     Args:
-        topic: Name; without "/" in front it is below the namespace.
+        topic: Name; without "/" in front it is relative to the namespace.
         namespace: Namespace of the node, with or without "/" in front; empty for none.
 
     Raises:
-        ConfigError: ROS refuses such a name.
+        ConfigError: ROS has no such name.
     """
     for what, name in (("topic", topic), ("namespace", namespace.strip("/"))):
         valid = NAME.fullmatch(name) and "__" not in name and len(name) <= MAX_NAME
@@ -42,7 +42,7 @@ def resolve(topic: str, namespace: str = "") -> str:
 
 @dataclass(frozen=True)
 class TopicType:
-    """A topic with its type, as the nodes of one release of ROS 2 name them."""
+    """Topic with its type, as named by the nodes of one release of ROS 2."""
 
     topic: str  # full name
     kind: str  # for example "std_msgs/msg/String"
@@ -50,19 +50,19 @@ class TopicType:
 
     @classmethod
     def of(cls, config: Ros2Config, topic: str, kind: str) -> "TopicType":
-        """Return a topic of a node; ConfigError if its name or type is none."""
+        """Return a topic of a node; ConfigError if its name or type is unknown."""
         known = types.type_hash(kind)
         hash_ = NO_HASH if config.distribution == "humble" else known
         return cls(resolve(topic, config.namespace), kind, hash_)
 
     def key(self, domain_id: int) -> str:
-        """Return the key of rmw_zenoh for its messages."""
+        """Return the key of its messages in rmw_zenoh."""
         return f"{domain_id}{self.topic}/{types.dds_name(self.kind)}/{self.hash}"
 
 
 @dataclass(frozen=True)
 class NodeTokens:
-    """Liveliness tokens of rmw_zenoh, from which ROS 2 lists nodes and topics."""
+    """Liveliness tokens of rmw_zenoh, which announce nodes and topics."""
 
     domain_id: int
     session: str  # identity of the Zenoh session
@@ -74,7 +74,7 @@ class NodeTokens:
         return self._token(0, "NN")
 
     def of_publisher(self, number: int, topic: TopicType, qos: Qos) -> str:
-        """Return the key of a publisher's token; numbers are unique in a session, from 1."""
+        """Return the key of a publisher's token; numbers from 1 are unique in a session."""
         return self._token(number, "MP") + _ending(topic, qos)
 
     def of_subscription(self, number: int, topic: TopicType, qos: Qos) -> str:
@@ -82,7 +82,7 @@ class NodeTokens:
         return self._token(number, "MS") + _ending(topic, qos)
 
     def _token(self, number: int, kind: str) -> str:
-        # Node and enclave: each session has one node, which has no security enclave.
+        # A session has one node (number 0), without a security enclave ("%").
         namespace = _mangle(f"/{self.namespace.strip('/')}")
         return (
             f"{LIVELINESS}/{self.domain_id}/{self.session}/0/{number}/{kind}/%/{namespace}/"
@@ -100,7 +100,7 @@ def _mangle(name: str) -> str:
 
 
 def qos_text(qos: Qos) -> str:
-    """Return a quality of service as in tokens: numbers of rmw, empty for the default."""
+    """Return a quality of service as in tokens: numbers of rmw, empty for defaults."""
     reliability = 1 if qos.reliability == "reliable" else 2
     durability = 1 if qos.durability == "transient_local" else 2
     return f"{reliability}:{durability}:1,{qos.depth}:,:,:,,"

@@ -51,7 +51,7 @@ class RmwZenoh(Ros2Transport):
     def subscribe(self, topic: str, kind: str, receive: Receive, qos: Qos = DEFAULT) -> None:
         """Receive a topic, see `Ros2Transport.subscribe`."""
         named = TopicType.of(self._config, topic, kind)
-        # All types, so that those that are not read are counted.
+        # All types, so that messages of other types are counted.
         key = f"{self._config.domain_id}{named.topic}/*/*"
         ending = f"/{types.dds_name(kind)}/{named.hash}"
 

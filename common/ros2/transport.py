@@ -1,4 +1,4 @@
-"""Interface to the topics of ROS 2, whatever carries them."""
+"""Interface of the transports that carry topics of ROS 2."""
 
 from abc import ABC, abstractmethod
 from collections import Counter
@@ -21,7 +21,7 @@ class Qos:
     reliability: Literal["reliable", "best_effort"] = "reliable"
     # transient_local: late joiners get the last `depth` messages
     durability: Literal["volatile", "transient_local"] = "volatile"
-    depth: int = 10  # messages in the queue
+    depth: int = 10  # length of the queue
 
 
 DEFAULT = Qos()
@@ -31,10 +31,10 @@ LATCHED = Qos("reliable", "transient_local", 1)
 
 @dataclass(frozen=True, slots=True)
 class Ros2Sample:
-    """One message as it came."""
+    """One received message."""
 
     cdr: bytes  # with its header of 4 bytes
-    sent_ns: int  # [ns] wall clock of its publisher when it was sent; 0: unknown
+    sent_ns: int  # wall clock of its publisher at sending [ns]; 0: unknown
 
 
 Receive = Callable[[Ros2Sample], None]
@@ -56,10 +56,10 @@ class Ros2Transport(ABC):
     """Node of ROS 2 with its publishers and subscriptions.
 
     Attributes:
-        counters: Messages dropped, by cause: bad_message (no CDR of its type), other_type (another
-            type or type hash on the topic; on DDS a publisher with one, too), other_qos (publishers
-            with less quality of service than asked for, on DDS), no_attachment (rmw_zenoh's is
-            absent or cut), receive_errors and send_errors.
+        counters: Dropped messages by cause: bad_message (no CDR of its type), other_type (another
+            type or type hash on the topic; on DDS also a publisher with another type), other_qos
+            (publishers with a lower quality of service than requested, on DDS), no_attachment
+            (rmw_zenoh's is absent or cut), receive_errors and send_errors.
     """
 
     def __init__(self) -> None:
@@ -70,12 +70,12 @@ class Ros2Transport(ABC):
         """Announce a topic.
 
         Args:
-            topic: Name; without a slash in front it is below the node's namespace.
+            topic: Name; without "/" in front it is below the node's namespace.
             kind: Type, for example "people_msgs/msg/People".
             qos: Quality of service.
 
         Raises:
-            ConfigError: The name is none of ROS, or the type is unknown.
+            ConfigError: ROS has no such name, or the type is unknown.
         """
 
     @abstractmethod
@@ -83,15 +83,15 @@ class Ros2Transport(ABC):
         """Receive a topic until `close`.
 
         Args:
-            topic: As of `publisher`.
-            kind: Type; messages of another are dropped and counted.
-            receive: Called in a thread of the subscription, which goes on whatever it raises:
-                DecodeError is counted as bad_message, all else as receive_errors. While it works,
-                only the newest `depth` messages wait.
+            topic: Name as in `publisher`.
+            kind: Type; messages of other types are dropped and counted.
+            receive: Called in a thread of the subscription. Its exceptions are counted, DecodeError
+                as bad_message, others as receive_errors. Meanwhile only the newest `depth`
+                messages wait.
             qos: Quality of service.
 
         Raises:
-            ConfigError: The name is none of ROS, or the type is unknown.
+            ConfigError: ROS has no such name, or the type is unknown.
         """
 
     @abstractmethod
@@ -99,7 +99,7 @@ class Ros2Transport(ABC):
         """End all publishers and subscriptions, and leave the network."""
 
     def deliver(self, receive: Receive, sample: Ros2Sample) -> None:
-        """Pass a message on, and count what it raises."""
+        """Pass a message to its receiver, and count the receiver's exceptions."""
         try:
             receive(sample)
         except DecodeError:

@@ -1,4 +1,4 @@
-"""Zenoh session on the keys of ROS 2, from which `rmw_zenoh` makes a transport."""
+"""Zenoh session on the keys of ROS 2, used by the transport `rmw_zenoh`."""
 
 import os
 from collections.abc import Callable
@@ -20,10 +20,10 @@ OnSample = Callable[[bytes, bytes | None, str], None]  # payload, attachment, ke
 
 
 def read_config(config: Ros2Config) -> zenoh.Config:
-    """Return the configuration of Zenoh: of the robot's own network, or for other endpoints.
+    """Return the configuration of Zenoh for the robot's own network, or for other endpoints.
 
     Raises:
-        ConfigError: A file or variable of it is not usable.
+        ConfigError: A file or environment variable of Zenoh's configuration is invalid.
     """
     if not config.endpoints:
         if os.environ.get("PEOPLE4D_KEYS"):
@@ -32,18 +32,18 @@ def read_config(config: Ros2Config) -> zenoh.Config:
                 "Run rmw_zenohd on another port, and set ros2.endpoints to it.",
             )
         return session.read_config(None, "peer")
-    # Peers on other hosts cannot reach this one on the loopback interface: routers forward then.
+    # Peers on other hosts cannot reach a loopback address: a client lets the router forward.
     local = all(any(host in endpoint for host in LOCAL) for endpoint in config.endpoints)
     environment = {"PEOPLE4D_CONNECT": ",".join(config.endpoints)}
     return session.read_config(session.CONFIGS, "peer" if local else "client", environment)
 
 
 class ZenohLink(ZenohSession):
-    """Publishes and receives raw bytes with attachments on any key, and declares tokens.
+    """Publishes and receives bytes with attachments on any key, and declares liveliness tokens.
 
     Raises:
-        ConfigError: An endpoint is none, or a file of the configuration is not usable.
-        People4dError: There is no session.
+        ConfigError: An endpoint or a configuration file is invalid.
+        People4dError: No session could be opened.
     """
 
     def __init__(self, config: Ros2Config) -> None:
@@ -51,8 +51,8 @@ class ZenohLink(ZenohSession):
         self._tokens: list[Any] = []
 
     def publisher(self, key: str, qos: Qos) -> Any:
-        """Declare a publisher; late joiners get its last messages if the quality says so."""
-        drop: Any = zenoh.CongestionControl.DROP  # a consumer that hangs must not hold up others
+        """Declare a publisher; it caches messages for late joiners if it is transient local."""
+        drop: Any = zenoh.CongestionControl.DROP  # a blocked consumer must not delay others
         if qos.durability == "volatile":
             return self._session.declare_publisher(key, congestion_control=drop, express=True)
         return zenoh.ext.declare_advanced_publisher(
@@ -65,7 +65,7 @@ class ZenohLink(ZenohSession):
         )
 
     def receive(self, key: str, qos: Qos, on_sample: OnSample) -> None:
-        """Call a function with each message of others on a key, in a thread of its own."""
+        """Call a function with each message of other sessions on a key, in a separate thread."""
         channel: Any = zenoh.handlers.RingChannel(max(qos.depth, 1))
         subscriber: Any
         others = zenoh.Locality.REMOTE

@@ -32,7 +32,6 @@ Positive = Annotated[float, Meta(gt=0)]
 NonNegative = Annotated[float, Meta(ge=0)]
 PositiveOrInfinite = Annotated[float, Meta(gt=0), INFINITE]
 Ratio = Annotated[float, Meta(ge=0, le=1)]
-PositiveRatio = Annotated[float, Meta(gt=0, le=1)]
 Probability = Ratio
 Correlation = Annotated[float, Meta(ge=-1, le=1)]
 Count = Annotated[int, Meta(ge=0)]

@@ -47,7 +47,7 @@ class OutputConfigs(Config, frozen=True, kw_only=True):
 
 
 class Ros2BridgeConfig(Config, frozen=True, kw_only=True):
-    """Topics that are published, and how readers want people to be."""
+    """Published topics, and the frames, stamps and conventions of their readers."""
 
     ros2: Ros2Config = Ros2Config()  # connection and name of the node
     # outputs: people (people_msgs), markers and prediction_markers (RViz), pedestrians
@@ -58,18 +58,18 @@ class Ros2BridgeConfig(Config, frozen=True, kw_only=True):
     # convention of people_msgs: nav2 (nav2_social_costmap_plugin, people in RViz) or sfm
     # (social_force_window_planner)
     convention: Literal["nav2", "sfm"] = "nav2"
-    # tracks that are published
+    # states of published tracks
     states: tuple[Literal["tentative", "confirmed", "lost"], ...] = ("confirmed", "lost")
-    # frame that people are brought to; empty: as they are tracked, "map" unless set otherwise
+    # frame of published people; empty: frame of the tracks, "map" unless set otherwise
     frame_id: NameOrEmpty = ""
-    # names that ROS has for frames of ours, for example {map = "robot1/map"}
+    # other names of frames in ROS, for example {map = "robot1/map"}
     frame_names: dict[str, str] = {}  # noqa: RUF012 (msgspec copies it)
-    # stamps: acquired (of the image), or sent (now, with people moved on by their velocities, at
-    # most 0.5 s: for recordings, whose stamps are mapped to the time of their playing, and for
-    # readers that refuse what is older than 0.1 s, as CoHAN does)
+    # stamps: acquired (of the image), or sent (now; people are moved by their velocities over at
+    # most 0.5 s). sent is for recordings, whose stamps are mapped to the time of their playing, and
+    # for readers that refuse messages older than 0.1 s, as CoHAN does
     stamps: Literal["acquired", "sent"] = "acquired"
-    # frame that a reader transforms people to, for example odom: its transforms on /tf are awaited,
-    # so that its lookup at the stamp succeeds; empty: people are sent at once
+    # frame that a reader transforms people to, for example odom: people wait for its transforms on
+    # /tf, so that its lookup at the stamp succeeds; empty: people are sent at once
     reader_frame: str = ""
     reader_wait_s: Positive = 0.1  # [s] longest wait for a transform as late as the stamp
     box_m: tuple[Positive, Positive, Positive] = (0.5, 0.6, 1.75)  # [m] depth, width, height

@@ -1,4 +1,4 @@
-"""Odometry and transforms of ours as topics of ROS."""
+"""Outputs of odometry and transforms."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -16,19 +16,19 @@ from services.ros2_bridge.config import Ros2BridgeConfig
 from services.ros2_bridge.output import Ros2Output
 from services.ros2_bridge.reader_frames import ALWAYS_NS
 
-FRAMES_MAX = 256  # static transforms, which are all sent in one message
+FRAMES_MAX = 256  # maximum number of static transforms, all sent in one message
 
 OnTransform = Callable[[str, str, int], None]  # parent, child, stamp_ns
 
 
 class MotionOutputs:
-    """Topics of odometry, /tf and /tf_static, as far as they are published.
+    """Outputs of odometry, /tf and /tf_static.
 
     Args:
-        config: What is published.
-        transport: Node that the topics belong to.
-        counters: Counts what is sent.
-        on_transform: Called with each transform that readers get.
+        config: Published outputs.
+        transport: Node of ROS 2 of the topics.
+        counters: Sent messages (ros2_sent), and messages that ROS cannot hold (ros2_unfit).
+        on_transform: Called with each published transform.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class MotionOutputs:
             self._tf_static = Ros2Output(transport, static, basic.TF, counters, LATCHED)
 
     def send(self, message: StaticTransform | MovingTransform | Odometry) -> None:
-        """Publish what moves, or all that does not."""
+        """Publish a moving transform or odometry, or all static transforms."""
         if isinstance(message, StaticTransform):
             self._send_static(message)
         elif isinstance(message, MovingTransform):

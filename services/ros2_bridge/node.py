@@ -1,4 +1,4 @@
-"""Node of the bridge: our messages in, topics of ROS 2 out."""
+"""Node of the bridge, which publishes messages of people4d as topics of ROS 2."""
 
 import time
 from collections import Counter
@@ -34,10 +34,10 @@ from services.ros2_bridge.reader_frames import ReaderFrames
 
 COUNTERS = ("reader_unlinked", "reader_restamped", "reader_waits", "not_extrapolated")
 STAMP_MAX_NS = 2**31 * 10**9  # builtin_interfaces/Time has 31 bits of seconds
-GROUPS_NS = 1_000_000_000  # age from which on predicted groups say nothing
-PENDING_MAX = 16  # messages that wait for transforms
-INSTANCES_MAX = 1024  # further names of processes are ignored
-HEALTH_NS = 3_000_000_000  # age from which on a process is stale
+GROUPS_NS = 1_000_000_000  # maximum age of predicted groups [ns]
+PENDING_MAX = 16  # maximum number of messages that wait for transforms
+INSTANCES_MAX = 1024  # maximum number of processes in diagnostics
+HEALTH_NS = 3_000_000_000  # age of the last heartbeat at which a process is stale [ns]
 
 
 @dataclass(frozen=True)
@@ -50,11 +50,11 @@ class _Pending:
 
 
 class Ros2BridgeNode(Node):
-    """Publishes what is configured; a message that cannot be sent is counted.
+    """Publishes the configured outputs, and counts messages that cannot be sent.
 
     Args:
-        config: What is published.
-        transport: Node of ROS 2, which this closes.
+        config: Published outputs.
+        transport: Node of ROS 2; closed with this node.
         wall_ns: The wall clock.
     """
 
@@ -72,7 +72,7 @@ class Ros2BridgeNode(Node):
     ) -> None:
         self._config, self._transport, self._wall_ns = config, transport, wall_ns
         self._stream, self._is_sent = StreamClock(wall_ns), config.stamps == "sent"
-        self._offset_ns = 0  # of the last people's wall time from their stamp
+        self._offset_ns = 0  # wall time of the last people less their stamp
         self._counters = Counter(dict.fromkeys(COUNTERS, 0))
         self._loop = NO_LOOP
         self._view = RosPeopleView()
@@ -96,14 +96,14 @@ class Ros2BridgeNode(Node):
         self._healths: dict[str, tuple[Health, int]] = {}
         self._report_ns: int | None = None
         self._unlinked = False
-        self._too_far_s = 0.0  # [s] to the time that the last people could not be moved to
+        self._too_far_s = 0.0  # refused time step of the last people, 0 if none [s]
 
     def attach(self, loop: LoopCallbacks) -> None:
         """Take the callbacks of the loop."""
         self._loop = loop
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
-        """Publish what follows from a message; one whose stamp ROS cannot hold is counted."""
+        """Publish a message, or count it if ROS cannot hold its stamp."""
         if not 0 <= message.stamp_ns < STAMP_MAX_NS:
             self._counters["ros2_unfit"] += 1
         elif isinstance(message, Tracks):
@@ -124,7 +124,7 @@ class Ros2BridgeNode(Node):
         return ()
 
     def tick(self, now_ns: int) -> Sequence[Message]:
-        """Publish people whose transforms came, and diagnostics when they are due."""
+        """Publish people whose transforms arrived, and diagnostics when they are due."""
         waiting, self._pending = self._pending, []
         for pending in waiting:
             self._send_when_linked(pending, now_ns)
@@ -143,7 +143,7 @@ class Ros2BridgeNode(Node):
         return ()
 
     def wake_ns(self) -> int | None:
-        """Return the time at which waiting people or diagnostics are due."""
+        """Return the time at which waiting people or diagnostics are due [ns]."""
         times = [pending.until_ns for pending in self._pending]
         return min([*times, *([] if self._report_ns is None else [self._report_ns])], default=None)
 
@@ -200,9 +200,9 @@ class Ros2BridgeNode(Node):
         self._send_when_linked(_Pending(found, image, until_ns), now_ns)
 
     def _send_when_linked(self, pending: _Pending, now_ns: int) -> None:
-        """Publish people once a reader can look their frame up at their stamp, or late.
+        """Publish people once a reader can look up their frame at their stamp.
 
-        Late means with the newest stamp that it can look up, to which they are moved.
+        After the longest wait, they are moved to the newest stamp that it can look up.
         """
         people, target = pending.people, self._config.reader_frame
         if not target or target == people.frame_id:
@@ -226,7 +226,7 @@ class Ros2BridgeNode(Node):
                 self._send(moved, pending.image)
 
     def _moved(self, people: RosPeople, stamp_ns: int) -> RosPeople | None:
-        """Return people at another time; None, and counted, if it is too far."""
+        """Return people at another time; None, and counted, if it is too far away."""
         moved = people.at(stamp_ns)
         self._too_far_s = 0.0 if moved else (stamp_ns - people.stamp_ns) / 1e9
         self._counters["not_extrapolated"] += 0 if moved else len(people.people)

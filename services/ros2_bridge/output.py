@@ -1,4 +1,4 @@
-"""One topic that is published, at its rate."""
+"""Publisher of an output, at its rate."""
 
 import struct
 from collections import Counter
@@ -15,10 +15,10 @@ class Ros2Output:
     """Publisher of one type of message.
 
     Args:
-        transport: Node that it belongs to.
+        transport: Node of ROS 2 of the topic.
         config: Topic and rate.
         kind: Type, for example "people_msgs/msg/People".
-        counters: Counts what is sent, as ros2_sent, and what ROS cannot hold, as ros2_unfit.
+        counters: Sent messages (ros2_sent), and messages that ROS cannot hold (ros2_unfit).
         qos: Quality of service.
 
     Raises:
@@ -38,10 +38,10 @@ class Ros2Output:
         self._sent_ns: int | None = None
         self._publisher = transport.publisher(config.topic, kind, qos)
         counters.update(ros2_sent=0, ros2_unfit=0)
-        types.encode(kind, {})  # compiles the type, which a first message must not wait for
+        types.encode(kind, {})  # compiles the type, which the first message must not wait for
 
     def is_due(self, time_ns: int) -> bool:
-        """Check that a message of this time is to be sent, and if so, take it as sent."""
+        """Check that a message of this time is due, and if so, count it as sent."""
         before_ns = self._sent_ns
         if before_ns is not None and 0 <= time_ns - before_ns < (1 - EARLY) * self._period_ns:
             return False

@@ -1,4 +1,4 @@
-"""People as messages of ROS: in the frame and at the stamp that readers can use."""
+"""Outputs of people and predictions, in the frame of their readers."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -61,11 +61,11 @@ class PeopleOutputs:
         self.problem = ""  # reason for which the last message was not sent
 
     def add_transform(self, message: StaticTransform | MovingTransform | Odometry) -> None:
-        """Take a transform that may lead to the frame."""
+        """Add a transform that may lead to the frame."""
         self._transforms.add_transform(message)
 
     def in_frame(self, message: RosPeople) -> RosPeople | None:
-        """Return people in the frame of ROS; None if it is not linked to theirs."""
+        """Return people in the frame of ROS; None if no transform leads to it."""
         matrix, frame_id = self._target(message.frame_id, message.stamp_ns)
         if matrix is None:
             return None
@@ -80,7 +80,7 @@ class PeopleOutputs:
                 output.send(convert(message))
 
     def send_predictions(self, message: Predictions, stamp_ns: int) -> None:
-        """Publish predictions with a stamp."""
+        """Publish predictions, with a stamp for readers."""
         if not self._predictions or not self._predictions.is_due(message.stamp_ns):
             return
         matrix, frame_id = self._target(message.frame_id, message.stamp_ns)
@@ -89,7 +89,7 @@ class PeopleOutputs:
             self._predictions.send(markers.prediction_markers(_moved(message, matrix), head))
 
     def _target(self, source: str, stamp_ns: int) -> tuple[F64 | None, str]:
-        """Return the transform from a frame to that of ROS, and its name there."""
+        """Return the transform from a frame to the frame of ROS, and the latter's name."""
         target = self._config.frame_id or source
         frame_id = self._config.frame_names.get(target, target)
         if target == source:
@@ -104,7 +104,7 @@ class PeopleOutputs:
 
 
 def _moved(message: Predictions, target_from_source: F64) -> Predictions:
-    """Return predictions in another frame, whose z axis is vertical, too."""
+    """Return predictions in another frame, also with a vertical z axis."""
     rotation, shift = target_from_source[:3, :3], target_from_source[:3, 3]
     plane = rotation[:2, :2]
     people = tuple(

@@ -1,4 +1,4 @@
-"""Frames as a reader of ROS has them: what is linked on /tf, and up to which time."""
+"""Transform tree of a reader of ROS: links between frames on /tf, and their newest times."""
 
 import threading
 from collections import Counter
@@ -10,8 +10,8 @@ from common.ros2.messages.basic import TF
 from common.ros2.transforms import edges_of
 from common.ros2.transport import LATCHED, Qos, Ros2Sample, Ros2Transport
 
-FRAMES_MAX = 4096  # bounds the memory that made-up names take
-ALWAYS_NS = 2**63 - 1  # time up to which static transforms are known
+FRAMES_MAX = 4096  # maximum number of frames
+ALWAYS_NS = 2**63 - 1  # newest time of static transforms [ns]
 COUNTERS = ("tf_loops", "tf_bad")
 MANY = 100  # depth of the queues of tf2
 
@@ -19,8 +19,8 @@ MANY = 100  # depth of the queues of tf2
 class ReaderFrames:
     """Transforms between frames without their values; may be used by several threads.
 
-    As in tf2 each frame has one parent, the last one named. A parent that would close a loop is
-    refused and counted.
+    As in tf2, each frame has one parent, the last one received. A parent that would close a loop
+    is rejected and counted.
 
     Args:
         counters: Counts `COUNTERS`.
@@ -34,13 +34,13 @@ class ReaderFrames:
         counters.update(dict.fromkeys(COUNTERS, 0))
 
     def subscribe(self, transport: Ros2Transport) -> None:
-        """Listen to /tf and /tf_static."""
+        """Subscribe to /tf and /tf_static."""
         transport.subscribe("/tf", TF, partial(self.take, static=False), Qos(depth=MANY))
         latched = Qos(LATCHED.reliability, LATCHED.durability, MANY)
         transport.subscribe("/tf_static", TF, partial(self.take, static=True), latched)
 
     def take(self, sample: Ros2Sample, static: bool) -> None:
-        """Take a tf2_msgs/TFMessage; DecodeError if it is none."""
+        """Add the transforms of a tf2_msgs/TFMessage; DecodeError for other payloads."""
         message = types.decode(TF, sample.cdr)
         edges = list(edges_of(message))
         self._counters["tf_bad"] += len(message.transforms) - len(edges)
@@ -49,7 +49,7 @@ class ReaderFrames:
         self._on_change()
 
     def add(self, parent: str, child: str, stamp_ns: int) -> None:
-        """Add a transform; ALWAYS_NS as its time if it is static."""
+        """Add a transform at a time [ns], ALWAYS_NS if it is static."""
         with self._lock:
             known = child in self._parents
             if not parent or not child or (not known and len(self._parents) >= FRAMES_MAX):
@@ -62,7 +62,7 @@ class ReaderFrames:
                 self._parents[child] = parent, newest_ns
 
     def newest_ns(self, target: str, source: str) -> int | None:
-        """Return the last time at which two frames are linked; None if they are not."""
+        """Return the newest time at which two frames are linked [ns]; None if they are not."""
         with self._lock:
             of_source = dict(self._climb(source))
             for frame, newest_ns in self._climb(target):
@@ -71,7 +71,7 @@ class ReaderFrames:
         return None
 
     def _climb(self, frame: str) -> Iterator[tuple[str, int]]:
-        """Yield a frame and its ancestors, each with the last time at which it is linked to it."""
+        """Yield a frame and its ancestors, each with the newest time of its link to the frame."""
         newest_ns = ALWAYS_NS
         yield frame, newest_ns
         while frame in self._parents:

@@ -21,7 +21,7 @@ from services.camera.ros.images import colour_image, depth_image
 from services.camera.ros.live_motion import LiveMotion
 from services.camera.ros.motion import FrameTree, odometry_of
 from services.camera.ros.topics import RGBD
-from services.gt_bridge.sources.ros import people_typestore, stamped_truth, truth_of
+from services.gt_bridge.sources.ros import stamped_truth, truth_of
 from tests.camera.ros.bags import Ros, compressed_depth, depth_mm, rgb
 from tests.contract.examples import FULL, SPARSE
 from tests.fuzz.target import Target
@@ -172,7 +172,7 @@ def _people(data: bytes, _: Path) -> None:
 
 
 def _people_seeds(_: Path) -> Sequence[bytes]:
-    store, types = PEOPLE_STORE, PEOPLE_STORE.types
+    store, types = STORE, STORE.types
     point, stamp = types["geometry_msgs/msg/Point"], types["builtin_interfaces/msg/Time"]
     person = types["people_msgs/msg/Person"](
         name="anna",
@@ -188,7 +188,6 @@ def _people_seeds(_: Path) -> Sequence[bytes]:
     return [bytes(store.serialize_cdr(truth, PEOPLE)) for truth in truths]
 
 
-PEOPLE_STORE = people_typestore()
 TREES = ("zenoh:tf", "zenoh:tf_static")
 MOTIONS = tuple(
     LiveMotion(config)

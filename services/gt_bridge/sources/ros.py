@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rosbags.typesys.store import Typestore
 
-from common.io.ros_bag import PEOPLE, make_typestore, open_bag
+from common.io.ros_bag import PEOPLE, open_bag
 from people4d.errors import DecodeError, SourceError
 from people4d.messages import F64, Truth, TruthPerson
 from services.gt_bridge.config import GtBridgeConfig
@@ -77,11 +76,6 @@ def stamped_truth(message: Any) -> Truth:
             "Let the motion-capture node stamp its messages.",
         )
     return truth
-
-
-def people_typestore(version: int = 2) -> Typestore:
-    """Return the message types of ROS 1 or 2, people_msgs among them."""
-    return make_typestore(version, {})
 
 
 def truth_of(message: Any, sequence: int) -> Truth:

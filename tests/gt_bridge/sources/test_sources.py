@@ -10,12 +10,11 @@ from rosbags import rosbag1, rosbag2
 from rosbags.typesys.store import Typestore
 
 from common.io.recording import RecordingWriter
-from common.io.ros_bag import PEOPLE
+from common.io.ros_bag import PEOPLE, make_typestore
 from people4d.errors import ConfigError, SourceError
 from people4d.messages import Truth, TruthPerson
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.sources.registry import open_truth
-from services.gt_bridge.sources.ros import people_typestore
 from tests import ROOT, builders
 
 
@@ -40,7 +39,7 @@ def people(store: Typestore, x: float, sec: int, ros1: bool) -> Any:
 
 
 def write_ros1(folder: Path, *topics: str) -> Path:
-    store, path = people_typestore(1), folder / "people.bag"
+    store, path = make_typestore(1, {}), folder / "people.bag"
     with rosbag1.Writer(path) as writer:
         for topic in topics:
             connection = writer.add_connection(topic, PEOPLE, typestore=store)
@@ -53,7 +52,7 @@ def write_ros1(folder: Path, *topics: str) -> Path:
 def write_ros2(
     folder: Path, *topics: str, plugin: rosbag2.StoragePlugin = rosbag2.StoragePlugin.SQLITE3
 ) -> Path:
-    store, path = people_typestore(), folder / "people"
+    store, path = make_typestore(2, {}), folder / "people"
     with rosbag2.Writer(path, version=9, storage_plugin=plugin) as writer:
         for topic in topics:
             connection = writer.add_connection(topic, PEOPLE, typestore=store)
@@ -91,7 +90,7 @@ def test_a_bag_with_two_topics_wants_one_named(tmp_path: Path) -> None:
 
 
 def test_bag_without_people_is_refused_with_its_topics(tmp_path: Path) -> None:
-    store = people_typestore()
+    store = make_typestore(2, {})
     with rosbag2.Writer(tmp_path / "bag", version=9) as writer:
         connection = writer.add_connection("/text", "std_msgs/msg/String", typestore=store)
         text = store.types["std_msgs/msg/String"](data="hello")
