@@ -60,7 +60,7 @@ class Client:
 
         Args:
             kinds: Types of message, for example Tracks.
-            timeout_s: Silence after which the iteration ends [s]; None: endless.
+            timeout_s: Silence after which the iteration ends [s]; None: it ends when closed.
         """
         arrivals = self.arrivals(*kinds, timeout_s=timeout_s)
         return (arrival.message for arrival in arrivals if isinstance(arrival.message, kinds))
@@ -70,7 +70,7 @@ class Client:
 
         Args:
             kinds: Types of message.
-            timeout_s: Silence after which the iteration ends [s]; None: endless.
+            timeout_s: Silence after which the iteration ends [s]; None: it ends when closed.
         """
         topics = [BY_MESSAGE[kind] for kind in kinds]
         subscriptions = [self.session.subscribe(topic) for topic in topics]
@@ -94,6 +94,8 @@ class Client:
             arrival = self.queue.get(POLL_S if timeout_s is None else min(timeout_s, POLL_S))
             if arrival is None and self.queue.failure:
                 raise People4dError(f"messages are received no more: {self.queue.failure!r}")
+            if arrival is None and self.session.closed:
+                return
             if arrival and isinstance(arrival.message, kinds):
                 yield arrival
                 last_s, warn_after_s = time.monotonic(), None

@@ -184,7 +184,10 @@ class ZenohSession:
         """Return robot, service and instance of every live process, of all robots."""
         channel: Any = zenoh.handlers.FifoChannel(256)
         key = f"{prefix('*')}/alive/*/*"
-        replies = self._session.liveliness().get(key, channel, timeout=ANSWER_S)
+        try:
+            replies = self._session.liveliness().get(key, channel, timeout=ANSWER_S)
+        except zenoh.ZError:  # the session was closed
+            return []
         keys = sorted({str(reply.ok.key_expr) for reply in replies if reply.ok})
         parts = (key.split("/") for key in keys)
         return [(robot, service, instance) for *_, robot, _, service, instance in parts]
@@ -208,6 +211,11 @@ class ZenohSession:
         thread_name = f"query {name}"
         if all(thread.name != thread_name for thread in self._threads if thread.is_alive()):
             self._start(ask, thread_name)
+
+    @property
+    def closed(self) -> bool:
+        """True once the session has left the network."""
+        return bool(self._session.is_closed())
 
     def close(self) -> None:
         """End all subscriptions and leave the network."""

@@ -95,6 +95,16 @@ def test_silence_is_logged_once_with_the_services_found(
         network.close()
 
 
+def test_iteration_in_another_thread_ends_when_the_client_is_closed(network: Network) -> None:
+    client = Client(network.endpoint, network.robot(), warn_after_s=0.0)
+    thread = threading.Thread(target=list, args=(client.arrivals(Tracks),))
+    thread.start()
+    client.close()
+    thread.join(WAIT_S)
+    assert not thread.is_alive()
+    assert client.session.present() == []
+
+
 def test_another_robot_is_named_in_the_log(
     network: Network, caplog: pytest.LogCaptureFixture
 ) -> None:
