@@ -98,7 +98,7 @@ class Fault:
     """Cost of one fault."""
 
     back_s: float | None  # [s] None: it did not come back in time
-    silence_s: float  # [s] longest pause of people seen
+    silence_s: float  # [s] maximum pause of people seen
     lost: int  # frames without an answer in that pause
     beyond: int  # and in all others
     identities_same: bool  # whether everyone had the same identity afterwards

@@ -10,7 +10,7 @@ import numpy as np
 
 from people4d.messages import F64
 
-PROBABILITY_MIN = 1e-6  # least probability of a mode
+PROBABILITY_MIN = 1e-6  # minimum probability of a mode
 
 
 def mixing_weights(probability: F64, transition: F64) -> tuple[F64, F64]:

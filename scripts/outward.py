@@ -51,8 +51,8 @@ NUMBER, MACHINE, TARGET = 0, 4, 48  # offsets of a call's number, machine and fi
 RECEIVE, SEND = 0xC0502100, 0xC0182101
 NAME_SERVER = 53  # port
 RESOLVER = b"/run/systemd/resolve/"
-MESSAGES_MAX = 1024  # largest number of messages of one call
-PROGRAM_MAX = 80  # largest number of characters
+MESSAGES_MAX = 1024  # maximum number of messages of one call
+PROGRAM_MAX = 80  # maximum number of characters
 STATE = ".local/state/people4d"
 
 

@@ -13,8 +13,8 @@ from people4d.messages import F64
 STEP_S = 0.1  # [s] step of the grid
 FINE = 4  # steps of smoothing in one of the grid
 WINDOW = 21  # fine steps in a window of smoothing: 0.5 s
-GAP_S = 0.45  # [s] longest gap without a detection
-LIMB_GAP_S = 0.25  # [s] longest gap without a joint
+GAP_S = 0.45  # [s] maximum gap without a detection
+LIMB_GAP_S = 0.25  # [s] maximum gap without a joint
 LIMBS_COUNT = len(LIMBS)
 GATE_M, SPEED_MAX_MPS = 0.35, 2.5  # maximum distance from the prediction, and its growth
 CLOSE_M = 0.6  # [m] distance below which two people may be exchanged: their tracks end

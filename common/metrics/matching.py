@@ -44,7 +44,7 @@ class Matching:
     persons: tuple[Id, ...]  # all true people
     tracks: tuple[Id, ...]  # all tracks
     frame_matches: tuple[FrameMatches, ...]  # one for each frame
-    threshold: float  # least similarity of a match
+    threshold: float  # minimum similarity of a match
 
     @cached_property
     def frame_scores(self) -> tuple[FrameScore, ...]:

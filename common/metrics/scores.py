@@ -80,7 +80,7 @@ def score(sequence: EvaluationSequence, similarity: Similarity, threshold: float
     Args:
         sequence: Truth and tracks.
         similarity: Similarity of people and tracks, for example `GroundDistance(1.0)`.
-        threshold: Least similarity of a match.
+        threshold: Minimum similarity of a match.
     """
     return score_matching(match(sequence, similarity, threshold))
 

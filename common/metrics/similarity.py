@@ -31,7 +31,7 @@ class GroundDistance:
     stand for 1.9 to 0.1 times max_m.
     """
 
-    max_m: float = 1.0  # [m] largest distance of a match, usually 0.5 to 1
+    max_m: float = 1.0  # [m] maximum distance of a match, usually 0.5 to 1
 
     def __post_init__(self) -> None:
         """Check the distance."""

@@ -88,7 +88,7 @@ class ClockFilter:
         self._exchanges.append(exchange)
 
     def offset(self, now_ns: int) -> HostOffset | None:
-        """Return the offset with the least error, None before the first reply.
+        """Return the offset with the minimum error, None before the first reply.
 
         Args:
             now_ns: Own clock.

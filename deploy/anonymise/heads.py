@@ -17,7 +17,7 @@ HEADS_TALL = 6.0  # heads in the height of a person, fewer than the usual 7.5: t
 SHOULDER_SHARE = 0.6  # size of a head as a share of the distance of the shoulders
 SIDE, ABOVE, BELOW = 0.8, 0.4, 1.2  # margins of the cover, in sizes of a head
 LINK_IOU = 0.2  # overlap from which two boxes of successive frames are one person
-GAP_S = 2.0  # [s] longest gap over which the cover is interpolated
+GAP_S = 2.0  # [s] maximum gap over which the cover is interpolated
 HOLD_S = 0.5  # [s] time of the cover before the first detection and after the last
 GROWTH = 0.5  # growth of the cover's sides within HOLD_S
 

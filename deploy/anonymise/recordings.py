@@ -41,7 +41,7 @@ class AnonymisedCounts:
 
 
 def model() -> PersonModel:
-    """Return the detection model with a low least score."""
+    """Return the detection model with a low minimum score."""
     return load_model(ModelSettings(score_min=SCORE_MIN, max_people=PEOPLE_MAX))
 
 

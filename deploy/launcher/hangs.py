@@ -17,10 +17,10 @@ FORGET_S = 2.0  # age at which heartbeats of another process number are forgotte
 class WatchdogConfig(Config, frozen=True, kw_only=True):
     """Limits above which a process hangs. All values are chosen by this project."""
 
-    silent_s: Positive = 2.25  # [s] longest silence; heartbeats come twice a second
-    # [s] longest time in state stalled, which begins after 2 s with one message
+    silent_s: Positive = 2.25  # [s] maximum silence; heartbeats come twice a second
+    # [s] maximum time in state stalled, which begins after 2 s with one message
     stalled_s: Positive = 8.0
-    # [s] longest time from a restart to the first heartbeat, with the loading of a model; the first
+    # [s] maximum time from a restart to the first heartbeat, with the loading of a model; the first
     # start has the limit of `people4d up --timeout`
     start_s: Positive = 120.0
     restarts_max: PositiveInt = 5  # restarts of one process in restarts_window_s

@@ -83,7 +83,7 @@ def limping_side(parameters: Sequence[GaitParameter]) -> str | None:
 
 
 def recognisable_limp(parameters: Sequence[GaitParameter]) -> float | None:
-    """Return the least asymmetry of step times, in %, that is recognised as a limp.
+    """Return the minimum asymmetry of step times, in %, that is recognised as a limp.
 
     By the interval of as many steps; None if it is not known.
     """

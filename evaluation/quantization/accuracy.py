@@ -15,7 +15,7 @@ from services.detector.build import build
 from services.detector.config import DetectorConfig
 from services.detector.models.registry import find_factory
 
-# Largest accepted losses, as in [PIC4SeR]
+# Maximum accepted losses, as in [PIC4SeR]
 RECALL_LOSS_MAX = 0.01
 POSITION_LOSS_MAX_M = 0.005
 YAW_LOSS_MAX_DEG = 1.0

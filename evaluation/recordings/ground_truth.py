@@ -20,8 +20,8 @@ from people4d.messages import F64, CameraInfo, Truth, TruthPerson
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.sources.registry import open_truth
 
-VISIBLE_MIN = 0.35  # least visible share of a person who has to be tracked
-LOST_NS = 2_000_000_000  # [ns] longest gap of motion capture that is interpolated
+VISIBLE_MIN = 0.35  # minimum visible share of a person who has to be tracked
+LOST_NS = 2_000_000_000  # [ns] maximum gap of motion capture that is interpolated
 UNBOUNDED = 2**40  # number of messages in a buffer
 
 

@@ -16,7 +16,7 @@ from lab.truth.frames import PersonView, person_views
 from lab.world import World
 from people4d.messages import F64, U8, CameraInfo, Detection, RgbdFrame
 
-VISIBLE_MIN = 0.35  # least visible share of a person who has to be found
+VISIBLE_MIN = 0.35  # minimum visible share of a person who has to be found
 FACE_AND_TORSO = [0, 5, 6, 11, 12]  # COCO: nose, shoulders, hips
 # Scenario, seed and frames of the test split of the detector: four people cross before a standing
 # camera, four in a hall before a driving robot, two sit down.
@@ -25,7 +25,7 @@ HELD_OUT = (
     ("pmrm1", 23, range(30, 430, 14)),
     ("short_sit", 24, range(60, 240, 12)),
 )
-OVERLAP_MIN = 0.4  # least overlap of a detection's box with the true box
+OVERLAP_MIN = 0.4  # minimum overlap of a detection's box with the true box
 
 
 @dataclass(frozen=True)

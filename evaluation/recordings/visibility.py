@@ -14,7 +14,7 @@ from lab.world import EPOCH_NS, World
 from people4d.errors import SourceError
 from people4d.messages import F64
 
-SAME_MOTION_M = 0.1  # [m] largest distance of truth and simulation of the same motion
+SAME_MOTION_M = 0.1  # [m] maximum distance of truth and simulation of the same motion
 CHECKS = 5  # number of stamps at which the distance is checked
 
 

@@ -23,7 +23,7 @@ SWITCHES_MAX = 5  # switches of one run that have an image
 AROUND = 6  # frames before the last and after the first match
 BODY_M = 2.3  # [m] side of the square around the person
 SIDE_PX = 210  # [px] side of its image
-NEAR_M = 0.2  # [m] least depth of a person that is shown
+NEAR_M = 0.2  # [m] minimum depth of a person that is shown
 
 
 @dataclass(frozen=True)

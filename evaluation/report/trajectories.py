@@ -19,7 +19,7 @@ class CameraCoverage:
     position_m: F64  # 2
     axis_rad: float  # [rad] direction of the optical axis
     half_angle_rad: float  # [rad] half of the horizontal field of view
-    range_m: float  # [m] largest depth
+    range_m: float  # [m] maximum depth
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """Collision avoidance of walkers.
 
-Each walker selects, ten times a second, the heading and speed of least cost. Candidates are
+Each walker selects, ten times a second, the heading and speed of minimum cost. Candidates are
 extrapolated with the present velocities of the others; the cost grows with the detour and with
 small distances (after the choice of heading in [Moussaïd 2011]).
 """

@@ -37,7 +37,7 @@ class RobotEncounter(Record, frozen=True, kw_only=True):
     # [s] from the stamp until the expected positions are closest, within the horizons
     closest_approach_s: NonNegative
     closest_distance_m: NonNegative  # [m] between the expected positions at that time
-    # [m] least distance of the person's expected path to the robot's path, at any time
+    # [m] minimum distance of the person's expected path to the robot's path, at any time
     path_distance_m: NonNegative
 
 

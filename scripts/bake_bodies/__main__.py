@@ -27,7 +27,7 @@ from scripts.bake_bodies.rig import BONES, fold_weights, strongest
 F64 = npt.NDArray[np.float64]
 OUTPUT = Path(__file__).resolve().parents[2] / "lab/assets/bodies.npz"
 STEP_M = 5e-5  # [m] resolution of stored coordinates
-INFLUENCES = 4  # largest number of bones of a vertex
+INFLUENCES = 4  # maximum number of bones of a vertex
 ANKLES = (15, 16)  # indices of COCO keypoints
 MASKS = ("lips", "ears", "eyelids")
 SKIN_VERTICES = 13380  # number of vertices of the visible body, first in the base mesh

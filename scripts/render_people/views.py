@@ -39,7 +39,7 @@ IMAGE_PX = (256, 192)
 DARK_SCENES = 0.4  # share of scenes with dark clothes only
 LAYER_M = (-0.4, 0.5)  # [m] depth range of the person's layer around its median
 PEOPLE = 6  # number of people of a scene
-PIXELS_MIN = 150  # least number of visible pixels of a person with a view
+PIXELS_MIN = 150  # minimum number of visible pixels of a person with a view
 SHOULDERS = [5, 6]  # COCO keypoints; a view requires a visible one
 MOTION_S = 24.0
 

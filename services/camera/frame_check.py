@@ -10,7 +10,7 @@ from people4d.messages import CameraInfo
 from services.camera.ros.images import millimetres
 from services.camera.source import MotionMessage, SourceFrame, SourceItem, SourceSetup
 
-METRES_MAX = 50  # largest reading [mm] of a depth image in metres; sensors begin beyond
+METRES_MAX = 50  # maximum reading [mm] of a depth image in metres; sensors begin beyond
 RANGE_MAX_M = 65.535  # [m] range of 16 bits of millimetres
 GRID = 16  # [px] step between the readings that are checked
 HOPELESS_FRAMES = 20  # rejected frames, with none accepted, after which a source is given up

@@ -5,7 +5,7 @@ from collections import deque
 from people4d.errors import ConfigError
 from services.camera.config import CameraConfig
 
-MAX_GAP_NS = 10_000_000_000  # [ns] longest pause in the stamps that is no jump of the clock
+MAX_GAP_NS = 10_000_000_000  # [ns] maximum pause in the stamps that is no jump of the clock
 RATE_NS = 5_000_000_000  # [ns] period over which the rate of a source is measured
 FEWEST_FRAMES = 3  # minimum number of frames for a rate
 SLOW = 0.8  # share of the wanted rate below which a source is too slow

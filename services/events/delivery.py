@@ -11,7 +11,7 @@ import msgspec
 from people4d.messages import Event
 from services.events.journal import Journal
 
-TIMEOUT_S = 5.0  # longest duration of one delivery [s]
+TIMEOUT_S = 5.0  # maximum duration of one delivery [s]
 WAITS_S = (0.0, 1.0, 2.0, 5.0, 10.0, 30.0)  # wait before an attempt, by number of failures [s]
 BATCH = 100  # events read from the journal at once
 

@@ -16,8 +16,8 @@ from people4d.messages import F64, Event, Track, Tracks, Zone
 from people4d.messages.base import MAX_STAMP_NS
 from services.events.config import EventsConfig
 
-GONE_MAX = 10_000  # most stored identities of people who disappeared
-# Largest burst and rate of new people [Hz], so that invented tracks do not fill the journal
+GONE_MAX = 10_000  # maximum number of stored identities of people who disappeared
+# Maximum burst and rate of new people [Hz], so that invented tracks do not fill the journal
 NEW_MAX, NEW_HZ = 256, 16.0
 
 

@@ -11,7 +11,7 @@ from people4d.messages import Event
 from services.events.delivery import TIMEOUT_S
 
 CONNECTIONS = {"http": HTTPConnection, "https": HTTPSConnection}
-HEAD_MAX = 65536  # largest head of an answer [bytes]
+HEAD_MAX = 65536  # maximum head of an answer [bytes]
 HEAD_END = b"\r\n\r\n"
 
 

@@ -10,7 +10,7 @@ from people4d.errors import ConfigError
 from people4d.messages import Zone
 from people4d.messages.events import ZONES_MAX
 
-FILE_MAX = 2**20  # largest size of the file [bytes]
+FILE_MAX = 2**20  # maximum size of the file [bytes]
 
 
 class StoredZones(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -19,7 +19,7 @@ from services.predictor.motion import (
 from services.predictor.motion_filter import MotionFilter, TrackedMotion
 
 MOTION_HORIZON_S = 3.0  # horizon of the probabilities of motion [s]
-# Share of the group's displacement in the displacement of a member, and its least horizon [s]
+# Share of the group's displacement in the displacement of a member, and its minimum horizon [s]
 COHESION, COHESION_FROM_S = 0.6, 1.0
 ACCELERATIONS = (0.1, 0.2, 0.6)  # densities of white acceleration in forecasts [m/s^2 sqrt(s)]
 STANDING_RADIUS_M = 0.6  # maximum displacement of a standing person [m]

@@ -24,7 +24,7 @@ from services.report.text import text
 PAGE = "report.html"
 COMPLETE = "summary.json"  # written last: it exists if the report is complete
 HZ_RANGE = 1.0, 120.0
-WAITING_MAX = 2 * 2**30  # [bytes] largest size of all frames that wait for the end of the run
+WAITING_MAX = 2 * 2**30  # [bytes] maximum size of all frames that wait for the end of the run
 ENCODING_S = 540.0  # [s] time limit of all videos; the compose file kills after 600 s
 PROGRESS_S = 2.0
 

@@ -16,9 +16,9 @@ from people4d.messages import (
     Truth,
 )
 
-FLOWS_NS = 1_000_000_000  # [ns] largest age of the last frame at a heartbeat of the run
-MIN_BEATS = 4  # least number of heartbeats with a reason; they come twice a second
-MAX_REASONS = 100  # largest number of reasons of all services
+FLOWS_NS = 1_000_000_000  # [ns] maximum age of the last frame at a heartbeat of the run
+MIN_BEATS = 4  # minimum number of heartbeats with a reason; they come twice a second
+MAX_REASONS = 100  # maximum number of reasons of all services
 ENDED_NS = 1_000_000_000  # [ns] time from the last truth to the last frame if truth ended
 NUMBER = re.compile(r"[\d.]+")
 WAITS = re.compile(r"no [\w ,]+ for \d+ s")  # reasons that another service explains

@@ -15,7 +15,7 @@ from services.report.statistics import END_TO_END, RunSummary
 from services.report.svg import Bar, Line, bars, draw_map, plot
 from services.report.text import facts, headline, latency_of, latency_table
 
-VIDEO_MAX = 24 * 2**20  # [bytes] largest size of an embedded video; others are separate files
+VIDEO_MAX = 24 * 2**20  # [bytes] maximum size of an embedded video; others are separate files
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from services.report.text import facts, headline, latency_table
 
 COLUMNS = 4
 HEAD = 60  # [px] height of the head line
-PANEL = 600  # [px] least height of map and figures
+PANEL = 600  # [px] minimum height of map and figures
 LINE = 24  # [px] from one line of text to the next
 TABLE_LINE = 0.85  # of LINE
 TEXT = 14.0  # [px] height of text

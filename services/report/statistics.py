@@ -30,12 +30,12 @@ from services.report.even_sample import EvenSample
 from services.report.limits import RunLimits
 from services.report.series import RunSeries
 
-SAMPLES = 10_000  # largest number of samples of a stage
+SAMPLES = 10_000  # maximum number of samples of a stage
 MAX_STAGES = 128
 END_TO_END = "end_to_end"
 MAX_TRACKS = 100_000
 MAX_INSTANCES = 64
-MAX_ERRORS = 10_000  # largest number of position errors for the median
+MAX_ERRORS = 10_000  # maximum number of position errors for the median
 
 
 class Percentiles(msgspec.Struct, frozen=True, kw_only=True):

@@ -10,8 +10,8 @@ from services.report.even_sample import EvenSample
 
 K = TypeVar("K")
 
-MAX_POINTS = 400  # largest number of points of a trajectory
-MAX_TRAJECTORIES = 60  # largest number on the map; the shortest is dropped
+MAX_POINTS = 400  # maximum number of points of a trajectory
+MAX_TRAJECTORIES = 60  # maximum number on the map; the shortest is dropped
 
 
 class TrajectoryStore:

@@ -71,5 +71,5 @@ class Ros2BridgeConfig(Config, frozen=True, kw_only=True):
     # frame that a reader transforms people to, for example odom: people wait for its transforms on
     # /tf, so that its lookup at the stamp succeeds; empty: people are sent at once
     reader_frame: str = ""
-    reader_wait_s: Positive = 0.1  # [s] longest wait for a transform as late as the stamp
+    reader_wait_s: Positive = 0.1  # [s] maximum wait for a transform as late as the stamp
     box_m: tuple[Positive, Positive, Positive] = (0.5, 0.6, 1.75)  # [m] depth, width, height

@@ -24,7 +24,7 @@ from services.tracker.strongsort3d.config import StrongSort3dConfig
 class Sort3dConfig(Config, frozen=True, kw_only=True):
     """SORT-3D [PIC4SeR], section 4; its other constants stand in `sort3d`."""
 
-    # [m] least distance gate tau. With one person sigma is 0 and tau the last distance, so the
+    # [m] minimum distance gate tau. With one person sigma is 0 and tau the last distance, so the
     # plain rule rejects about every second match; 0: the plain rule
     distance_gate_floor_m: NonNegative = 0.5
     min_hits: PositiveInt = 3  # consecutive matches that confirm a track; section 4
@@ -42,7 +42,7 @@ class ImageSortConfig(Config, frozen=True, kw_only=True):
     # first; others only continue tracks matched in the previous frame. 0: one round, SORT
     score_high: Ratio = 0.0
     # life cycle
-    score_new: Ratio = 0.0  # least score of a detection that begins a track; 0: SORT
+    score_new: Ratio = 0.0  # minimum score of a detection that begins a track; 0: SORT
     min_hits: Annotated[int, Meta(ge=0)] = 3  # matches after the first that confirm; SORT
     # "streak": a miss ends the confirmation, but in the first min_hits frames all tracks are
     # published, SORT; "once": a track stays confirmed
@@ -50,7 +50,7 @@ class ImageSortConfig(Config, frozen=True, kw_only=True):
     lifetime: Literal["fixed", "dynamic"] = "fixed"  # lifetime of an unmatched track; section 7
     t_lost: NonNegative = 1.0  # [frames] T_lost: longest lifetime without a match; section 7
     r: PositiveOrInfinite = 5.0  # R: tracked frames per additional frame, if dynamic; section 7
-    max_age: PositiveOrInfinite = 30.0  # [frames] largest dynamic lifetime; section 7
+    max_age: PositiveOrInfinite = 30.0  # [frames] maximum dynamic lifetime; section 7
     # ego motion
     # Correction of the camera's rotation; section 7. "odometry": by odometry and transforms
     ego_motion: Literal["none", "odometry"] = "none"
@@ -76,11 +76,12 @@ class TrackerConfig(Config, frozen=True, kw_only=True):
     # "keypoints": measured yaws in a density filter (section 12); "kalman": in a Kalman filter
     # (section 6); "velocity": the direction of walking (section 4); "none"
     yaw: Literal["keypoints", "kalman", "velocity", "none"] = "keypoints"
-    yaw_speed_min_mps: NonNegative = 0.2  # [m/s] least speed for a yaw from velocity; section 4: 0
+    # [m/s] minimum speed for a yaw from velocity; section 4: 0
+    yaw_speed_min_mps: NonNegative = 0.2
     # time
-    max_lost_s: Positive = 5.0  # [s] longest time without a match of any track
-    embedding_wait_s: NonNegative = 0.05  # [s] longest wait for the embeddings of a frame
-    # [s] longest wait for earlier frames of other cameras or detectors; absent: one frame interval
+    max_lost_s: Positive = 5.0  # [s] maximum time without a match of any track
+    embedding_wait_s: NonNegative = 0.05  # [s] maximum wait for the embeddings of a frame
+    # [s] maximum wait for earlier frames of other cameras or detectors; absent: one frame interval
     # for detectors, no wait for cameras
     reorder_wait_s: NonNegative | None = None
     area: SiteAreaConfig = SiteAreaConfig()  # area of a site with several trackers

@@ -10,7 +10,7 @@ from common.geometry.transforms import invert
 from people4d.messages import F32, F64, ImageTrack, Track
 from people4d.messages.areas import AREAS_MAX
 
-LATE_MAX_NS = 1_000_000_000  # largest age of a late frame, behind the last one [ns]
+LATE_MAX_NS = 1_000_000_000  # maximum age of a late frame, behind the last one [ns]
 
 
 class VelocityMeasurement(NamedTuple):

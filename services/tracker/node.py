@@ -41,7 +41,7 @@ from services.tracker.prediction_schedule import PredictionSchedule
 from services.tracker.stateful import pack, unpack
 
 TRANSFORMS = StaticTransform | MovingTransform | Odometry
-ODOMETRY_WAIT_NS = 50_000_000  # longest wait for the odometry of a frame [ns]
+ODOMETRY_WAIT_NS = 50_000_000  # maximum wait for the odometry of a frame [ns]
 COUNTERS = (
     *("no_transform", "predicted_base", "clock_resets", "transform_changes", "predictions"),
     *("without_position", "out_of_range", "empty_boxes", "bad_embeddings", "too_many"),

@@ -19,15 +19,15 @@ from services.tracker.interface import (
     VelocityMeasurement,
 )
 
-PEOPLE_MAX = 128  # most detections of a frame, by score; matching takes their cube
-POSE_SIGMA_MIN_M = 0.01  # least standard deviation of a pose that adds a covariance [m]
-RANGE_MAX_M = 100.0  # largest distance from the camera of a used position [m]
-LENGTH_MIN = 1e-6  # least length of a usable embedding
-VELOCITY_MAX_MPS = 15.0  # largest speed of a person [m/s]
+PEOPLE_MAX = 128  # maximum number of detections of a frame, by score; matching takes their cube
+POSE_SIGMA_MIN_M = 0.01  # minimum standard deviation of a pose that adds a covariance [m]
+RANGE_MAX_M = 100.0  # maximum distance from the camera of a used position [m]
+LENGTH_MIN = 1e-6  # minimum length of a usable embedding
+VELOCITY_MAX_MPS = 15.0  # maximum speed of a person [m/s]
 VELOCITY_SIGMA_MPS = 0.03  # change of a velocity within a frame [m/s]
 MOTION_ERROR = 0.1  # relative error of the motion of a camera
 SURFACE_M = 0.12  # distance of a position from the surface on which velocities are measured [m]
-LEVEL_MIN = 0.2  # least level part of a heading that has a yaw (78 deg steep)
+LEVEL_MIN = 0.2  # minimum level part of a heading that has a yaw (78 deg steep)
 
 
 def observe(

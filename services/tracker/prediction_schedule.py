@@ -9,7 +9,7 @@ from people4d.messages import Detections, Tracks
 from people4d.messages.base import MAX_STAMP_NS
 from services.tracker.cameras.frame_join import PendingFrame
 
-QUIET_NS = 200_000_000  # least silence of detections before predictions are published [ns]
+QUIET_NS = 200_000_000  # minimum silence of detections before predictions are published [ns]
 PERIOD_NS = 100_000_000  # interval of predictions [ns]
 SLOW_FACTOR = 3  # usual intervals between frames after which detections count as stopped
 

@@ -22,8 +22,8 @@ class VisualOdometryConfig(Config, frozen=True, kw_only=True):
     # for omnidirectional wheels
     sideways: Positive = 0.05
     width_px: Annotated[int, Meta(ge=64)] = 640  # width to which wider images are reduced
-    range_min_m: Positive = 0.3  # [m] least valid depth
-    range_max_m: Annotated[float, Meta(gt=0, lt=65)] = 10.0  # [m] largest valid depth
+    range_min_m: Positive = 0.3  # [m] minimum valid depth
+    range_max_m: Annotated[float, Meta(gt=0, lt=65)] = 10.0  # [m] maximum valid depth
 
     def __post_init__(self) -> None:
         """Check the order of the range, and that the frames differ."""

@@ -63,7 +63,7 @@ class ReducedCamera:
 
     info: CameraInfo
     width_px: int  # maximum width of a reduced image
-    range_m: tuple[float, float]  # least and largest valid depth
+    range_m: tuple[float, float]  # minimum and largest valid depth
 
     @property
     def scale(self) -> float:

@@ -148,7 +148,7 @@ class _Problem:
         return np.outer(shift, shift)
 
     def best_sample(self) -> F64:
-        """Return the motion (4x4) of the random sample with the least truncated cost."""
+        """Return the motion (4x4) of the random sample with the minimum truncated cost."""
         count = len(self._matches.then)
         room = np.flatnonzero(~self._matches.people)
         chosen = room[np.random.default_rng(0).integers(0, len(room), (ROUNDS, SAMPLE))]

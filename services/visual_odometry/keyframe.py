@@ -25,7 +25,7 @@ UNKNOWN_M = 0.5  # standard deviation above which a depth is unknown [m]
 INVERSE_MIN = 0.005  # minimum inverse depth [1/m]
 IMPROVED = 0.6  # maximum ratio of a propagated depth's standard deviation to the first one
 DRIFT_FACTOR = 2.5  # inflation of the motion's standard deviation: keyframes are correlated
-# Inverse depth and standard deviation beyond the range, relative to the least inverse depth
+# Inverse depth and standard deviation beyond the range, relative to the minimum inverse depth
 FAR, FAR_SIGMA = 0.6, 0.3
 
 

@@ -17,8 +17,8 @@ from services.tracker.build import build
 from services.tracker.config import TrackerConfig
 
 ARRIVAL_NS = 60_000_000  # [ns] from a frame to its detections
-MERGED_M = 0.5  # [m] largest distance of tracks that the merger joins
-FRESH_NS = 250_000_000  # [ns] largest age of tracks in the merger
+MERGED_M = 0.5  # [m] maximum distance of tracks that the merger joins
+FRESH_NS = 250_000_000  # [ns] maximum age of tracks in the merger
 
 
 @dataclass(frozen=True)

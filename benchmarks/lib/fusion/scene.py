@@ -22,7 +22,7 @@ from people4d.messages import (
 
 BINS = 48  # length of the synthetic embeddings
 GAIN_SIGMA = 0.15  # standard deviation of the logarithm of a camera's factors
-SAME_M = 0.4  # [m] largest distance from a detection to its person
+SAME_M = 0.4  # [m] maximum distance from a detection to its person
 
 
 @dataclass(frozen=True)

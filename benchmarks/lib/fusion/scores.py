@@ -15,9 +15,9 @@ from common.metrics.similarity import GroundDistance
 from people4d.messages import F64, Track
 
 SLOT_NS = 100_000_000  # [ns] period of scoring
-MATCH_M = 0.5  # [m] largest error of a match
+MATCH_M = 0.5  # [m] maximum error of a match
 LATER = range(8, 20)  # [0.1 s] time after a hand-over in which identities are compared
-MEASURED_S = 0.1  # [s] largest time since the last match of a measured position
+MEASURED_S = 0.1  # [s] maximum time since the last match of a measured position
 
 
 def sequence_of(scene: FusionScene, found: Sequence[TimedTracks]) -> EvaluationSequence:

@@ -16,8 +16,8 @@ Hidden = Literal["no", "partly", "mostly"]
 HIDDEN: tuple[Hidden, ...] = ("no", "partly", "mostly")
 WINDOW_PX = 2  # [px] half side of the window around the mark in which depth is read
 EDGE_PX = 5  # [px] half side of the window in which an edge of depth is looked for
-BODY_M = 0.35  # [m] largest range of depths on one body in that window
-READINGS_MIN = 5  # least number of valid pixels in the window
+BODY_M = 0.35  # [m] maximum range of depths on one body in that window
+READINGS_MIN = 5  # minimum number of valid pixels in the window
 
 
 class Mark(msgspec.Struct, frozen=True):

@@ -27,8 +27,9 @@ TORSO_HEIGHT = 0.35  # height of the torso in a box, from its top, as a share of
 PREDICTED_PX = 10_000.0  # [px] cost of a predicted track, above all distances in an image
 PX_PER_M = 250.0  # [px/m] cost of a distance on the ground: its size at a depth of about 2 m
 UNKNOWN_M = 1e6  # [m] coordinates of an unknown position
-INVENTED_FRAMES = 3  # most frames of a track on no annotated person that is not invented
-FAR_M = 0.5  # [m] largest error of a correct position
+# maximum number of frames of a track on no annotated person that is not invented
+INVENTED_FRAMES = 3
+FAR_M = 0.5  # [m] maximum error of a correct position
 FACING_RAD = math.radians(45)
 
 

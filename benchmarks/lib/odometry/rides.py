@@ -20,7 +20,7 @@ from people4d.messages import F64, Detections, Odometry
 from services.tracker.image_sort.camera_turn import camera_direction, turn_between
 from services.tracker.image_sort.image_sort import BoxFrame, BoxTracks
 
-VISIBLE_MIN = 0.35  # least visible share of a person who has to be found
+VISIBLE_MIN = 0.35  # minimum visible share of a person who has to be found
 WAIT_S = 0.05
 
 

@@ -54,7 +54,7 @@ class FolderOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     depth: str = ""  # pattern of the depth images or .mat files
     fps: Positive = 30.0  # [Hz] of numbered pairs without times
     track: str = ""  # NPZ with times `t` [s] and `odom`; empty: gt.npz in the folder
-    sync_slop_s: NonNegative = 0.02  # [s] largest distance in time of pairs from lists; of TUM
+    sync_slop_s: NonNegative = 0.02  # [s] maximum distance in time of pairs from lists; of TUM
     depth_scale: NonNegative = 0.0  # depth units in a metre; 0: 5000 with TUM's lists, else 1000
     calibration: str = ""  # calibration file; empty: one of the usual names in the folder
     # [px] u, v, see Registration; None: as in the calibration file

@@ -38,7 +38,7 @@ class RosbagOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     colour_info_topic: str = ""  # CameraInfo of colour
     depth_info_topic: str = ""  # CameraInfo of depth, for depth that is not aligned
     odometry_topic: str = ""  # nav_msgs/Odometry; found if there is one
-    sync_slop_s: float = 0.5  # [s] largest distance in time of colour and depth
+    sync_slop_s: float = 0.5  # [s] maximum distance in time of colour and depth
     map_frame: str = "map"  # frame of the bag that is renamed to `map`
     tf_as_static: bool = False  # True: take /tf as static too (a camera that never moves)
     # Wheels of a base without odometry: sensor_msgs/JointState, or a topic of a number

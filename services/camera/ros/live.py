@@ -40,7 +40,7 @@ class LiveRosOptions(RosbagOptions, frozen=True, kw_only=True, forbid_unknown_fi
     """Options of live topics; an empty topic is the driver's, an empty odometry topic none."""
 
     namespace: str = ""  # namespace of the driver; empty: its usual one, or the source's
-    sync_slop_s: Positive = 0.1  # [s] largest distance in time of colour and depth
+    sync_slop_s: Positive = 0.1  # [s] maximum distance in time of colour and depth
     # Topics of TFMessage; names that end in tf_static are latched
     tf_topics: tuple[str, ...] = ("/tf", "/tf_static")
     # Frame of the robot that carries the camera in /tf; empty: the base of odometry

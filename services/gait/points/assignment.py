@@ -52,7 +52,7 @@ def assign_points(
     extremities: Sequence[Extremity],
     anchors_m: Mapping[str, F64],
 ) -> dict[str, Extremity]:
-    """Assign extremities to points of one kind, each to one at most, at the least cost.
+    """Assign extremities to points of one kind, each to one at most, at the minimum cost.
 
     `anchors_m` are expected positions (3) by keypoints. Unassigned points are absent in the result.
     """

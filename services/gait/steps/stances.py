@@ -1,7 +1,7 @@
 """Stances: position and time of a standing foot, by the best division of its path.
 
 A path is divided into stances and swings. In a stance the velocity is zero and all samples measure
-one position. Dynamic programming finds the division with the least cost. Samples count by their
+one position. Dynamic programming finds the division with the minimum cost. Samples count by their
 covariance: noise in depth is no motion, and a hidden foot may have stood or swung.
 
 Source: docs/method.md, section 20.
@@ -20,7 +20,7 @@ Indices: TypeAlias = npt.NDArray[np.intp]
 
 LENGTH_MIN_M = 0.2  # Minimum length of a step [m]
 STANCE_MIN_S = 0.15  # Minimum time of a stance [s]
-STANCE_MAX_S = 2.0  # Longest stance of the search; longer ones are joined [s]
+STANCE_MAX_S = 2.0  # Maximum stance of the search; longer ones are joined [s]
 SWING_COST = 3.0  # Squared deviation from standing from which on a foot swings
 # Deviation of an outlier from the median, and number of samples of the median on either side
 OUTLIER_SIGMAS, OUTLIER_NEAR = 4.0, 3

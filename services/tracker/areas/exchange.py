@@ -18,11 +18,11 @@ from services.tracker.areas.neighbours import Neighbours
 from services.tracker.interface import GalleryEntry, IdCounter, Tracker
 
 SHARE_NS = 250_000_000  # time between two messages to neighbours [ns]
-REFRESH_NS = 1_000_000_000  # longest time between two updates of neighbours' people [ns]
-PRESENT_NS = 500_000_000  # largest time since the last match of a present person [ns]
-REACH_M, REACH_MPS = 1.5, 3.0  # largest distance of one person in two areas, and its growth
-# Largest distance of two tracks of one person [m], least distance of other people [m], and least
-# number of consecutive messages
+REFRESH_NS = 1_000_000_000  # maximum time between two updates of neighbours' people [ns]
+PRESENT_NS = 500_000_000  # maximum time since the last match of a present person [ns]
+REACH_M, REACH_MPS = 1.5, 3.0  # maximum distance of one person in two areas, and its growth
+# Maximum distance of two tracks of one person [m], minimum distance of other people [m], and
+# minimum number of consecutive messages
 SAME_M, ALONE_M, SAME_MESSAGES = 0.5, 1.0, 4
 NO_VIEWS = 3.0  # distance of people without views, above any cosine distance
 MATCHES_ALIKE = 15  # difference of matches below which the lower identity is the older one
@@ -240,7 +240,7 @@ def _tracked_by_both(
 
 
 def _unlikeness(mine: GalleryEntry, theirs: GalleryEntry) -> float:
-    """Return the least cosine distance of the views of two people; NO_VIEWS without any."""
+    """Return the minimum cosine distance of the views of two people; NO_VIEWS without any."""
     a, b = mine.views, theirs.views
     if not a or not b or len(a[0]) != len(b[0]):
         return NO_VIEWS

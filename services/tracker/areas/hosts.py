@@ -20,7 +20,7 @@ from people4d.topics import BY_MESSAGE, ForeignTopic
 
 KINDS = (Detections, Embeddings, CameraInfo, StaticTransform, MovingTransform, Odometry)
 FORGOTTEN_S = 10.0  # silence after which another host may use the name of a camera [s]
-NAMES_MAX = 1024  # most stored names of cameras and frames
+NAMES_MAX = 1024  # maximum number of stored names of cameras and frames
 SILENT_S = 3.0  # time without detections after which a host is reported [s]
 
 

@@ -16,7 +16,7 @@ SILENCE_NS = 3_000_000_000  # time without a message of a neighbour after which 
 # Difference of a neighbour's clock above which it is reported [ns]. Hand-over works regardless,
 # since a message holds times since the last match
 CLOCK_TOLERANCE_NS = 1_000_000_000
-RUNS_MAX = 8  # most stored processes of one name
+RUNS_MAX = 8  # maximum number of stored processes of one name
 COUNTERS = ("area_conflicts", "area_refused", "area_clock_apart")
 
 

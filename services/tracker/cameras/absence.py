@@ -20,9 +20,9 @@ FORGOTTEN_NS = 600_000_000_000  # silence after which a camera is no longer repo
 SAMPLE_NS, WINDOW_NS = 200_000_000, 10_000_000_000  # interval of samples, and their window [ns]
 NEAR_M, FAR_M = 0.8, 5.0  # range of depth in which a camera should find people [m]
 INSIDE = 0.8  # central part of the image's width in which a camera should find people
-FRESH_S = 0.3  # largest time since the last match of a track [s]
-EXPECTED_MIN = 25  # least expected people in the window of a covered camera
-USUAL_MIN, USUAL_SHARE = 50, 0.5  # least expected people before the window, least share found
+FRESH_S = 0.3  # maximum time since the last match of a track [s]
+EXPECTED_MIN = 25  # minimum expected people in the window of a covered camera
+USUAL_MIN, USUAL_SHARE = 50, 0.5  # minimum expected people before the window, minimum share found
 
 
 @dataclass(slots=True)
@@ -30,7 +30,7 @@ class _Camera:
     """State of the watch of one camera."""
 
     arrived_ns: int  # [ns] monotonic arrival of the last frame
-    interval_ns: int = 0  # [ns] longest recent interval between frames
+    interval_ns: int = 0  # [ns] maximum recent interval between frames
     sampled_ns: int | None = None  # [ns] stamp of the last sample
     samples: deque[tuple[int, int, int]] = field(default_factory=deque)  # stamp, expected, found
     expected: int = 0  # sum over all samples before the window

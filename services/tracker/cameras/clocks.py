@@ -3,7 +3,7 @@
 The time from the stamp of a frame to its arrival, less the stages in its trace, is the offset of
 two clocks plus a delay >= 0. Its minimum over some seconds changes only with the clock or with the
 path of the messages. The difference of the minima of two cameras is the offset of their clocks plus
-the difference of their least delays. A large difference counts as an offset of the clocks. People
+the difference of their minimum delays. A large difference counts as an offset of the clocks. People
 in view of both cameras show how much of a smaller one is an offset (see `adjust`).
 """
 
@@ -17,15 +17,15 @@ from services.tracker.cameras.drift import CameraDrift
 
 # Difference of delays above which the clock of a camera is corrected by arrival alone [ns]
 TOLERANCE_NS = 350_000_000
-HALF_WINDOW_NS = 5_000_000_000  # half of the window of the least delay [ns]
-DELAY_MAX_NS = 900_000_000  # largest plausible difference of two delays [ns]
-RISE_NS = 250_000_000  # rise of the least delay that shows a clock set back [ns]
+HALF_WINDOW_NS = 5_000_000_000  # half of the window of the minimum delay [ns]
+DELAY_MAX_NS = 900_000_000  # maximum plausible difference of two delays [ns]
+RISE_NS = 250_000_000  # rise of the minimum delay that shows a clock set back [ns]
 RISEN_MAX = 10  # consecutive frames with such a rise, after which the minimum restarts
-TRACE_MAX_NS = 2_000_000_000  # largest sum of the stages in a trace [ns]
-ACTIVE_NS = 3_000_000_000  # longest silence of an active camera [ns]
+TRACE_MAX_NS = 2_000_000_000  # maximum sum of the stages in a trace [ns]
+ACTIVE_NS = 3_000_000_000  # maximum silence of an active camera [ns]
 INTERVALS = 9  # stored intervals between frames of a camera
 REFERENCE_NS = 30_000_000_000  # silence of the reference after which another replaces it [ns]
-# Least error of stamps that is corrected, and in standard deviations: the first, and later ones
+# Minimum error of stamps that is corrected, and in standard deviations: the first, and later ones
 FIRST_MIN_S, FIRST_SIGMAS = 0.015, 3.0
 LATER_MIN_S, LATER_SIGMAS = 0.005, 1.0
 

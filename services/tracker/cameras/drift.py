@@ -16,18 +16,19 @@ from people4d.messages import F64, Track
 from services.tracker.cameras.stamp_errors import StampError, Walked, stamp_errors
 from services.tracker.interface import Observation
 
-CAMERAS_MAX = 16  # most cameras that are compared
-COMPARED_MAX = 3  # most cameras compared with a frame; the least recently compared come first
-SAMPLES_MAX = 300  # most samples of a pair of cameras
-SAMPLES_MIN = 60  # least samples of a camera for a fit
-TOGETHER_NS = 150_000_000  # longest time between two frames that are compared [ns]
+CAMERAS_MAX = 16  # maximum number of cameras that are compared
+# maximum number of cameras compared with a frame; the least recently compared come first
+COMPARED_MAX = 3
+SAMPLES_MAX = 300  # maximum number of samples of a pair of cameras
+SAMPLES_MIN = 60  # minimum samples of a camera for a fit
+TOGETHER_NS = 150_000_000  # maximum time between two frames that are compared [ns]
 WINDOW_NS = 20_000_000_000  # window of the samples [ns]
 SAMPLE_NS = 200_000_000  # interval of the samples of a pair [ns]
 FRAMES_MAX = 16  # stored frames of each camera, for late frames of others
 STAMPS_NS = 2_000_000_000  # interval of the fits of errors of stamps [ns]
 FIT_NS = 5_000_000_000  # interval of the fits of movements [ns]
-SAME_M, ALONE_M = 1.0, 1.5  # largest distance of one person, least distance of two people [m]
-MOVED_M = 0.12  # least RMS displacement of people that is reported [m]
+SAME_M, ALONE_M = 1.0, 1.5  # maximum distance of one person, minimum distance of two people [m]
+MOVED_M = 0.12  # minimum RMS displacement of people that is reported [m]
 EXPLAINED = 0.3  # share of the cost of all differences that the fit of one camera explains
 SCALE_M = 0.2  # scale of differences in the robust cost [m]
 ITERATIONS = 6  # iterations of the reweighted fit

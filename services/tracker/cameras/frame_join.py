@@ -10,15 +10,15 @@ from people4d.messages.base import MAX_CAMERAS
 from services.tracker.cameras.stamp_guard import JUMP_NS
 from services.tracker.config import TrackerConfig
 
-ACTIVE_NS = 1_000_000_000  # longest silence of an active camera [ns]
+ACTIVE_NS = 1_000_000_000  # maximum silence of an active camera [ns]
 TIMEOUTS_MAX = 3  # consecutive timeouts after which embeddings are not waited for
-EARLY_MAX = 64  # most stored embeddings without detections
+EARLY_MAX = 64  # maximum number of stored embeddings without detections
 EARLY_MAX_BYTES = 16 * 2**20  # their largest total size [bytes]
 FIRST_PERIOD_NS = 50_000_000  # assumed period before the second frame [ns]
 PERIOD_MIN_NS, PERIOD_MAX_NS = 10_000_000, 500_000_000  # limits of the period [ns]
 PERIODS = 15  # periods in the running median
 RELEASED_MAX = 64  # stored stamps of released frames, to detect duplicates
-DETECTORS_MAX = 256  # most stored names of detectors
+DETECTORS_MAX = 256  # maximum number of stored names of detectors
 FrameKey: TypeAlias = tuple[str, int, int]  # camera, stamp and sequence
 COUNTERS = (
     *("embedding_timeouts", "without_embeddings", "late_embeddings"),

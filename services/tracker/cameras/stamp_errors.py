@@ -13,8 +13,8 @@ import numpy as np
 
 from people4d.messages import F64
 
-SAMPLES_MIN = 20  # least samples of a pair of cameras
-SPEED_MIN_MPS = 0.3  # least speed of a person in a sample [m/s]
+SAMPLES_MIN = 20  # minimum samples of a pair of cameras
+SPEED_MIN_MPS = 0.3  # minimum speed of a person in a sample [m/s]
 ROBUST_M = 0.2  # scale of differences in the robust cost [m]
 ITERATIONS = 4  # iterations of the reweighted fit
 POSE_SIGMA_M = 0.1  # prior standard deviation of a shift between two cameras [m]

@@ -12,13 +12,14 @@ from dataclasses import dataclass, field
 from people4d.messages import Detections
 from services.tracker.cameras.clocks import CameraClocks
 
-JUMP_NS = 1_000_000_000  # least jump of a clock: frames with such stamps are held [ns]
-SILENT_NS = 1_000_000_000  # least silence of the previous clock after which a jump is accepted [ns]
+JUMP_NS = 1_000_000_000  # minimum jump of a clock: frames with such stamps are held [ns]
+# minimum silence of the previous clock after which a jump is accepted [ns]
+SILENT_NS = 1_000_000_000
 SILENT_INTERVALS = 3  # the same for slow cameras, in longest intervals between frames
-SILENT_MAX_NS = 4_000_000_000  # largest such silence [ns]
-CAMERAS_MAX = 8  # most cameras with held frames
-HELD_MAX = 64  # most held frames of a camera; the second oldest is dropped
-HELD_MAX_BYTES = 16 * 2**20  # largest total size of held frames [bytes]
+SILENT_MAX_NS = 4_000_000_000  # maximum such silence [ns]
+CAMERAS_MAX = 8  # maximum number of cameras with held frames
+HELD_MAX = 64  # maximum number of held frames of a camera; the second oldest is dropped
+HELD_MAX_BYTES = 16 * 2**20  # maximum total size of held frames [bytes]
 PERSON_BYTES = 2000  # size of a detection without its mask [bytes]
 REPORTED_NS = 10_000_000_000  # time for which dropped frames degrade the status [ns]
 

@@ -9,8 +9,8 @@ from common.geometry.transforms import wrap
 from people4d.messages import F64
 from services.tracker.image_sort.box_kalman import States
 
-LEVEL_MIN = 0.2  # least level part of an optical axis that has a yaw (78 deg steep)
-ANGLE_MAX_RAD = 1.5  # [rad] largest angle to the optical axis of a point in a plane image
+LEVEL_MIN = 0.2  # minimum level part of an optical axis that has a yaw (78 deg steep)
+ANGLE_MAX_RAD = 1.5  # [rad] maximum angle to the optical axis of a point in a plane image
 
 
 class Turn(NamedTuple):

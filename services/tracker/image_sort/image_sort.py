@@ -22,8 +22,8 @@ BOOL = npt.NDArray[np.bool_]
 NONE = -1  # detection of an unmatched track
 ENDED = 2**62  # number of missed frames of an expired track
 FOV_DEG = 69.0  # field of view without a calibration: colour of a RealSense D435i [deg]
-IOU_MIN = 0.3  # least intersection over union of a pair [Bewley 2016]
-LOST_MAX_S = 5.0  # longest time without a match of any track [s]
+IOU_MIN = 0.3  # minimum intersection over union of a pair [Bewley 2016]
+LOST_MAX_S = 5.0  # maximum time without a match of any track [s]
 
 
 @dataclass(frozen=True, slots=True)

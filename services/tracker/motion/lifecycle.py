@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 from services.tracker.motion.track_record import TrackRecord
 
-MISSES_MIN = 2  # least number of missed frames, hidden ones included, that end a track
+MISSES_MIN = 2  # minimum number of missed frames, hidden ones included, that end a track
 SEVERAL_HITS = 1  # additional matches for confirmation while several cameras send
-ABSENCE_MAX_S = 30.0  # longest time without frames after which tracks continue [s]
+ABSENCE_MAX_S = 30.0  # maximum time without frames after which tracks continue [s]
 TENTATIVE_S = 1.0  # maximum age of an unmatched tentative track while several cameras send [s]
 
 
@@ -17,7 +17,7 @@ class Lifecycle:
     confirm_hits: int  # number of matches, including the first, for confirmation
     tentative_frames: int  # number of unmatched frames that end a tentative track
     lost_frames: int  # number of unmatched frames that end a confirmed track
-    lost_s: float  # [s] longest time without a match of any track
+    lost_s: float  # [s] maximum time without a match of any track
 
     def bridges(self, absent_s: float) -> bool:
         """Check for an absence of frames that tracks survive although it exceeds `lost_s`."""

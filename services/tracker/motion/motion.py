@@ -13,7 +13,7 @@ from services.tracker.interface import Measurement
 
 SIGMA_START_VELOCITY_MPS = 2.0  # standard deviation of the velocity of a new track [m/s]
 MAX_DEPTH_M = 5.0  # depth at which the noise doubles: R <- (1 + x / max_depth) R (4.11) [m]
-SCORE_FLOOR = 0.05  # least factor of the noise in R <- (1 - score) R (3.4)
+SCORE_FLOOR = 0.05  # minimum factor of the noise in R <- (1 - score) R (3.4)
 GATE_SIGMA_M = 0.15  # standard deviation of positions on top of a measured R in gates [m]
 
 # Blocks of matrices of position and velocity (6x6)

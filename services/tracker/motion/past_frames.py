@@ -17,7 +17,7 @@ from services.tracker.motion.state_filter import FilterState
 from services.tracker.motion.track_filter import TrackFilter
 from services.tracker.motion.track_record import TrackRecord
 
-LASTS_MAX_S = 0.2  # longest acceleration between frames of several cameras [s]
+LASTS_MAX_S = 0.2  # maximum duration of an acceleration between frames of several cameras [s]
 
 
 class PastMatch(NamedTuple):

@@ -17,7 +17,7 @@ from services.tracker.motion.track_record import TrackRecord
 from services.tracker.motion.yaw import VelocityYaw
 
 SENDS_NS = 1_000_000_000  # time since the last frame of a camera that sends [ns]
-INTERVAL_MAX_NS = 200_000_000  # longest counted interval between two frames [ns]
+INTERVAL_MAX_NS = 200_000_000  # maximum counted interval between two frames [ns]
 MOVED_S = 1.0  # duration of the prediction over a long absence of frames [s]
 
 

@@ -17,7 +17,7 @@ TURN_RADPS = 2.0
 RATE_GAIN = 0.8  # gain of a change of the yaw on the rate of turning
 RATE_DECAY_S = 0.3  # time constant of the decay of that rate [s]
 SIGMA_RAD = 0.35  # standard deviation of a measurement without its own [rad]
-SIGMA_MAX_RAD = 0.5  # largest standard deviation; a larger one raises the outlier probability [rad]
+SIGMA_MAX_RAD = 0.5  # maximum standard deviation; a larger one raises the outlier probability [rad]
 REVERSED, OUTLIERS = 0.005, 0.003  # probabilities of the opposite angle, and of any other angle
 CORRELATION_S = 0.2  # correlation time of errors: frames at shorter intervals count less [s]
 SHARE_MIN = 0.5  # probability within 60 deg below which a yaw is unknown
@@ -28,11 +28,11 @@ ANGLES = STEP_RAD * np.arange(BINS, dtype=np.float64)
 PREVIOUS, NEXT = np.roll(np.arange(BINS), 1), np.roll(np.arange(BINS), -1)
 OPPOSITE = np.roll(np.arange(BINS), BINS // 2)
 NEAR = np.arange(-BINS // 6, BINS // 6 + 1)  # bins within 60 deg of the mode
-DENSITY_MIN = 1e-9  # least density of a bin
-TURN_MAX_RAD = math.radians(60)  # largest turn between two frames [rad]
-OUTLIERS_MAX = 0.9  # largest outlier probability
-SINCE_MIN_S = 0.05  # least interval for a rate [s]
-OTHER_VIEW_RAD = math.radians(20)  # least angle between the lines of sight of two cameras
+DENSITY_MIN = 1e-9  # minimum density of a bin
+TURN_MAX_RAD = math.radians(60)  # maximum turn between two frames [rad]
+OUTLIERS_MAX = 0.9  # maximum outlier probability
+SINCE_MIN_S = 0.05  # minimum interval for a rate [s]
+OTHER_VIEW_RAD = math.radians(20)  # minimum angle between the lines of sight of two cameras
 
 # Elements of a state: the most likely angle, the probability within 60 degrees of it, the rate of
 # turning, the time since the last update, the line of sight of that one, and the density

@@ -10,7 +10,7 @@ YawSource = Literal["keypoints", "kalman", "velocity", "none"]
 
 
 def make_yaw(source: YawSource, speed_min_mps: float) -> VelocityYaw:
-    """Return the filter of a source; `speed_min_mps` is the least speed for yaws from velocity."""
+    """Return the filter of a source, with a minimum speed for yaws from velocity."""
     match source:
         case "keypoints":
             return DensityYaw()

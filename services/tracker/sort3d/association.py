@@ -33,7 +33,7 @@ class RoundMatches(Generic[T, D]):
 
 
 def assign(cost: F64, unmatched: float = math.inf) -> list[tuple[int, int]]:
-    """Match admissible pairs at the least sum of costs (Hungarian method).
+    """Match admissible pairs at the minimum sum of costs (Hungarian method).
 
     Args:
         cost: NxM, +inf for inadmissible pairs.
@@ -62,7 +62,7 @@ def assign(cost: F64, unmatched: float = math.inf) -> list[tuple[int, int]]:
 def associate(
     cost: F64, tracks: Sequence[T], detections: Sequence[D], unmatched: float = math.inf
 ) -> RoundMatches[T, D]:
-    """Match tracks (N) and detections (M) at the least sum of costs (NxM), see `assign`."""
+    """Match tracks (N) and detections (M) at the minimum sum of costs (NxM), see `assign`."""
     pairs = assign(cost, unmatched)
     rows, columns = {i for i, _ in pairs}, {j for _, j in pairs}
     return RoundMatches(

@@ -17,7 +17,7 @@ from services.tracker.sort3d.box_motion import BoxMotion
 from services.tracker.stateful import TrackSetTracker
 
 IOU_WEIGHT = 0.3  # weight a in c = a (1 - IoU) + (1 - a) d_n; section 4
-IOU_MIN = 0.3  # least intersection over union of a pair; section 4 (default)
+IOU_MIN = 0.3  # minimum intersection over union of a pair; section 4 (default)
 
 
 class Sort3d(TrackSetTracker):

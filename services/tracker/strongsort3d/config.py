@@ -14,7 +14,7 @@ from people4d.messages.base import Positive, PositiveInt
 
 CosineDistance = Annotated[float, Meta(gt=0, le=2)]
 
-# Largest cosine distances in round 1, and with 2 % false matches for re-identification; measured on
+# Maximum cosine distances in round 1, and with 2 % false matches for re-identification; measured on
 # crops of the lab, for the appearance network also of real people
 COSINE_DISTANCE_MAX = {"appearance": 0.46, "histogram": 0.25, "osnet": 0.45}
 COSINE_DISTANCE_MAX_OTHER = 0.3
@@ -26,7 +26,7 @@ class IdentityConfig(Config, frozen=True, kw_only=True):
 
     enabled: bool = True  # section 5: False
     retention_s: Positive = 600.0  # [s] time in the gallery since the last match
-    # Largest cosine distance of the same person; absent: of REIDENTIFICATION_MAX, else C_cos
+    # Maximum cosine distance of the same person; absent: of REIDENTIFICATION_MAX, else C_cos
     match_max: CosineDistance | None = None
 
     def limit(self, embedder: str, other: float) -> float:
@@ -45,7 +45,7 @@ class StrongSort3dConfig(Config, frozen=True, kw_only=True):
     # C_cos; section 5: False, as many pairs as possible
     likelihood: bool = True
     # round 2
-    distance_max_m: Positive = 0.7  # [m] largest 3D distance; section 5 (default)
+    distance_max_m: Positive = 0.7  # [m] maximum 3D distance; section 5 (default)
     # life cycle
     n_init: PositiveInt = 2  # matches that confirm, with the first; section 5 (default): 3
     a_max: PositiveInt = 30  # [frames] unmatched frames that delete; section 5 (default)

@@ -8,9 +8,9 @@ from people4d.messages import F64
 from services.tracker.interface import GalleryEntry
 from services.tracker.motion.track_record import IdentityDecision
 
-PEOPLE_MAX = 100  # most people; the longest unseen one is deleted first
-VIEWS_MAX = 8  # most embeddings of a person, as different from each other as possible
-VIEW_GAP = 0.03  # least cosine distance of two views
+PEOPLE_MAX = 100  # maximum number of people; the longest unseen one is deleted first
+VIEWS_MAX = 8  # maximum number of embeddings of a person, as different from each other as possible
+VIEW_GAP = 0.03  # minimum cosine distance of two views
 # Cosine distance that makes a match e times less probable: of real people 0.08 to 0.11 with the
 # histogram and 0.05 to 0.07 with OSNet
 TEMPERATURE = 0.07

@@ -26,9 +26,9 @@ from services.tracker.strongsort3d.policies import (
 )
 
 MOTION_WEIGHT = 0.02  # lambda in c = lambda d_M^2 + (1 - lambda) d_cos [Du 2023]
-CHI2_3DOF_95 = 7.8147  # largest d_M^2 of a pair: chi^2, 3 degrees of freedom, 95 % [PIC4SeR]
+CHI2_3DOF_95 = 7.8147  # maximum d_M^2 of a pair: chi^2, 3 degrees of freedom, 95 % [PIC4SeR]
 EMA_ALPHA = 0.9  # alpha in e <- alpha e + (1 - alpha) f [Du 2023]
-LENGTH_MIN = 1e-6  # least length of a usable mean embedding
+LENGTH_MIN = 1e-6  # minimum length of a usable mean embedding
 
 
 class StrongSort3d(TrackSetTracker, AreaTracker):

@@ -21,16 +21,16 @@ from services.tracker.strongsort3d.policies import (
 )
 
 HALF_WIDTH_M = 0.25  # half of a person's width [m]
-NEAR_M = 0.3  # least distance of a person in view from the plane of the camera [m]
-COVERED_MIN = 0.4  # least covered share of the width of an occluded person
+NEAR_M = 0.3  # minimum distance of a person in view from the plane of the camera [m]
+COVERED_MIN = 0.4  # minimum covered share of the width of an occluded person
 # Visible share of the width below which a position is out of view, relative to the last match
 IN_VIEW_MIN = 0.5
-TURNED_MIN = 0.01  # least change of that share by a turn of the camera
+TURNED_MIN = 0.01  # minimum change of that share by a turn of the camera
 EMPTY_S = 1.0  # time in view without a match after which a track ends [s]
 EMPTY_AT_EDGE_S = 0.2  # the same at the image border of a fixed camera [s]
-HIDDEN_SIGMA_MAX_M = 1.0  # largest standard deviation of the position of an unmatched track [m]
-INTERVAL_MAX_NS = 200_000_000  # longest counted interval between two frames [ns]
-DEPTH_COVERED_MAX = 0.35  # largest covered share of a box with a reliable depth
+HIDDEN_SIGMA_MAX_M = 1.0  # maximum standard deviation of the position of an unmatched track [m]
+INTERVAL_MAX_NS = 200_000_000  # maximum counted interval between two frames [ns]
+DEPTH_COVERED_MAX = 0.35  # maximum covered share of a box with a reliable depth
 DEPTH_SIGMA_M = 1.0  # standard deviation of an unreliable depth, along the ray [m]
 SIDES = np.array([-1.0, 1.0])
 

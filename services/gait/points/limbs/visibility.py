@@ -56,7 +56,7 @@ class LimbEvidence(NamedTuple):
 
 @dataclass(frozen=True)
 class Visibility:
-    """Log-odds of visibility: the sum of weighted evidence and a bias, with a least value."""
+    """Log-odds of visibility: the sum of weighted evidence and a bias, with a minimum value."""
 
     weights: LimbEvidence
     bias: float
