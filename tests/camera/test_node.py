@@ -274,11 +274,7 @@ def test_a_source_without_frames_says_so() -> None:
 
 
 def test_frames_that_do_not_fit_are_counted() -> None:
-    float_depth = SourceFrame(
-        np.zeros((6, 8, 3), np.uint8),
-        np.zeros((6, 8), np.float32),
-        3 * MS,
-    )
+    float_depth = SourceFrame(np.zeros((6, 8, 3), np.uint8), np.zeros((6, 8), np.float32), 3 * MS)
     source = MemorySource(
         [capture(0), capture(1, depth_size=(3, 4)), capture(2, (3, 4), (3, 4)), float_depth]
     )

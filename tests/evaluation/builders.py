@@ -7,13 +7,7 @@ import numpy as np
 
 from common.geometry.transforms import LINK_FROM_OPTICAL
 from common.io.recording import RecordingWriter
-from people4d.messages import (
-    Detection,
-    Detections,
-    Message,
-    Truth,
-    TruthPerson,
-)
+from people4d.messages import Detection, Detections, Message, Truth, TruthPerson
 from tests import builders
 
 STEP_NS = 100_000_000  # 10 frames a second
@@ -37,10 +31,7 @@ def truth(frame: int, **positions: tuple[float, float]) -> Truth:
     """Truth of standing people who face the camera, by x and y in the map."""
     people = tuple(
         TruthPerson(
-            id=name,
-            position_m=np.array([x, y, 0.0]),
-            velocity_mps=np.zeros(3),
-            yaw_rad=np.pi,
+            id=name, position_m=np.array([x, y, 0.0]), velocity_mps=np.zeros(3), yaw_rad=np.pi
         )
         for name, (x, y) in positions.items()
     )

@@ -96,8 +96,7 @@ def test_interval_of_a_share_is_within_it() -> None:
 
 
 @pytest.mark.parametrize(
-    ("left_s", "right_s", "side"),
-    [(0.525, 0.475, "left"), (0.45, 0.55, "right"), (0.5, 0.5, None)],
+    ("left_s", "right_s", "side"), [(0.525, 0.475, "left"), (0.45, 0.55, "right"), (0.5, 0.5, None)]
 )
 def test_limp_has_its_side(left_s: float, right_s: float, side: str | None) -> None:
     """10 and 20 %: the foot of the longer step is spared while the other one swings shortly."""

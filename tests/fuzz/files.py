@@ -147,10 +147,7 @@ def _arrays(data: bytes, folder: Path) -> None:
     if not (folder / "1.mat").exists():
         cv2.imwrite(str(folder / "1.png"), rgb())
         scipy.io.savemat(folder / "1.mat", {"depth_array": depth_mm()})
-    for reader in (
-        _truth("npz"),
-        lambda _: _play(FolderSource(folder, FolderOptions())),
-    ):
+    for reader in (_truth("npz"), lambda _: _play(FolderSource(folder, FolderOptions()))):
         with contextlib.suppress(People4dError):
             reader(path)
 

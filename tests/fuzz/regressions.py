@@ -181,11 +181,7 @@ REGRESSIONS: Sequence[Regression] = (
         "a process number of -1 raised ValueError",
         lambda _: b'{"connect":"","pid":-1}',
     ),
-    Regression(
-        "plan of a run",
-        "2e16 replicas of a service filled the memory",
-        _many_replicas,
-    ),
+    Regression("plan of a run", "2e16 replicas of a service filled the memory", _many_replicas),
     Regression(
         "live truth and transforms",
         "a frame whose name cannot be used waited with its poses, and raised at every tick",

@@ -9,15 +9,7 @@ import numpy as np
 import pytest
 
 from people4d.codec import decode, encode
-from people4d.messages import (
-    Detection,
-    Detections,
-    Gait,
-    Message,
-    RgbdFrame,
-    Track,
-    Tracks,
-)
+from people4d.messages import Detection, Detections, Gait, Message, RgbdFrame, Track, Tracks
 from services.gait.build import build, warm_up
 from services.gait.config import GaitConfig
 from services.gait.estimator import to_fixed_frame
@@ -89,11 +81,7 @@ def tracks(number: int, *people: Track) -> Tracks:
 
 
 def synchronised(number: int, *people: Track, lockstep: bool = True) -> list[Message]:
-    return [
-        frame(number, lockstep),
-        detections(number),
-        tracks(number, *(people or (track(),))),
-    ]
+    return [frame(number, lockstep), detections(number), tracks(number, *(people or (track(),)))]
 
 
 def feed(node: GaitNode, messages: Sequence[Message], now_ns: int = 0) -> list[Gait]:
@@ -242,10 +230,7 @@ def test_frame_without_people_gives_an_empty_message() -> None:
 def test_points_move_with_a_moving_camera() -> None:
     mounted = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 1], [0, 0, 0, 1]])
     node = calibrated()
-    feed(
-        node,
-        [builders.static_transform(mounted, parent="base", child=OPTICAL)],
-    )
+    feed(node, [builders.static_transform(mounted, parent="base", child=OPTICAL)])
     for k in (0, 1, 2):
         odometry = builders.odometry(
             stamp_ns=k * PERIOD_NS, sequence=k, frame_id="map", child_frame_id="base", x_m=0.1 * k
@@ -294,9 +279,7 @@ def test_callback_gets_the_published_results() -> None:
 
 
 @pytest.mark.parametrize(
-    "fields",
-    [{"people_max": 0}, {"frames": 0}],
-    ids=lambda fields: next(iter(fields)),
+    "fields", [{"people_max": 0}, {"frames": 0}], ids=lambda fields: next(iter(fields))
 )
 def test_invalid_configuration_is_refused(fields: dict[str, int]) -> None:
     with pytest.raises(ValueError, match=next(iter(fields))):

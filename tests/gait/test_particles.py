@@ -117,13 +117,7 @@ def test_hierarchical_sampling_stretches_noise_along_the_motion() -> None:
 
 
 @pytest.mark.parametrize(
-    "fields",
-    [
-        {"particles": 0},
-        {"sigma": 0.0},
-        {"sigma": float("inf")},
-        {"tau": (-1.0,) * 8},
-    ],
+    "fields", [{"particles": 0}, {"sigma": 0.0}, {"sigma": float("inf")}, {"tau": (-1.0,) * 8}]
 )
 def test_invalid_configuration_is_refused(fields: dict[str, object]) -> None:
     with pytest.raises(ValueError, match="expected"):

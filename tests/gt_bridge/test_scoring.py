@@ -16,15 +16,7 @@ from common.metrics.live import MAX_WAITING, LiveScorer
 from common.metrics.record import EvaluationFrame, EvaluationSequence, GroundTruth, Hypotheses
 from common.metrics.scores import score
 from common.metrics.similarity import GroundDistance
-from people4d.messages import (
-    Message,
-    MovingTransform,
-    Odometry,
-    Score,
-    Tracks,
-    Truth,
-    TruthPerson,
-)
+from people4d.messages import Message, MovingTransform, Odometry, Score, Tracks, Truth, TruthPerson
 from services.gt_bridge.alignment import EstimatedAlignment
 from services.gt_bridge.config import GtBridgeConfig
 from tests import builders

@@ -55,10 +55,7 @@ def test_predictions_have_stamp_frame_and_people_of_the_tracks() -> None:
     assert found is not None
     assert (found.stamp_ns, found.frame_id, found.camera) == (5, "odom", "front")
     assert found.horizons_s == (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0)
-    assert [(person.id, person.state) for person in found.people] == [
-        (7, "confirmed"),
-        (4, "lost"),
-    ]
+    assert [(person.id, person.state) for person in found.people] == [(7, "confirmed"), (4, "lost")]
     for person in found.people:
         assert person.means_m.shape == (10, 2)
         parts = (person.motion.standing, person.motion.going_on, person.motion.turning)

@@ -38,11 +38,7 @@ def walk(walker: Walker, count: int, hidden_from: int = 1000, **hidden: Any) -> 
     """Return the skeletons of a walk, with hidden joints from a frame on."""
     node = ready()
     return [
-        answer(
-            node,
-            walker.frame(n, **(hidden if n >= hidden_from else {})),
-            walker.people(n),
-        )
+        answer(node, walker.frame(n, **(hidden if n >= hidden_from else {})), walker.people(n))
         for n in range(count)
     ]
 

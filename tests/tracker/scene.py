@@ -22,11 +22,7 @@ RED, BLUE = (1.0, 0.1, 0.0), (0.0, 0.1, 1.0)  # cosine distance 0.99
 
 
 def person(
-    x: float,
-    y: float,
-    index: int = 0,
-    score: float = 0.9,
-    embedding: Sequence[float] | None = None,
+    x: float, y: float, index: int = 0, score: float = 0.9, embedding: Sequence[float] | None = None
 ) -> Measurement:
     """A person 1.7 m tall and 0.5 m wide, seen from the origin of the map along +x."""
     u, v = 320.0 - FOCAL_PX * y / x, 240.0

@@ -14,15 +14,7 @@ from common.geometry.transforms import (
     rotation_from_rpy,
     transform_from,
 )
-from people4d.messages import (
-    F64,
-    Detection,
-    Detections,
-    Message,
-    Odometry,
-    StaticTransform,
-    Tracks,
-)
+from people4d.messages import F64, Detection, Detections, Message, Odometry, StaticTransform, Tracks
 from services.tracker.build import build
 from services.tracker.cameras.poses import transform_track
 from tests import builders

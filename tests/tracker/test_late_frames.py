@@ -169,10 +169,7 @@ def final_clocks(target: TrackerNode) -> tuple[float, float]:
 
 @pytest.mark.parametrize(
     ("ahead_ms", "late_ms"),
-    [
-        *((-100.0, 0.0), (100.0, 0.0), (-500.0, 0.0), (500.0, 0.0)),
-        *((0.0, 200.0), (100.0, 200.0)),
-    ],
+    [*((-100.0, 0.0), (100.0, 0.0), (-500.0, 0.0), (500.0, 0.0)), *((0.0, 200.0), (100.0, 200.0))],
 )
 def test_people_separate_the_clock_of_a_camera_from_the_delay_of_its_messages(
     ahead_ms: float, late_ms: float

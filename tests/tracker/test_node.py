@@ -10,15 +10,7 @@ import pytest
 from msgspec.structs import replace
 
 from common.geometry.transforms import LINK_FROM_OPTICAL, transform_from
-from people4d.messages import (
-    Detection,
-    Detections,
-    Embeddings,
-    Message,
-    Odometry,
-    Span,
-    Tracks,
-)
+from people4d.messages import Detection, Detections, Embeddings, Message, Odometry, Span, Tracks
 from people4d.messages.base import MAX_STAMP_NS
 from services.tracker.build import build
 from services.tracker.cameras.stamp_guard import SILENT_MAX_NS, SILENT_NS

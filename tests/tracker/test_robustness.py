@@ -13,17 +13,9 @@ from tests import builders
 from tests.tracker.scene import published, published_config
 
 MS = 1_000_000
-BEST = published(
-    noise="measured",
-    visibility=True,
-    identity=IdentityConfig(enabled=True),
-)
+BEST = published(noise="measured", visibility=True, identity=IdentityConfig(enabled=True))
 CONFIGS = {name: published_config(tracker=name, publish_tentative=True) for name in TRACKERS} | {
-    "all switches on": published_config(
-        strongsort3d=BEST,
-        yaw="keypoints",
-        publish_tentative=True,
-    )
+    "all switches on": published_config(strongsort3d=BEST, yaw="keypoints", publish_tentative=True)
 }
 every_tracker = pytest.mark.parametrize("config", CONFIGS.values(), ids=CONFIGS.keys())
 

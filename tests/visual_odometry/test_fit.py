@@ -35,10 +35,7 @@ def prior(mount: BaseMount, sigma: float = 10.0) -> MotionPrior:
 
 
 def fitted(
-    points_m: F64,
-    rays: F64,
-    mount: BaseMount = PLANAR,
-    known: dict[str, F64] | None = None,
+    points_m: F64, rays: F64, mount: BaseMount = PLANAR, known: dict[str, F64] | None = None
 ) -> MotionFit | None:
     depths, known = points_m[:, 2], known or {}
     matches = Matches(

@@ -177,16 +177,10 @@ def test_carried_camera_moves_freely() -> None:
 
 @pytest.mark.parametrize(
     ("grey", "depth_m", "cause"),
-    [
-        (PLAIN, 2.0, "no_texture"),
-        (None, 0.0, "no_depth"),
-        (None, 20.0, "no_depth"),
-    ],
+    [(PLAIN, 2.0, "no_texture"), (None, 0.0, "no_depth"), (None, 20.0, "no_depth")],
 )
 def test_without_texture_or_depth_there_is_no_motion(
-    grey: np.ndarray | None,
-    depth_m: float,
-    cause: str,
+    grey: np.ndarray | None, depth_m: float, cause: str
 ) -> None:
     one, counters = odometer()
     for number in range(4):

@@ -25,10 +25,7 @@ def test_siblings_meet_in_their_parent() -> None:
     # Colour stands at (1, 0, 0) of base and looks left, depth at (1, 1, 0) and looks ahead. From
     # colour, depth is 1 m along base's y, which is colour's x: (1, 0, 0). And base's x is
     # colour's -y: a point 2 m ahead of depth is at (1, -2, 0).
-    both = tree(
-        ("base", "colour", (1, 0, 0), LEFT_90),
-        ("/base", "/depth", (1, 1, 0), NO_TURN),
-    )
+    both = tree(("base", "colour", (1, 0, 0), LEFT_90), ("/base", "/depth", (1, 1, 0), NO_TURN))
     matrix = both.find("colour", "depth")
     assert matrix is not None
     assert (matrix @ (0, 0, 0, 1))[:3] == pytest.approx([1, 0, 0])

@@ -10,14 +10,7 @@ from rosbags.highlevel import AnyReader
 
 from common.io.recording import RecordingWriter
 from people4d.errors import SourceError
-from people4d.messages import (
-    Message,
-    Odometry,
-    RgbdFrame,
-    Tracks,
-    Truth,
-    TruthPerson,
-)
+from people4d.messages import Message, Odometry, RgbdFrame, Tracks, Truth, TruthPerson
 from services.camera.recording import RecordingOptions, RecordingSource
 from services.camera.ros.camera import RosbagOptions
 from services.camera.ros.export import BagFormat, export

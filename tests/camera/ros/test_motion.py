@@ -134,11 +134,7 @@ def test_camera_with_a_tf_path_to_map_is_mounted_in_map(tmp_path: Path) -> None:
 def test_a_camera_that_only_moves_gets_no_mount(tmp_path: Path) -> None:
     ros = Ros(2)
     swung = [
-        (
-            "/tf",
-            S + k,
-            tf(ros, S + k, ("map", FRAME, (0, 0, 1), quaternion(0, 0, 0.1 * k))),
-        )
+        ("/tf", S + k, tf(ros, S + k, ("map", FRAME, (0, 0, 1), quaternion(0, 0, 0.1 * k))))
         for k in range(3)
     ]
     source = RosbagSource(ros.write(tmp_path / "bag", [*frames(ros), *swung]), RosbagOptions())

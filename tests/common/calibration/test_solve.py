@@ -10,14 +10,7 @@ from common.calibration.observations import CameraObservations, ObservationColle
 from common.calibration.solve import CalibrationResult, calibrate
 from common.geometry.transforms import invert
 from people4d.errors import CalibrationError
-from tests.common.calibration.walks import (
-    WalkCamera,
-    camera,
-    messages,
-    observe,
-    square,
-    wander,
-)
+from tests.common.calibration.walks import WalkCamera, camera, messages, observe, square, wander
 
 
 def errors(found: CalibrationResult, cameras: Sequence[WalkCamera]) -> tuple[float, float, float]:

@@ -71,8 +71,7 @@ class Heard:
         for number in range(30):
             self.evidence.add_message(detections(*self.people, sequence=number), 0)
             self.evidence.add_message(
-                builders.tracks(stamp_ns=number, sequence=number, tracks=self.tracks),
-                0,
+                builders.tracks(stamp_ns=number, sequence=number, tracks=self.tracks), 0
             )
         present = [("robot", name.partition("-")[0], name) for name in self.counters]
         self.evidence.present = self.evidence.present or present

@@ -5,11 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from common.geometry.transform_buffer import (
-    MOVING_MAX,
-    TransformBuffer,
-    transform_from_odometry,
-)
+from common.geometry.transform_buffer import MOVING_MAX, TransformBuffer, transform_from_odometry
 from common.geometry.transforms import LINK_FROM_OPTICAL, apply, rotation_from_rpy, transform_from
 from people4d.messages import F64, MovingTransform, Odometry, StaticTransform
 from people4d.topics import TRANSFORMS_MAX

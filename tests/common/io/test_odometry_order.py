@@ -28,13 +28,13 @@ def order(*items: Odometry | Frame) -> list[str]:
 
 def test_the_odometry_after_a_frame_comes_before_it() -> None:
     assert order(odometry(0), Frame(ms(10)), odometry(20), odometry(40), Frame(ms(45))) == [
-        *("odometry 0", "odometry 20", "shot 10", "odometry 40", "shot 45"),
+        *("odometry 0", "odometry 20", "shot 10", "odometry 40", "shot 45")
     ]
 
 
 def test_odometry_of_the_same_time_is_enough() -> None:
     assert order(odometry(0), odometry(10), Frame(ms(10)), odometry(20)) == [
-        *("odometry 0", "odometry 10", "shot 10", "odometry 20"),
+        *("odometry 0", "odometry 10", "shot 10", "odometry 20")
     ]
 
 
@@ -54,5 +54,5 @@ def test_when_odometry_ends_frames_go_on_after_half_a_second() -> None:
 
 def test_a_clock_that_goes_back_holds_nothing() -> None:
     assert order(odometry(9000), Frame(ms(9010)), Frame(ms(0)), Frame(ms(33))) == [
-        *("odometry 9000", "shot 9010", "shot 0", "shot 33"),
+        *("odometry 9000", "shot 9010", "shot 0", "shot 33")
     ]

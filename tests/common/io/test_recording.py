@@ -84,10 +84,7 @@ def test_too_many_metadata_records_are_refused(tmp_path: Path) -> None:
 
 def test_messages_come_back_by_log_time(tmp_path: Path) -> None:
     path = write(
-        tmp_path / "sub/x.mcap",
-        (3 * S, odometry(3)),
-        (1 * S, transform()),
-        (2 * S, odometry(2)),
+        tmp_path / "sub/x.mcap", (3 * S, odometry(3)), (1 * S, transform()), (2 * S, odometry(2))
     )
     recording = open_recording(path)
     got = list(recording.messages())

@@ -47,10 +47,7 @@ def test_motp_is_the_mean_similarity() -> None:
 
 
 def test_a_swap_is_two_switches() -> None:
-    recording = sequence(
-        ({"A": 0, "B": 10}, {1: 0, 2: 10}),
-        ({"A": 0, "B": 10}, {2: 0, 1: 10}),
-    )
+    recording = sequence(({"A": 0, "B": 10}, {1: 0, 2: 10}), ({"A": 0, "B": 10}, {2: 0, 1: 10}))
     assert count(recording).id_switches == 2
     assert match(recording, NEAR).id_switches == (
         IdSwitch("A", 1, 2, last_frame=0, frame=1),
@@ -66,21 +63,9 @@ def test_a_switch_counts_after_frames_without_a_track() -> None:
 def test_out_of_view_is_no_miss() -> None:
     # A is out of view in the second frame and unknown to the truth in the third.
     counts = count(
-        sequence(
-            ({"A": 0}, {1: 0}),
-            (truth({"A": 0}, out="A"), {}),
-            ({}, {}),
-            ({"A": 0}, {1: 0}),
-        )
+        sequence(({"A": 0}, {1: 0}), (truth({"A": 0}, out="A"), {}), ({}, {}), ({"A": 0}, {1: 0}))
     )
-    assert counts == ClearCounts(
-        frames=4,
-        truths=2,
-        matches=2,
-        outside=1,
-        poses=2,
-        similarity=2.0,
-    )
+    assert counts == ClearCounts(frames=4, truths=2, matches=2, outside=1, poses=2, similarity=2.0)
 
 
 def test_a_pair_persists_though_another_track_is_nearer() -> None:

@@ -23,10 +23,7 @@ def test_a_swap_costs_by_its_length() -> None:
     # Swapped after two of five frames: A is 2 and B is 1, right in three frames each:
     # IDTP = 6 of 10 truths and 10 tracked: IDF1 = 12 / 20.
     counts = count(
-        sequence(
-            *[({"A": 0, "B": 9}, {1: 0, 2: 9})] * 2,
-            *[({"A": 0, "B": 9}, {2: 0, 1: 9})] * 3,
-        )
+        sequence(*[({"A": 0, "B": 9}, {1: 0, 2: 9})] * 2, *[({"A": 0, "B": 9}, {2: 0, 1: 9})] * 3)
     )
     assert counts == IdentityCounts(idtp=6, idfn=4, idfp=4)
     assert counts.idf1 == 0.6
@@ -42,11 +39,7 @@ def test_precision_and_recall_differ() -> None:
 def test_all_pairs_count_not_the_best_pair() -> None:
     # Frames together: A-1 3, A-2 2, B-1 2, B-2 0. A-1 alone gives 3, A-2 and B-1 give 4.
     counts = count(
-        sequence(
-            *[({"A": 0}, {1: 0})] * 3,
-            *[({"A": 0}, {2: 0})] * 2,
-            *[({"B": 9}, {1: 9})] * 2,
-        )
+        sequence(*[({"A": 0}, {1: 0})] * 3, *[({"A": 0}, {2: 0})] * 2, *[({"B": 9}, {1: 9})] * 2)
     )
     assert counts.idtp == 4
 

@@ -70,11 +70,7 @@ def test_errors_of_two_compared_hosts_add_up() -> None:
 
 
 def test_segments_of_one_process_and_stage_are_merged() -> None:
-    trace = [
-        span("a.x", 0, 1, "a@h"),
-        span("a.y", 2, 3, "a@h"),
-        span("a.x", 6, 7, "a@h"),
-    ]
+    trace = [span("a.x", 0, 1, "a@h"), span("a.y", 2, 3, "a@h"), span("a.x", 6, 7, "a@h")]
     got = {segment.stage: segment.ms for segment in merge_stages(segments(trace))}
     assert got == {"x": 2, "other": 1 + 3, "y": 1}
 

@@ -6,11 +6,7 @@ from people4d.errors import ModelError
 from people4d.messages import F32, F64
 from services.detector.config import ModelSettings
 from services.detector.models.base import DetectedPerson
-from services.detector.models.movenet import (
-    MoveNet,
-    find_centres,
-    similarities,
-)
+from services.detector.models.movenet import MoveNet, find_centres, similarities
 from services.detector.models.movenet_heads import (
     FEATURES,
     LOCAL,

@@ -20,11 +20,7 @@ from services.detector.orientation.joint import (
     log_likelihood,
     sigma_factors,
 )
-from services.detector.orientation.observation import (
-    JointOffsets,
-    YawObservations,
-    observe_bodies,
-)
+from services.detector.orientation.observation import JointOffsets, YawObservations, observe_bodies
 from services.detector.position.surface import DepthImage
 from tests import builders
 

@@ -12,10 +12,7 @@ def behind(right_m: float, yaw_rad: float | None, ellipse: Ellipse = CHEST) -> f
     return float(surface_to_axis(np.array([right_m]), yaw_rad, ellipse)[0])
 
 
-@pytest.mark.parametrize(
-    ("yaw_deg", "expected_m"),
-    [(0, 0.12), (180, 0.12), (90, 0.2), (-90, 0.2)],
-)
+@pytest.mark.parametrize(("yaw_deg", "expected_m"), [(0, 0.12), (180, 0.12), (90, 0.2), (-90, 0.2)])
 def test_the_middle_is_half_a_depth_before_the_axis_or_half_a_width(
     yaw_deg: float, expected_m: float
 ) -> None:

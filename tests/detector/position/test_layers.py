@@ -5,12 +5,7 @@ import numpy as np
 import pytest
 
 from people4d.messages import F64
-from services.detector.position.layers import (
-    DepthSamples,
-    LayerWindows,
-    assign_layers,
-    read_layers,
-)
+from services.detector.position.layers import DepthSamples, LayerWindows, assign_layers, read_layers
 from services.detector.position.proportions import BodySize
 from services.detector.position.surface import DepthImage
 from tests.detector.cameras import INFO

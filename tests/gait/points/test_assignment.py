@@ -27,10 +27,7 @@ def extremity(basin: int, x_m: float, geodesic_m: float = LENGTH_M) -> Extremity
 def test_each_point_is_assigned_the_nearest_extremity() -> None:
     points = [hand("left_hand", 0.3), hand("right_hand", -0.3)]
     found = assign_points(points, [extremity(0, -0.28), extremity(1, 0.31)], {})
-    assert {name: one.basin for name, one in found.items()} == {
-        "left_hand": 1,
-        "right_hand": 0,
-    }
+    assert {name: one.basin for name, one in found.items()} == {"left_hand": 1, "right_hand": 0}
 
 
 def test_an_extremity_is_assigned_once() -> None:
@@ -44,10 +41,7 @@ def test_assignment_minimises_the_total_cost() -> None:
     # The left is 5 cm from both extremities, the right 1 cm from extremity 0, 11 cm from 1.
     points = [hand("left_hand", 0.00), hand("right_hand", 0.06)]
     found = assign_points(points, [extremity(0, 0.05), extremity(1, -0.05)], {})
-    assert {name: one.basin for name, one in found.items()} == {
-        "left_hand": 1,
-        "right_hand": 0,
-    }
+    assert {name: one.basin for name, one in found.items()} == {"left_hand": 1, "right_hand": 0}
 
 
 def test_extremity_out_of_reach_or_of_other_length_is_not_assigned() -> None:

@@ -17,13 +17,7 @@ from people4d.messages import F64, GaitMeasures
 from services.gait.config import StepConfig
 from services.gait.steps.alternation import find_landings
 from services.gait.steps.step_meter import FootSample, StepMeter
-from services.gait.steps.steps import (
-    FootStep,
-    cadence,
-    find_steps,
-    gait_measures,
-    walked_strides,
-)
+from services.gait.steps.steps import FootStep, cadence, find_steps, gait_measures, walked_strides
 from services.gait.steps.swings import FootTrajectory, Side, Swing
 
 UP = np.array([0.0, 0.0, 1.0])

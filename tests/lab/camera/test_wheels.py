@@ -8,14 +8,7 @@ import pytest
 from common.geometry.transforms import wrap
 from lab.camera.base_path import BasePath
 from lab.camera.plan import CameraPlan, Drive
-from lab.camera.wheels import (
-    WHEELS,
-    DeadReckoning,
-    WheelModel,
-    tick_m,
-    wheel_odometry,
-    wheel_ticks,
-)
+from lab.camera.wheels import WHEELS, DeadReckoning, WheelModel, tick_m, wheel_odometry, wheel_ticks
 from people4d.messages import F64, Odometry
 
 PERFECT = WheelModel(scale_error=0, track_error=0, slip=0, ticks_per_turn=10**6)

@@ -41,10 +41,7 @@ def test_speed_and_turning_change_within_human_limits() -> None:
 
 def test_stops_at_the_waypoint_and_faces_as_planned() -> None:
     plan = PersonPlan(
-        body="adam",
-        start=(0, 0),
-        face_deg=0,
-        path=(Waypoint(to=(2, 1), stop_s=30, face_deg=-90),),
+        body="adam", start=(0, 0), face_deg=0, path=(Waypoint(to=(2, 1), stop_s=30, face_deg=-90),)
     )
     at_8 = walk(plan, 8.0)
     assert math.hypot(at_8.x_m - 2, at_8.y_m - 1) < 0.12

@@ -6,11 +6,7 @@ import numpy as np
 import pytest
 
 from services.tracker.interface import Measurement
-from services.tracker.motion.motion import (
-    PositionMotion,
-    confidence_factor,
-    depth_factor,
-)
+from services.tracker.motion.motion import PositionMotion, confidence_factor, depth_factor
 from services.tracker.sort3d.box_motion import BoxMotion
 from tests.tracker.scene import published
 

@@ -48,11 +48,7 @@ def test_occluded_person_who_comes_out_beside_the_prediction_goes_on(
     embedding: tuple[float, ...],
 ) -> None:
     # 0.6 m from the prediction: beyond the gate of motion, within the distance of round 2.
-    strong = published(
-        visibility=True,
-        sigma_measurement_m=0.02,
-        sigma_acceleration_mps2=1.0,
-    )
+    strong = published(visibility=True, sigma_measurement_m=0.02, sigma_acceleration_mps2=1.0)
     sort = build_strongsort3d(published_config(strongsort3d=strong))
     for number in range(8):
         sort.update(with_pose(number, person(4, 0, embedding=RED)))

@@ -12,10 +12,7 @@ from services.tracker.strongsort3d.strongsort3d import StrongSort3d
 from tests.tracker.scene import BLUE, RED, frame, person, published, published_config, with_pose
 
 RED_TOO = (1.0, 0.12, 0.0)  # 0.0002 from RED
-ALL = published(
-    visibility=True,
-    identity=IdentityConfig(enabled=True),
-)
+ALL = published(visibility=True, identity=IdentityConfig(enabled=True))
 
 
 def tracker(identity: IdentityConfig | None = None) -> StrongSort3d:

@@ -52,10 +52,7 @@ def test_of_two_ankles_on_one_foot_the_confident_one_counts() -> None:
     # Between both feet, nearer to the left one.
     between_m = FEET_M[LEFT_FOOT] + (-0.15, 0.0, 0.0)
     pixel = project(between_m, INFO)[0]
-    found = {
-        LEFT_FOOT: Anchor(pixel, 1.0, 0.2, pixel),
-        RIGHT_FOOT: Anchor(pixel, 1.0, 0.7, pixel),
-    }
+    found = {LEFT_FOOT: Anchor(pixel, 1.0, 0.2, pixel), RIGHT_FOOT: Anchor(pixel, 1.0, 0.7, pixel)}
     assert set(keep_own_limbs(found, feet(), 0.0, INFO)) == {RIGHT_FOOT}
 
 

@@ -10,11 +10,7 @@ from people4d.messages import F64
 from services.gait.points.body import Extremity, MeasuredBody
 from services.gait.points.kalman import PointKalmanFilter
 from services.gait.points.keypoints import Anchor
-from services.gait.points.limbs.surface import (
-    head_position,
-    nearest_position,
-    surface_position,
-)
+from services.gait.points.limbs.surface import head_position, nearest_position, surface_position
 from services.gait.points.point_filter import PointFilter
 from tests.gait.builders import INFO
 from tests.gait.points.test_body import arm

@@ -2,11 +2,7 @@
 
 import pytest
 
-from services.gait.points.limbs.visibility import (
-    VISIBILITY,
-    WITHOUT_KEYPOINTS,
-    LimbEvidence,
-)
+from services.gait.points.limbs.visibility import VISIBILITY, WITHOUT_KEYPOINTS, LimbEvidence
 
 # A hand or foot beside the body, at its keypoint, before the other one.
 CLEAR = LimbEvidence(
