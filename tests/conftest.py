@@ -11,6 +11,7 @@ from tests import SHARED
 from tests.network import Network
 
 RERUNS = 2
+SLOWER = ("processes", "network", "render", "slow")  # marks of tests whose files come first
 # Tests that depend on the scheduler of the kernel, which may stop any process of a busy host for
 # seconds: only these are repeated. The reason names what they measure or wait for.
 SCHEDULED = {
@@ -61,10 +62,16 @@ def state_folder() -> Iterator[Path]:
         yield Path(folder)
 
 
+@pytest.hookimpl(tryfirst=True)  # xdist reads the groups in the same hook
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Let one worker run all tests that start processes, and repeat tests of `SCHEDULED`."""
+    """Give each file to one worker, slower files first, and repeat tests of `SCHEDULED`.
+
+    Fixtures of a module start once then, not once in each worker.
+    """
+    slower = {item.path for item in items if any(map(item.get_closest_marker, SLOWER))}
+    items.sort(key=lambda item: item.path not in slower)
     for item in items:
-        if item.get_closest_marker("processes"):
-            item.add_marker(pytest.mark.xdist_group("processes"))
+        if not item.get_closest_marker("xdist_group"):
+            item.add_marker(pytest.mark.xdist_group(item.location[0]))
         if item.nodeid.startswith(tuple(SCHEDULED)):
             item.add_marker(pytest.mark.flaky(reruns=RERUNS, reruns_delay=1))

@@ -14,6 +14,10 @@ from playwright.sync_api import Browser, Page, sync_playwright
 
 from people4d.messages import U8
 
+MARKS = [
+    *(pytest.mark.processes, pytest.mark.network, pytest.mark.timeout(300)),
+    pytest.mark.xdist_group("browser"),  # share one system and one browser
+]
 REQUIRE = "PEOPLE4D_REQUIRE_CHROMIUM"  # set where a missing Chromium must fail the tests
 WAIT_S = 100.0
 # All is drawn by the processor, 3D by SwiftShader; root can have no sandbox. No name is looked up.

@@ -1,13 +1,20 @@
 """Access to the page in Chromium: tokens, roles, two pages, restarts, text of others."""
 
-import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.dashboard.browser.chromium import IMAGE, pixel, shows_image, stored, until, wait_past
+from tests.dashboard.browser.chromium import (
+    IMAGE,
+    MARKS,
+    pixel,
+    shows_image,
+    stored,
+    until,
+    wait_past,
+)
 from tests.dashboard.browser.conftest import Open
 from tests.dashboard.browser.stack import HOSTILE, OPERATOR, PLANNER, Stack
 
-pytestmark = [pytest.mark.processes, pytest.mark.network, pytest.mark.timeout(300)]
+pytestmark = MARKS
 
 
 def test_wrong_token_is_refused_and_the_right_one_opens_the_page(

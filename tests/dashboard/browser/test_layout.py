@@ -2,16 +2,15 @@
 
 import itertools
 
-import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from people4d.messages import Event
 from tests import ROOT
-from tests.dashboard.browser.chromium import shows_image, stored, until
+from tests.dashboard.browser.chromium import MARKS, shows_image, stored, until
 from tests.dashboard.browser.conftest import Open
 from tests.dashboard.browser.stack import Stack
 
-pytestmark = [pytest.mark.processes, pytest.mark.network, pytest.mark.timeout(300)]
+pytestmark = MARKS
 
 AXE = ROOT / "tests/dashboard/vendor/axe.min.js"
 FAULTS = """async () => (await axe.run()).violations

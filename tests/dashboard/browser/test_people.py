@@ -9,6 +9,7 @@ from playwright.sync_api import Page, expect
 
 from tests.dashboard.browser.chromium import (
     IMAGE,
+    MARKS,
     click,
     on_map,
     pixel,
@@ -21,7 +22,7 @@ from tests.dashboard.browser.chromium import (
 from tests.dashboard.browser.conftest import Open
 from tests.dashboard.browser.stack import PEOPLE, WIDTH_PX
 
-pytestmark = [pytest.mark.processes, pytest.mark.network, pytest.mark.timeout(300)]
+pytestmark = MARKS
 
 MAP, SPACE = "#map-canvas", "#space-canvas"
 ROW = "#table tbody tr"

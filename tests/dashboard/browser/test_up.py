@@ -2,18 +2,17 @@
 
 from pathlib import Path
 
-import pytest
 from playwright.sync_api import Browser, expect
 
 from common.transport.ports import free_port
 from deploy.cli.live.page import page_address
 from deploy.launcher.state import State
-from tests.dashboard.browser.chromium import WAIT_S, shows_image, until
+from tests.dashboard.browser.chromium import MARKS, WAIT_S, shows_image, until
 from tests.integration.system import ROBOT, running
 
 STANDING = "tests.attacks.standing:StandingPeople"
 
-pytestmark = [pytest.mark.processes, pytest.mark.network, pytest.mark.timeout(300)]
+pytestmark = MARKS
 
 
 def test_page_shows_the_people_of_a_system_that_was_just_started(

@@ -5,11 +5,11 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.dashboard.browser.chromium import click, on_map
+from tests.dashboard.browser.chromium import MARKS, click, on_map
 from tests.dashboard.browser.conftest import Open
 from tests.dashboard.browser.stack import HOSTILE, Stack
 
-pytestmark = [pytest.mark.processes, pytest.mark.network, pytest.mark.timeout(300)]
+pytestmark = MARKS
 
 MAP = "#map-canvas"
 SQUARE = ((1.0, 1.0), (1.0, -1.0), (5.0, -1.0), (5.0, 1.0))
