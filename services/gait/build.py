@@ -46,7 +46,8 @@ def warm_up(config: GaitConfig) -> None:
     for rows, columns, distance_mm in PARTS:
         rgb[rows, columns] = (200, 40, 40)
         depth_mm[rows, columns] = distance_mm
-    for image in (rgb, depth_mm):  # as decoded images are, for which kernels are compiled
+    # read-only as decoded images: kernels are compiled for such arrays
+    for image in (rgb, depth_mm):
         image.flags.writeable = False
     keypoints = np.zeros((17, 3), np.float32)
     estimator = GaitEstimator(config, info, Counter(dict.fromkeys(ESTIMATOR_COUNTERS, 0)))
@@ -58,7 +59,7 @@ def warm_up(config: GaitConfig) -> None:
         estimator.update_people(
             GaitFrame(number * PERIOD_NS, rgb, depth_mm, observations, np.eye(4))
         )
-    one = Normal(np.ones(3), np.eye(3))  # limbs, which three frames do not reach
+    one = Normal(np.ones(3), np.eye(3))  # kernels of limbs, which three frames do not reach
     one.fused(one).at_pixel(np.zeros(2), 1.0, info).distances2(np.ones((1, 3)))
 
 

@@ -21,7 +21,7 @@ BOX_MARGIN = 0.06  # Widening of a detected box, which may miss a hand [heights]
 COLOUR_MARGIN = 0.12  # Widening of a box of the colour layer [heights]
 FORGET_S = 2.0  # Maximum age of the last observation of a person [s]
 GAP_S = 1.0  # Maximum time between frames of a tracked point [s]
-SAME_BOX_IOU = 0.7  # Minimum IoU of a detected box with a box of the colour layer that continues
+SAME_BOX_IOU = 0.7  # Minimum IoU with a detected box for a box of the colour layer to continue
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class PersonObservation:
     id: int
     box_xyxy_px: F64 | None = None  # 4; None: not detected in this frame
     keypoints: F32 | None = None  # 17x3: u, v, confidence, COCO order
-    depth_m: float | None = None  # of the person's middle, along the optical axis
+    depth_m: float | None = None  # [m] depth of the person's middle along the optical axis
     yaw_rad: float | None = None  # [rad] of the chest in the fixed frame; None: not known
 
 
@@ -50,8 +50,8 @@ class _PersonState:
     layer: DepthLayer | SingleFeatureLayer
     box: F64 | None = None
     depth_m: float | None = None
-    detected_ns: int = 0  # of the last detected box
-    observed_ns: int = 0  # of the last observation
+    detected_ns: int = 0  # [ns] stamp of the last detected box
+    observed_ns: int = 0  # [ns] stamp of the last observation
     processed: int = -1  # number of the last frame in which depth was processed
     processed_ns: int = 0
 
@@ -86,8 +86,8 @@ class Cascade:
     ) -> list[GaitEstimate]:
         """Return the points of the observed people, in the order of their observations.
 
-        `fixed_from_optical` is the camera's pose, 4x4; None: it is at rest. An earlier stamp than
-        the last one resets the cascade; people without an observation for a while are deleted.
+        `fixed_from_optical` is the camera's pose, 4x4; None if it is at rest. A stamp before the
+        last one resets the cascade; people unobserved for FORGET_S are deleted.
         """
         if self._frame and stamp_ns < self._stamp_ns:
             self._reset()
@@ -166,7 +166,7 @@ class Cascade:
                 self._people[one.id].depth_m = float(one.depth_m)
 
     def _turns(self, observations: Sequence[PersonObservation]) -> set[int]:
-        """Return the people with processed depth in this frame, the longest waiting first."""
+        """Return the people whose depth is processed in this frame, the longest waiting first."""
         waiting = sorted(
             (one.id for one in observations if self._people[one.id].box is not None),
             key=lambda person: self._people[person].processed,

@@ -1,7 +1,7 @@
 """Configuration of the gait service.
 
 Sections refer to docs/method.md. "Published" is the value of [Liu 2018]; values without a
-source are this project's. All other constants stand beside their equations.
+source are this project's. All other constants are beside their equations.
 """
 
 from typing import Annotated, Literal
@@ -21,15 +21,15 @@ class ColourLayerConfig(Config, frozen=True, kw_only=True):
     """Particle filter of a box by its colours (section 8.1)."""
 
     particles: Annotated[int, Meta(ge=1, le=100_000)] = 100  # for each person; published: 20 to 160
-    # 8: [x, y, x', y', w, h, w', h'], pixels and pixels a frame; 4: constant size of the box
+    # 8: [x, y, x', y', w, h, w', h'], [px] and [px a frame]; 4: constant size of the box
     state: Literal[8, 4] = 8
     order: Literal[1, 2] = 1  # order of the motion model
     sampling: Literal["plain", "hierarchical"] = "plain"  # hierarchical: section 8.1 (G 3.4)
     # Noise in the order of the state [px, px a frame]. With PUBLISHED_TAU the speed of the size is
     # a random walk without damping
     tau: NoiseVector8 = (4.0, 3.0, 1.0, 0.5, 2.0, 4.0, 0.0, 0.0)
-    # Likelihood of particles. distance: distance of their histogram to the first one, as published,
-    # which does not distinguish a person from half of a person. ratio: section 19
+    # Likelihood of particles. distance: distance between their histogram and the first one, as
+    # published; half of a person fits as well. ratio: section 19
     weights: Literal["ratio", "distance"] = "ratio"
     # Standard deviation of the distance; published: 1, which makes the likelihood nearly flat
     sigma: Positive = 0.1
@@ -52,12 +52,12 @@ class CascadeConfig(Config, frozen=True, kw_only=True):
     colour: ColourLayerConfig = ColourLayerConfig()  # tracks boxes between detections
     depth: DepthLayerConfig = DepthLayerConfig()
     seed: int = 0  # seed of all random numbers
-    # Maximum number of people with processed depth in one frame, in turn, which bounds the time;
-    # the points of the others are predicted
+    # Maximum number of people with processed depth in one frame, chosen in turn; points of the
+    # others are predicted. Bounds the time of a frame
     people_max: PositiveInt = 6
     # Maximum Bhattacharyya distance of a box of the colour layer to the first one
     colour_distance_max: Ratio = 0.6
-    carry_s: Positive = 2.0  # Maximum age of the last detection of such a box [s]
+    carry_s: Positive = 2.0  # Maximum age of the last detection for a box of the colour layer [s]
 
 
 class StepConfig(Config, frozen=True, kw_only=True):
@@ -70,7 +70,7 @@ class StepConfig(Config, frozen=True, kw_only=True):
 class GaitConfig(Config, frozen=True, kw_only=True):
     """Configuration of the gait service."""
 
-    # Maximum number of people of one camera, the nearest; cascade.people_max bounds the time
+    # Maximum number of people of one camera, nearest first; cascade.people_max bounds the time
     people_max: Number = 32
     # Frames of all cameras that wait for their tracks: enough for the latency of the pipeline,
     # 1.5 MB each with 640x480 pixels

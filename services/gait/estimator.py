@@ -14,7 +14,7 @@ from services.gait.points.point_filter import PointEstimate
 from services.gait.steps.step_meter import FootSample, StepMeter
 
 BOX_MAX_PX = 1e6  # Maximum coordinate of published boxes [px]
-CLOCK_JUMP_S = 1.0  # Minimum step back of the stamps that begins a new time [s]
+CLOCK_JUMP_S = 1.0  # Minimum step back of the stamps that resets the estimator [s]
 UP = np.array([0.0, 0.0, 1.0])  # Upward direction of fixed frames
 ESTIMATOR_COUNTERS = ("over_budget", "wrong_size", "stale", "clock_resets")
 
@@ -77,7 +77,7 @@ class GaitEstimator:
         self._meters, self._last = {}, None
 
     def _choose(self, observations: Sequence[PersonObservation]) -> list[PersonObservation]:
-        """Return the nearest people; those not detected in this frame only if already tracked."""
+        """Return the nearest people; undetected ones only if they are already tracked."""
         here = [
             one for one in observations if one.box_xyxy_px is not None or one.id in self._meters
         ]
@@ -118,8 +118,7 @@ class GaitEstimator:
 def to_fixed_frame(name: str, point: PointEstimate, pose: F64, motion: F64) -> BodyPoint | None:
     """Return a point of the optical frame in the fixed frame, None if it was never measured.
 
-    The time derivative (4x4) of the pose counts: a point at rest in the image of a moving camera
-    moves.
+    The velocity includes the motion of the camera, the time derivative (4x4) of its pose.
     """
     rotation, here = pose[:3, :3], np.append(point.position_m, 1.0)
     rotations = np.kron(np.eye(2), rotation)

@@ -33,9 +33,9 @@ PENDING_MAX = 256  # Maximum number of pending frames of all cameras
 NODE_COUNTERS = (
     *("passed_over", "no_camera_info", "no_transform"),
     "without_frame",  # tracks whose frame was dropped
-    "frames_unused",  # without tracks: the detector skipped them, or the tracks came too late
+    "frames_unused",  # frames without tracks: skipped by the detector, or tracks were late
 )
-SETTLE_S = 0.003  # Time that a frame waits for a newer one of its camera [s]
+SETTLE_S = 0.003  # Waiting time of a frame for a newer one of its camera [s]
 SETTLE_MAX = 10  # Maximum wait of a frame [SETTLE_S]
 
 
@@ -43,10 +43,10 @@ class GaitNode(Node):
     """Tracks points on the bodies of tracked people, at its own rate.
 
     Live, the newest complete frame of a camera is processed and older ones are counted as
-    `passed_over`, so that a slow node falls behind no further. Frames that arrive meanwhile wait
-    for their tracks, which come later by the latency of the pipeline. In lock-step playback all
-    frames are processed in turn, as far as the buffer holds them; playback does not wait for them.
-    `on_frame` is called with every processed frame.
+    `passed_over`, so a slow node does not fall further behind. Frames wait for their tracks, which
+    arrive later by the latency of the pipeline. In lock-step playback all frames are processed in
+    turn if the buffer holds them; playback does not wait. `on_frame` is called with every processed
+    frame.
     """
 
     inputs: tuple[type[Message], ...] = (
@@ -92,7 +92,7 @@ class GaitNode(Node):
         return self._process(*self._ready.pop(next(iter(self._ready))))
 
     def wake_ns(self) -> int | None:
-        """Return when a frame has waited long enough for a newer one."""
+        """Return the time at which a frame has waited long enough for a newer one."""
         return self._due_ns if self._ready else None
 
     def status(self) -> Status:

@@ -1,7 +1,7 @@
 """Motion and resampling of the particles of many people at once.
 
 A box state is [x, y, x', y', w, h, w', h']: centre and size in pixels, and their change in pixels a
-frame. With a state of 4 the size stays, which is the same model without noise of the size.
+frame. With 4 state variables the size is constant.
 
 Source: docs/method.md, section 8.1 [Gordon 1993].
 """
@@ -19,10 +19,10 @@ FIRST = np.array([[1, 0, 1, 0], [0, 1, 0, 1], [0, 0, 1, 0], [0, 0, 0, 1]], np.fl
 SECOND = np.array([[0.5, 0, 0.5, 0], [0, 0.5, 0, 0.5], [0, 0, 1, 0], [0, 0, 0, 1]], np.float64)
 BOX_MIN_PX = 4.0  # Minimum side of a box [px]
 # Hierarchical sampling. a and b have mean and variance 1, times these factors; published: 1 for
-# both, with which a box doubles within a second
+# both, which doubles a box within a second
 GROWTH_SIDEWAYS_PX2 = 0.02  # Factor of a / |x'| [px^2 a frame^3]
 GROWTH_UPRIGHT = 0.005  # Factor of b y' [1 a frame]
-SPEED_MIN_PX = 1.0  # Minimum |x'|, and minimum speed that has a direction [px a frame]
+SPEED_MIN_PX = 1.0  # Minimum |x'|, and minimum speed with a direction [px a frame]
 ALONG_SHARE = 0.5  # Share of the particles that are sampled along the motion
 ALONG_STRETCH = 1.4  # Factor of their noise along the motion, and its inverse across
 
@@ -45,7 +45,7 @@ class BoxMotionModel:
     def __call__(self, states: F64, previous: F64, generator: np.random.Generator) -> F64:
         """Return the particles (PxNx8) of the next frame.
 
-        The second order of motion uses the particles of one frame earlier, too.
+        Second order motion also uses the particles of the previous frame.
         """
         noise = self._tau * generator.standard_normal(states.shape)
         if self._config.sampling == "hierarchical":
@@ -94,8 +94,8 @@ def resample_systematic(weights: F64, generator: np.random.Generator) -> I64:
     people, count = weights.shape
     positions = (np.arange(count) + generator.random((people, 1))) / count
     sums = np.cumsum(weights, axis=1)
-    sums[:, -1] = 1.0  # exact in spite of rounding
-    # One search for all: the sums of each person lie above the sums of the person before.
+    sums[:, -1] = 1.0  # exact despite rounding
+    # One search for all people: the sums of each person are above the sums of the previous one.
     above = np.arange(people)[:, None]
     found = np.searchsorted((sums + above).ravel(), (positions + above).ravel(), side="right")
     return np.asarray(np.clip(found.reshape(people, count) - above * count, 0, count - 1), np.int64)

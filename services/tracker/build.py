@@ -13,7 +13,7 @@ TRACKERS: dict[str, str] = {
 
 
 def make_tracker(config: TrackerConfig) -> Tracker:
-    """Build the configured tracker; its module is imported only now.
+    """Build the configured tracker, importing its module on demand.
 
     Args:
         config: `tracker` is a name of TRACKERS or module:Class; the class is called with `config`.

@@ -22,10 +22,10 @@ from services.tracker.strongsort3d.config import StrongSort3dConfig
 
 
 class Sort3dConfig(Config, frozen=True, kw_only=True):
-    """SORT-3D [PIC4SeR], section 4; its other constants stand in `sort3d`."""
+    """SORT-3D [PIC4SeR], section 4; its other constants are in `sort3d`."""
 
-    # [m] minimum distance gate tau. With one person sigma is 0 and tau the last distance, so the
-    # plain rule rejects about every second match; 0: the plain rule
+    # [m] minimum distance gate tau. With one person sigma is 0 and tau is the last distance, which
+    # rejects about every second match; 0: the published rule
     distance_gate_floor_m: NonNegative = 0.5
     min_hits: PositiveInt = 3  # consecutive matches that confirm a track; section 4
     t_lost: PositiveInt = 30  # [frames] unmatched frames that end a track; SORT: 1 (section 7)
@@ -34,7 +34,7 @@ class Sort3dConfig(Config, frozen=True, kw_only=True):
 class ImageSortConfig(Config, frozen=True, kw_only=True):
     """SORT [Bewley 2016] with the two settings of [Park 2021] (section 7).
 
-    The constants of the Kalman filter are SORT's and stand in `box_kalman`.
+    The constants of the Kalman filter are SORT's and are in `box_kalman`.
     """
 
     # association
@@ -71,8 +71,8 @@ class TrackerConfig(Config, frozen=True, kw_only=True):
     # origin and looks along +x, and the status reports it
     require_transform: bool = False
     # output
-    publish_lost: bool = True  # publish predicted unmatched tracks; section 4: False
-    publish_tentative: bool = False  # publish unconfirmed tracks
+    publish_lost: bool = True  # True: predicted unmatched tracks are published; section 4: False
+    publish_tentative: bool = False  # True: unconfirmed tracks are published
     # "keypoints": measured yaws in a density filter (section 12); "kalman": in a Kalman filter
     # (section 6); "velocity": the direction of walking (section 4); "none"
     yaw: Literal["keypoints", "kalman", "velocity", "none"] = "keypoints"

@@ -33,7 +33,8 @@ class Measurement:
     velocity: VelocityMeasurement | None = None  # None: unknown
     embedding: F64 | None = None  # D, unit length; None if unknown
     yaw_rad: float | None = None  # [rad] orientation, frame: tracking; None: unknown
-    yaw_sigma_rad: float | None = None  # [rad] its standard deviation; None if unknown
+    # [rad] standard deviation of the orientation; None if unknown
+    yaw_sigma_rad: float | None = None
     bearing_rad: float | None = None  # [rad] direction from the camera; None: unknown
     added_covariance_m2: F64 | None = None  # [m^2] 3x3, on top of the measurement noise
 
@@ -66,7 +67,7 @@ class Observation:
     embedder: str = ""  # name of the model of the embeddings; empty if there are none
     map_from_camera: F64 | None = None  # 4x4, pose of the optical frame; None if unknown
     size_px: tuple[int, int] | None = None  # [px] width and height of the image; None if unknown
-    edges: ImageEdges | None = None  # None if unknown
+    edges: ImageEdges | None = None  # edges of the image; None if unknown
     unlocated: tuple[UnlocatedDetection, ...] = ()  # in any order
     turn_sigma_rad: float = 0.0  # [rad] standard deviation of an extrapolated camera direction
     base: PlanarCovariance | None = None  # covariance of the base of the camera; None: unknown
@@ -85,13 +86,13 @@ class GalleryEntry:
     matched_ns: int  # [ns] stamp of the last match
     views: list[F64] = field(default_factory=list)  # embeddings of unit length
     matches: int = 0  # number of matched frames
-    occluded: bool = False  # the only view is an occluded one
+    occluded: bool = False  # True if the only view is occluded
 
 
 class IdCounter:
-    """Counter of identities, each given once.
+    """Counter of identities, each assigned once.
 
-    Area n of a site gives n, n + 1000, n + 2000, ...; a tracker without areas 1, 2, 3, ...
+    Area n of a site assigns n, n + 1000, n + 2000, ...; a tracker without areas 1, 2, 3, ...
     """
 
     def __init__(self) -> None:
@@ -99,7 +100,7 @@ class IdCounter:
         self._step = 1
 
     def divide(self, area: int) -> None:
-        """Give only the identities of an area, by its number."""
+        """Restrict identities to an area, by its number."""
         self._step = AREAS_MAX
         self.next = self._from(self.next, area)
 
@@ -113,11 +114,11 @@ class IdCounter:
         self.next = self._from(max(self.next, next_), self.next)
 
     def is_own(self, identity: int) -> bool:
-        """Check that an identity is one of this area."""
+        """Return True if an identity belongs to this area."""
         return (identity - self.next) % self._step == 0
 
     def _from(self, least: int, area: int) -> int:
-        """Return the first identity of an area from a number on."""
+        """Return the lowest identity of an area that is not below a number."""
         return least + (area - least) % self._step
 
 

@@ -55,7 +55,7 @@ class NodeCheckpoint(msgspec.Struct, frozen=True, kw_only=True):
     method: str  # tracker, yaw and frame of the tracks
     stamp_ns: int  # [ns] time of the last frame tracked
     camera_poses: dict[str, F64]  # 4x4 by optical frame, of fixed cameras
-    tracker: bytes  # its own checkpoint
+    tracker: bytes  # checkpoint of the tracker
     # [ns] offset subtracted from the stamps of each camera; the reference is first
     clock_offsets_ns: dict[str, int] = {}
 
@@ -66,8 +66,8 @@ class TrackerNode(StatefulNode):
     Every Detections gives one Tracks of the same stamp, except for counted drops: `stale` (too
     late), `duplicates` (from two detectors), `no_transform`, `refused_cameras` (too many) and
     `stray_frames` (see StampGuard). CameraClocks corrects stamps of several cameras to one time.
-    When detections stop, predictions are published for EXTRAPOLATION_MAX_NS, marked as such; they
-    do not change the tracker.
+    If detections stop, predicted tracks are published for EXTRAPOLATION_MAX_NS, marked as
+    predicted.
     """
 
     inputs: tuple[type[Message], ...] = (
@@ -83,14 +83,14 @@ class TrackerNode(StatefulNode):
         self._guard = StampGuard(self._clocks)
         self._now_ns = 0
         self._last_ns: int | None = None  # time of the newest frame tracked [ns]
-        self._is_restored = False  # the process before tracked that frame
+        self._is_restored = False  # True if that frame is from a checkpoint
         self._join = FrameJoin(config, self._tracker.uses_embeddings)
         self._poses = CameraPoseLookup(config.frame_id, config.require_transform)
         self._output = TrackerOutput(config, self._poses)
         self._drift, self._absence = CameraDrift(), CameraAbsence()
         self._hosts = CameraHosts(config.area.hosts)
         self._areas = AreaExchange(config.area, config.frame_id, self._tracker)
-        self._edges: dict[str, ImageEdges] = {}  # by camera, see Observation
+        self._edges: dict[str, ImageEdges] = {}  # edges of the image by camera, see Observation
         self._held: PendingFrame | None = None  # frame that waits for its odometry
         self._schedule = PredictionSchedule()
         self._counters = Counter(dict.fromkeys(COUNTERS, 0))
@@ -206,9 +206,9 @@ class TrackerNode(StatefulNode):
         flushed = list[Message]()
         for frame in frames:
             detections, arrived_ns = frame.detections, frame.arrived_ns
-            if self._guard.is_reset(detections):  # a recording looped, or a camera was restarted
+            if self._guard.is_reset(detections):  # looped recording or restarted camera
                 flushed += self._track_due(arrived_ns, flush=True)
-                # Embeddings of held frames may have arrived.
+                # Embeddings of held frames may have arrived already.
                 self._join.restart(detections.camera, frames[-1].detections.stamp_ns)
                 self._restart(detections, arrived_ns)
             time_ns = self._clocks.add_detections(detections, arrived_ns)
@@ -227,7 +227,7 @@ class TrackerNode(StatefulNode):
             self._schedule.clear()
 
     def _is_too_late(self, time_ns: int) -> bool:
-        """Check for a frame so late that the tracker cannot go back to it."""
+        """Return True for a frame too late for the tracker to go back to."""
         late_ns = 0 if self._is_restored else LATE_MAX_NS
         return self._last_ns is not None and time_ns < self._last_ns - late_ns
 
@@ -236,7 +236,7 @@ class TrackerNode(StatefulNode):
         while frame := self._next(now_ns, flush):
             tracks = self._track(frame)
             if tracks:
-                # A camera in lock-step continues after the tracks, so they are last.
+                # Tracks come last: a camera in lock-step continues after them.
                 in_image = self._tracker.image_tracks()
                 outputs += self._output.image_tracks(frame.detections, tracks, in_image)
                 outputs.append(tracks)
@@ -287,7 +287,7 @@ class TrackerNode(StatefulNode):
             self._last_ns, self._is_restored = observation.stamp_ns, False
         try:
             return self._tracker.update(observation)
-        except Exception:  # a state that fails once fails at every frame
+        except Exception:  # a faulty state would fail at every frame
             self._counters["tracker_failures"] += 1
             self._tracker.reset()
             raise

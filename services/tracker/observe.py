@@ -19,15 +19,15 @@ from services.tracker.interface import (
     VelocityMeasurement,
 )
 
-PEOPLE_MAX = 128  # maximum number of detections of a frame, by score; matching takes their cube
-POSE_SIGMA_MIN_M = 0.01  # minimum standard deviation of a pose that adds a covariance [m]
-RANGE_MAX_M = 100.0  # maximum distance from the camera of a used position [m]
+PEOPLE_MAX = 128  # maximum number of detections of a frame; matching takes cubic time
+POSE_SIGMA_MIN_M = 0.01  # standard deviation of a pose below which it is neglected [m]
+RANGE_MAX_M = 100.0  # maximum accepted distance of a position from the camera [m]
 LENGTH_MIN = 1e-6  # minimum length of a usable embedding
 VELOCITY_MAX_MPS = 15.0  # maximum speed of a person [m/s]
-VELOCITY_SIGMA_MPS = 0.03  # change of a velocity within a frame [m/s]
+VELOCITY_SIGMA_MPS = 0.03  # standard deviation of the change of a velocity within a frame [m/s]
 MOTION_ERROR = 0.1  # relative error of the motion of a camera
 SURFACE_M = 0.12  # distance of a position from the surface on which velocities are measured [m]
-LEVEL_MIN = 0.2  # minimum level part of a heading that has a yaw (78 deg steep)
+LEVEL_MIN = 0.2  # minimum horizontal part of a heading with a yaw (78 deg steep)
 
 
 def observe(
@@ -39,14 +39,14 @@ def observe(
 ) -> Observation:
     """Return the usable detections of one frame; count the others.
 
-    Positions with a coordinate beyond RANGE_MAX_M are dropped, and the lowest scores beyond
-    PEOPLE_MAX.
+    Positions with a coordinate beyond RANGE_MAX_M are dropped. Of more than PEOPLE_MAX detections
+    the lowest scores are dropped.
 
     Args:
         detections: The detections.
         embeddings: Their embeddings, if there are any.
         pose: Pose of the camera in the tracking frame.
-        counters: Counters of what is dropped.
+        counters: Counters of dropped data.
         pose_before: Pose at the beginning of the interval of the measured velocities; without it
             they are dropped.
     """
@@ -108,7 +108,7 @@ def _positions_m(people: Sequence[Detection], map_from_camera: F64) -> dict[int,
     if not known:
         return {}
     in_camera = np.array(list(known.values()))
-    # Separate products, so that no position depends on the others in its last digit.
+    # Separate products: the rounding of a position must not depend on the other positions.
     in_map = apply(map_from_camera, in_camera[:, None])[:, 0]
     near = np.abs(in_camera).max(axis=1) <= RANGE_MAX_M
     near &= np.abs(in_map).max(axis=1) <= MAX_M / 2
@@ -131,8 +131,8 @@ def _velocities(
 ) -> dict[int, VelocityMeasurement]:
     """Return the velocities over the ground by index.
 
-    Velocities are measured on the surface of a person, which a turning camera moves less than the
-    axis. The motion of the camera contributes a relative error of MOTION_ERROR.
+    Velocities are measured on the person's surface, which moves less than the axis if the camera
+    turns. The motion of the camera contributes a relative error of MOTION_ERROR.
     """
     interval_s, velocities = detections.velocity_interval_s, dict[int, VelocityMeasurement]()
     if interval_s is None or pose_before is None:

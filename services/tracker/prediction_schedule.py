@@ -1,4 +1,4 @@
-"""Schedule of predicted tracks: when detections count as stopped, and when the next is due."""
+"""Schedule of predicted tracks after detections stop."""
 
 from collections import Counter, deque
 from statistics import median
@@ -11,13 +11,13 @@ from services.tracker.cameras.frame_join import PendingFrame
 
 QUIET_NS = 200_000_000  # minimum silence of detections before predictions are published [ns]
 PERIOD_NS = 100_000_000  # interval of predictions [ns]
-SLOW_FACTOR = 3  # usual intervals between frames after which detections count as stopped
+SLOW_FACTOR = 3  # number of usual frame intervals after which detections count as stopped
 
 
 class DuePrediction(NamedTuple):
     """Prediction to be published now."""
 
-    detections: Detections  # the last ones
+    detections: Detections  # last detections
     time_ns: int  # [ns] time of the tracks, in the common time of all cameras
     stamp_ns: int  # [ns] by the clock of the camera of the detections
 
@@ -35,9 +35,9 @@ class PredictionSchedule:
     def __init__(self) -> None:
         self._last: PendingFrame | None = None  # the last frame tracked
         self._intervals_ns: deque[int] = deque(maxlen=9)
-        self._published = 0  # tracks in the last message
+        self._published = 0  # number of tracks in the last message
         self.counters = Counter(people_unknown=0)
-        self.wake_ns: int | None = None  # [ns] arrival time at which the next one is due
+        self.wake_ns: int | None = None  # [ns] arrival time at which the next prediction is due
 
     def time_ns(self, now_ns: int) -> int | None:
         """Return the time of frames that arrive now; None before the first frame."""
@@ -50,7 +50,7 @@ class PredictionSchedule:
         if self._last:
             self._intervals_ns.append(frame.arrived_ns - self._last.arrived_ns)
         self._last = frame
-        # A playback slower than real time is no outage: slow frames get a longer wait.
+        # Playback slower than real time is no outage: slow frames allow a longer silence.
         period_ns = median(self._intervals_ns) if self._intervals_ns else 0
         quiet_ns = max(QUIET_NS, SLOW_FACTOR * period_ns)
         self.wake_ns = frame.arrived_ns + int(quiet_ns)
@@ -67,13 +67,13 @@ class PredictionSchedule:
         return DuePrediction(last.detections, time_ns, stamp_ns)
 
     def ends(self, now_ns: int) -> bool:
-        """Check for the end of predictions, and count the people."""
+        """Return True at the end of predictions, and count the people."""
         ended = self._last is not None and now_ns - self._last.arrived_ns > EXTRAPOLATION_MAX_NS
         self.counters["people_unknown"] += self._published if ended else 0
         return ended
 
     def publishes(self, tracks: Tracks, now_ns: int) -> bool:
-        """Check that predicted tracks are published: after the last track one empty message."""
+        """Return True if predicted tracks are published: after the last one an empty message."""
         before, self._published = self._published, len(tracks.tracks)
         self.wake_ns = now_ns + PERIOD_NS if tracks.tracks else None
         return bool(before or tracks.tracks)

@@ -1,4 +1,4 @@
-"""Checkpoints of trackers, and the base of those whose state is a set of tracks."""
+"""Checkpoints of trackers, and a base class for trackers whose state is a set of tracks."""
 
 from typing import Any, TypeVar
 
@@ -17,11 +17,11 @@ T = TypeVar("T")
 class TrackerCheckpoint(msgspec.Struct, frozen=True, kw_only=True):
     """The state of a tracker."""
 
-    next_id: int  # the next identity to be given
-    stamp_ns: int | None  # [ns] of the last frame; None: there was none
+    next_id: int  # next unused identity
+    stamp_ns: int | None  # [ns] stamp of the last frame; None before the first
     records: list[TrackRecord]
     embedder: tuple[str, int] = ("", 0)  # name and length of the embeddings
-    gallery: list[tuple[int, GalleryEntry]] = []  # by identity, longest unseen first
+    gallery: list[tuple[int, GalleryEntry]] = []  # people by identity, longest unseen first
 
 
 class TrackSetTracker(Tracker):
@@ -67,7 +67,7 @@ def pack(record: msgspec.Struct) -> bytes:
 
 
 def unpack(saved: bytes, kind: type[T]) -> T:
-    """Return a record from bytes; DecodeError if they are no such record."""
+    """Return a record from bytes; DecodeError if they are invalid."""
     try:
         return msgspec.msgpack.decode(saved, type=kind, dec_hook=_list_to_array)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:

@@ -20,7 +20,8 @@ from services.gait.particles import BOX_MIN_PX, STATES, BoxMotionModel, resample
 BOX = [0, 1, 4, 5]  # centre, width and height in a state
 SIZE = slice(4, 6)
 RATIO_SIGMA = 0.05  # Standard deviation of the mean log-likelihood ratio over a box
-ASPECT_SIGMA = 0.15  # Standard deviation of the logarithm of width by height, to the first box
+# Standard deviation of the logarithm of the aspect ratio, relative to the first box
+ASPECT_SIGMA = 0.15
 
 
 @dataclass(frozen=True)
@@ -33,15 +34,15 @@ class ColourEstimate:
 
 @dataclass
 class _BoxFilter:
-    """State of one person's filter. Colours are learnt when they are first needed."""
+    """State of one person's filter. Colours are learnt on first use."""
 
     initial: tuple[U8, F64] | None  # first frame and box, until colours are learnt
     states: F64  # Nx8
     previous: F64  # Nx8, one frame earlier
     box: F64  # 4: centre x, y, width, height
-    log_aspect: float  # of the first box, width by height
+    log_aspect: float  # logarithm of width by height of the first box
     reference: F64  # histogram of the first box
-    model: ColourModel | None = None  # with weights by ratio only
+    model: ColourModel | None = None  # None unless weights are ratios
 
 
 class ColourLayer:
@@ -65,7 +66,7 @@ class ColourLayer:
         return tuple(self._filters)
 
     def start_person(self, person: int, rgb: U8, box_xyxy_px: F64) -> bool:
-        """Track a person from this box (left, top, right, bottom) on, again if already tracked.
+        """Start or restart tracking a person at a box (left, top, right, bottom).
 
         Returns:
             False if the box is too small or outside of the image: the person is not tracked.
@@ -118,7 +119,7 @@ class ColourLayer:
 
     def _learn(self, one: _BoxFilter, rgb: U8, box: F64) -> None:
         reference = self._histogram(rgb, box[None])[0]
-        # The part of the box outside of the image is not the person's.
+        # The part of the box outside the image shows no colours of the person.
         one.reference = reference / max(reference.sum(), 1e-9)
         if self._ratio is not None:
             one.model = self._ratio.learn_colours(self._patch(rgb, box[None]), box)
@@ -129,7 +130,7 @@ class ColourLayer:
             distances = self._histogram.measure_distances(patch, boxes, one.reference)
             return log_likelihoods(distances, self._config.sigma)
         scores = self._ratio.score_boxes(patch, boxes, one.model)
-        # Per pixel of the box: neighbouring pixels are not independent.
+        # Mean over the pixels of the box: neighbouring pixels are not independent.
         logs = scores / (one.box[2] * one.box[3] * RATIO_SIGMA)
         stretch = np.log(boxes[:, 2] / boxes[:, 3]) - one.log_aspect
         return np.asarray(logs - 0.5 * (stretch / ASPECT_SIGMA) ** 2)

@@ -1,8 +1,8 @@
-"""Likelihood ratio of the pixels of a box: colours of the person against the background.
+"""Likelihood ratio of the pixels of a box: colours of the person over the background.
 
-The histogram of a box does not distinguish a person from half of a person, nor from a shelf of the
-same colours. Here each pixel counts by its position in the box: by the probability that the person
-fills this position, the colours of the person at this height, and the present background.
+The histogram of a box does not distinguish a person from half of a person, or from furniture of the
+same colours. Here each pixel counts by the probability that the person fills its position in the
+box, the person's colours at this height, and the current background.
 
 Source: docs/method.md, section 19.
 """
@@ -30,7 +30,8 @@ from services.gait.surface.segmentation import I32
 # Probability that a pixel of a box belongs to the person: largest in the middle, falling towards
 # the sides; the head is half as wide as the rest.
 MIDDLE_TENTHS, HEAD_RATIO = 8.0, 0.15  # Probability in the middle [tenths]; share of the head
-HEAD_WIDTH, BODY_WIDTH = 0.2, 0.4  # Distance from the middle of a fall to 1/e [widths of the box]
+# Distance from the middle at which the probability is 1/e [widths of the box]
+HEAD_WIDTH, BODY_WIDTH = 0.2, 0.4
 TENTHS = 10
 BANDS = 4  # Parts of the height, each with its own colours
 BACKGROUND_SCALE = 1.6  # Width of the background about a box [widths of the box]
@@ -43,8 +44,8 @@ RATIO_MAX = 10.0  # Maximum likelihood ratio of one pixel
 class ColourModel:
     """Colour histograms of a person and of the background; rows sum to 1."""
 
-    person: F64  # bands x bins, from the top down
-    background: F64  # bins
+    person: F64  # bands x bins, bands from the top down
+    background: F64  # bins, histogram of the background
 
     @cached_property
     def ratios(self) -> F64:
@@ -56,7 +57,7 @@ class ColourModel:
 class PersonPrior(NamedTuple):
     """Prior of the samples of a box."""
 
-    bands: npt.NDArray[np.int64]  # of the rows
+    bands: npt.NDArray[np.int64]  # index of the band by row
     tenths: I32  # rows x columns: probability that the point is the person's; 0 off the box
 
 
@@ -76,7 +77,7 @@ class ColourRatio:
     def __init__(self, histogram: HueSaturationHistogram, bands: int = BANDS) -> None:
         self._histogram, self._bands = histogram, bands
         scale = BACKGROUND_SCALE, (1 + BACKGROUND_SCALE) / 2
-        self.reach = np.array([1.0, 1.0, *scale])  # box times this covers the background
+        self.reach = np.array([1.0, 1.0, *scale])  # factors of a box that covers the background
         self._grid = sample_grid(SAMPLES)
         self._prior = person_prior(self._grid, bands)
         self._learn_grid = sample_grid(LEARN_POINTS, scale)

@@ -19,7 +19,7 @@ class HsvPatch(NamedTuple):
     """The part of an image that boxes cover, in HSV; the rest is not converted."""
 
     hsv: U8  # hxwx3
-    left: int  # of the patch in the image, pixels
+    left: int  # [px] left column of the patch in the image
     top: int
 
 
@@ -40,10 +40,10 @@ def sample_grid(points: tuple[int, int], scale: tuple[float, float] = (1.0, 1.0)
 
 
 class HueSaturationHistogram:
-    """Histograms of many boxes of one image, in a time that does not grow with the boxes.
+    """Histograms of many boxes of one image, in a time independent of their size.
 
     A box is sampled at a grid of points rather than in all its pixels. Points outside of the image
-    count in no bin, so that a box that leaves the image becomes less similar.
+    count in no bin, so a box that leaves the image becomes less similar.
 
     Source: docs/method.md, section 8.1 [Pérez 2002].
     """
@@ -52,7 +52,7 @@ class HueSaturationHistogram:
         hue_bins, saturation_bins = BINS
         self.bins = hue_bins * saturation_bins
         levels = np.arange(256)
-        # By the value of a pixel: what hue and saturation add to the number of its bin.
+        # Contributions of hue and saturation to the bin number, by the value of a pixel.
         self.tables: Tables = (
             (levels * hue_bins // 256 * saturation_bins).astype(np.int32),
             (levels * saturation_bins // 256).astype(np.int32),
@@ -117,7 +117,7 @@ def _distances(
 ) -> None:
     bins = np.empty((len(grid.v), len(grid.u)), np.int32)
     ratio = 1.0 / bins.size
-    filled = np.flatnonzero(reference)  # others add 0
+    filled = np.flatnonzero(reference)  # empty bins add 0
     counts = np.empty(len(reference), np.int32)
     for m in range(len(boxes)):
         sample_bins(patch, tables, grid, boxes[m], bins)
@@ -138,6 +138,6 @@ def log_likelihoods(distances: F64, sigma: float) -> F64:
 
 def normalised_weights(logs: F64) -> F64:
     """Return weights, ... x N, by their logarithms; each row sums to 1 (G 3.9)."""
-    # Only ratios count: without the maximum all would be 0 for a small sigma.
+    # Only ratios matter; subtracting the maximum avoids underflow for a small sigma.
     weights = np.exp(logs - logs.max(axis=-1, keepdims=True))
     return np.asarray(weights / weights.sum(axis=-1, keepdims=True))

@@ -1,4 +1,4 @@
-"""Acceptance of a measured position: whether it lies on the point itself.
+"""Acceptance of measured positions that lie on the point itself.
 
 Source: docs/method.md, section 19.
 """
@@ -33,14 +33,14 @@ HIDDEN_M = 0.5  # Standard deviation of the depth of a hidden point [m]
 
 @dataclass(frozen=True)
 class SurfaceUncertainty:
-    """Standard deviations [m] of a measurement that may be on another surface."""
+    """Standard deviations [m] of measurements on a possibly different surface."""
 
-    before: float  # between a hidden point and the surface before it
-    depth: float  # of a visible point
-    across: float  # of a keypoint, in the image
+    before: float  # between a hidden point and the surface in front of it
+    depth: float  # depth of a visible point
+    across: float  # position of a keypoint in the image
 
 
-# Legs are nearer to each other than an arm to the torso.
+# Legs are closer to each other than an arm to the torso.
 UNCERTAINTIES = MappingProxyType(
     {
         "foot": SurfaceUncertainty(0.12, 0.04, 0.03),
@@ -54,11 +54,11 @@ class Acceptance:
 
     def __init__(self, info: CameraInfo) -> None:
         self._info = info
-        self.has_keypoints = False  # in this frame, of any point
-        self.had_keypoints = False  # in any frame
+        self.has_keypoints = False  # True if any point has a keypoint in this frame
+        self.had_keypoints = False  # True if any frame had keypoints
 
     def is_hidden(self, point: PointFilter, position_m: F64, anchor: Anchor | None) -> bool:
-        """Check that a surface lies before the expected position of a point on its ray."""
+        """Check for a surface in front of the expected position of a point, on its ray."""
         expected = point.expected_position()
         if point.prior is None or expected is None:
             return False
@@ -101,9 +101,9 @@ class Acceptance:
         evidence: PointEvidence,
         odds: float | None,
     ) -> bool:
-        """Check that a surface hides a point or its joint, unless a keypoint and all else disagree.
+        """Check for a surface that hides a point or its joint, unless all other evidence disagrees.
 
-        A limb that moves fast, or otherwise than expected, is before its expected position, too.
+        A limb with fast or unexpected motion is also in front of its expected position.
         """
         anchor = evidence.anchor
         hidden = self.is_hidden(point, surface.position_m, anchor)
@@ -160,7 +160,7 @@ class Acceptance:
         point.unsupported_s = 0.0 if support > CONFIDENCE_MIN else point.unsupported_s + dt_s
         if self.has_keypoints:
             return support
-        # A similar distance along the body elsewhere counts for a short time only.
+        # A similar distance along the body at another position counts for a short time only.
         decay = float(np.exp(-point.unsupported_s / (2 * TIMEOUT_S)))
         off_m = float(body.geodesic_m[surface.vertex] - point.geodesic_m)
         return max(support, decay * _agreement(off_m / GEODESIC_SIGMA_M))
@@ -177,7 +177,7 @@ class Acceptance:
     def _odds(
         self, point: PointFilter, body: MeasuredBody, evidence: PointEvidence
     ) -> float | None:
-        """Return the log-odds that the point is on the measured surface; None: not known."""
+        """Return the log-odds that the point is on the measured surface; None if unknown."""
         kind = self._visibility(point)
         measured = limb_evidence(point, body, evidence, self._info) if kind else None
         return None if kind is None or measured is None else kind.odds(measured)
@@ -185,7 +185,7 @@ class Acceptance:
     def _is_visible(self, point: PointFilter, odds: float | None) -> bool:
         """Check that the measured surface probably belongs to the point itself.
 
-        With keypoints this is not known without a detection or a heading.
+        If keypoints are used, this requires a detection and a heading.
         """
         kind = self._visibility(point)
         if odds is None or kind is None:

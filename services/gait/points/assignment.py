@@ -52,7 +52,7 @@ def assign_points(
     extremities: Sequence[Extremity],
     anchors_m: Mapping[str, F64],
 ) -> dict[str, Extremity]:
-    """Assign extremities to points of one kind, each to one at most, at the minimum cost.
+    """Assign extremities to points of one kind, one to one, at the minimum cost.
 
     `anchors_m` are expected positions (3) by keypoints. Unassigned points are absent in the result.
     """
@@ -133,7 +133,8 @@ def _by_side(
     asides = {one.basin: float((one.position_m - middle) @ left) for one in extremities}
     for extremity in sorted(extremities, key=lambda one: -abs(asides[one.basin])):
         side = "left" if asides[extremity.basin] > 0 else "right"
-        # Of two idle points the one of this side starts; a single one has a tracked counterpart.
+        # Of two idle points the one on this side starts; a single idle point has a tracked
+        # counterpart.
         for point in waiting:
             sided = len(waiting) == 1 or point.kind == "head" or point.name.startswith(side)
             if sided and _fits(point, extremity):
@@ -144,6 +145,6 @@ def _by_side(
 
 
 def _fits(point: PointFilter, extremity: Extremity) -> bool:
-    """Check that a limb is as long as before; a lost point keeps its length."""
+    """Check for an unchanged length of a limb; a lost point keeps its length."""
     off = abs(extremity.geodesic_m - point.limb_length_m)
     return bool(np.isnan(off) or off < 2.5 * GEODESIC_SIGMA_M)

@@ -24,8 +24,8 @@ HEAD_ASIDE_M = 0.3  # Maximum distance of the head from the axis of the body [m]
 HAND_GEODESIC_MIN_M = 0.3  # Minimum distance of a hand to the middle of the torso [m]
 
 BOTTOM = 0.94  # Maximum row of the end of a leg that the image does not cut off [heights]
-# Distance along the body from the end of a limb to the middle of its point: fingertips, toes, and
-# the top of the head, round it [m]
+# Distance along the body from the end of a limb (fingertips, toes, top of the head) to the middle
+# of its point [m]
 LENGTHS_M: Mapping[str, float] = MappingProxyType({"head": 0.17, "hand": 0.09, "foot": 0.10})
 WINDOW_M = 0.06  # Radius over which a position is averaged [m]
 
@@ -35,7 +35,7 @@ class MeshObservation:
     """Observation of one person in a frame."""
 
     mesh: BodyMesh | None  # None: not visible
-    dt_s: float  # since the last frame
+    dt_s: float  # [s] time since the last frame
     keypoints: F32 | None = None  # 17x3: u, v, confidence, COCO order
     floor: FloorPlane | None = None
     depth_mm: U16 | None = None  # HxW, the entire image; 0: no reading
@@ -48,11 +48,11 @@ class MeasuredBody:
     """One person's mesh with measurements of its V vertices."""
 
     mesh: BodyMesh
-    heights_m: F64  # V, above the floor, or above the lowest vertex where no floor is known
+    heights_m: F64  # V, above the floor, or above the lowest vertex if the floor is unknown
     stature_m: float
     geodesic_m: F64  # V, distance along the mesh from the source; inf: not connected
     extrema: GeodesicExtrema
-    kinds: tuple[str, ...]  # of the extrema: head, hand, foot or empty
+    kinds: tuple[str, ...]  # kinds of the extrema: head, hand, foot or empty
     tip_distance_m: F64  # V, geodesic distance to the extremum that a vertex leads up to
 
 
@@ -62,8 +62,8 @@ class Extremity:
 
     basin: int  # number of the extremum
     kind: str  # head, hand or foot
-    position_m: F64  # 3, of its middle
-    geodesic_m: float  # of its extremum
+    position_m: F64  # 3, middle of the point
+    geodesic_m: float  # geodesic distance of its extremum
     strength: float  # persistence, 0 to 1
 
 
@@ -76,7 +76,7 @@ def heights_of(mesh: BodyMesh, floor: FloorPlane | None) -> F64:
 
 
 def torso_vertices(heights_m: F64, stature_m: float) -> I64:
-    """Return the vertices between loins and armpits; all vertices if there are no such."""
+    """Return the vertices between loins and armpits, or all vertices if there are none."""
     low, high = (ratio * stature_m for ratio in TORSO_RANGE)
     found = np.flatnonzero((heights_m > low) & (heights_m < high))
     return found if len(found) else np.arange(len(heights_m))
@@ -85,7 +85,7 @@ def torso_vertices(heights_m: F64, stature_m: float) -> I64:
 def extremity_kinds(
     vertices: I64, mesh: BodyMesh, heights_m: F64, stature_m: float
 ) -> tuple[str, ...]:
-    """Classify extrema by height: the highest near the body's axis is the head."""
+    """Classify extrema by height; the highest one near the body's axis is the head."""
     middle = mesh.middle_m
     kinds = ["hand"] * len(vertices)
     best = -1
@@ -107,7 +107,7 @@ def measure_body(
     mesh: BodyMesh, heights_m: F64, stature_m: float, geodesic_m: F64, extrema: GeodesicExtrema
 ) -> MeasuredBody:
     """Return a mesh with its measurements and the kinds of its extrema."""
-    tips = np.append(geodesic_m[extrema.vertices], np.nan)  # the last one is for basin -1
+    tips = np.append(geodesic_m[extrema.vertices], np.nan)  # last element: basin -1
     tip_distance = np.nan_to_num(tips[extrema.basin] - geodesic_m, nan=np.inf)
     kinds = extremity_kinds(extrema.vertices, mesh, heights_m, stature_m)
     return MeasuredBody(mesh, heights_m, stature_m, geodesic_m, extrema, kinds, tip_distance)
@@ -131,7 +131,7 @@ def find_extremities(body: MeasuredBody) -> list[Extremity]:
             continue
         near = (body.extrema.basin == k) & (body.tip_distance_m <= 2 * LENGTHS_M[kind])
         points = body.mesh.points_m[near]
-        # Not the mean: more vertices are on the nearer side of a limb.
+        # Middle, since a mean is biased to the nearer side of a limb, which has more vertices.
         middle = (points.min(axis=0) + points.max(axis=0)) / 2
         distances = np.linalg.norm(points - middle, axis=1)
         position = points[distances <= distances.min() + WINDOW_M / 2].mean(axis=0)

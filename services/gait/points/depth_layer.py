@@ -52,11 +52,11 @@ class DepthLayer:
         self._up: F64 = UP
         self._points = {name: PointFilter(name) for name in POINTS}
         self._acceptance = Acceptance(info)
-        self._assigned: dict[str, Extremity] = {}  # by point
+        self._assigned: dict[str, Extremity] = {}  # assigned extremity by point
         self._floor_feet: Mapping[str, SurfacePosition] = {}  # positions of feet without depth
 
     def start_point(self, name: str, point_m: F64, observation: MeshObservation) -> bool:
-        """Track a point from the vertex nearest to a position (3, optical frame) on.
+        """Start a point at the vertex nearest to a position (3, optical frame).
 
         Returns True if there is a body.
         """
@@ -191,4 +191,4 @@ class DepthLayer:
         if point.state == "measured" or not self._acceptance.is_hidden(point, position_m, None):
             point.start_at_vertex(vertex, body)
             if self._acceptance.had_keypoints:
-                point.state = "predicted"  # until the next frame agrees
+                point.state = "predicted"  # until confirmed by the next frame

@@ -9,7 +9,7 @@ SMOOTH_S = 0.2  # Time constant of the heading [s]
 JUMP_M = 0.5  # Minimum motion of the middle in one frame that shows another body [m]
 FOOT_M = 0.09  # Maximum height of feet above the floor [m]
 SHIN_M = (0.13, 0.28)  # Range of the height of shins above the floor [m]
-AHEAD_M = 0.06  # Offset of the visible surface from the middle of shins ahead to feet [m]
+AHEAD_M = 0.06  # Forward offset from shins to the visible surface of feet [m]
 HEEL_M = 0.03  # Offset of visible feet from shins towards the camera at any heading [m]
 SPEED_MPS = 0.5  # Speed of walking with the weight of feet [m/s]
 EVIDENCE_MIN = 0.3  # Minimum evidence of a new heading, relative to the weight of feet
@@ -18,10 +18,10 @@ FIXED = np.eye(4)  # Pose of a camera at rest
 
 
 class HeadingEstimator:
-    """Estimates heading by the track's yaw; else by the feet's offset and the body's velocity.
+    """Estimates heading from the track's yaw, or else from the feet's offset and the velocity.
 
-    Offset of the feet from the shins and velocity are smoothed in a frame that is fixed, or a
-    camera that drives by would turn the heading.
+    Offset of the feet from the shins and velocity are smoothed in a fixed frame, since a moving
+    camera would turn the heading.
     """
 
     def __init__(self) -> None:
@@ -71,8 +71,8 @@ def _velocity_mps(before_m: F64 | None, middle_m: F64, dt_s: float) -> F64:
 def _feet_ahead(mesh: BodyMesh, heights_m: F64) -> F64:
     """Return the offset of feet from shins, 3, about 1 long; 0 if they are not visible.
 
-    A shin in other columns of the image than all feet belongs to a leg in its swing with a lifted
-    foot: it would turn the offset to the other side.
+    A shin without a foot in its image columns belongs to a swinging leg with a lifted foot, which
+    would turn the offset to the other side.
     """
     feet = heights_m < FOOT_M
     columns = np.round(mesh.pixels_px[:, 0] / mesh.step_px).astype(np.int64)

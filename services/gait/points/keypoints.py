@@ -18,7 +18,7 @@ COUNTERPARTS = {a: b for pair in PAIRS for a, b in (pair, pair[::-1])}
 
 FACE = slice(0, 5)  # COCO: nose, eyes, ears
 TORSO = [5, 6, 11, 12]  # COCO: shoulders and hips
-# COCO: the joint at a limb's far end, and the one before it.
+# COCO indices of the joint at a limb's end, and of the joint before it
 JOINTS: Mapping[str, tuple[int, int]] = MappingProxyType(
     {LEFT_HAND: (9, 7), RIGHT_HAND: (10, 8), LEFT_FOOT: (15, 13), RIGHT_FOOT: (16, 14)}
 )
@@ -30,7 +30,7 @@ HAND_REACH = 0.5  # Offset from the wrist to the middle of the hand [forearms]
 FOOT_REACH = 0.12  # Offset from the ankle to the middle of the foot [shanks]
 FOOT_AHEAD_M = 0.07  # Offset from the ankle ahead to the middle of the foot [m]
 UNDIRECTED_NOISE = 1.5  # Factor of the noise without the direction of the limb
-# Factor of the noise: the face is beside the head's middle; the direction of a foot is not known.
+# Factor of the noise: the face is off the head's middle; the direction of a foot is unknown
 KIND_NOISE: Mapping[str, float] = MappingProxyType({"head": 2.0, "hand": 1.0, "foot": 2.5})
 
 
@@ -41,8 +41,8 @@ class Anchor:
     pixel: F64  # [px] 2: u, v
     sigma: float  # noise, relative to the noise of a keypoint
     confidence: float  # 0 to 1
-    joint: F64 | None = None  # [px] 2: the keypoint itself, of hands and feet
-    before: F64 | None = None  # [px] 2: the elbow or knee, if it is known
+    joint: F64 | None = None  # [px] 2: pixel of the keypoint, for hands and feet
+    before: F64 | None = None  # [px] 2: pixel of the elbow or knee, if known
 
 
 def kind_of(point: str) -> str:
@@ -64,7 +64,7 @@ def find_anchors(keypoints: F32 | None) -> Mapping[str, Anchor]:
     """Return the expected pixels of points by confident keypoints (17x3, COCO; None: not detected).
 
     Hands are beyond the wrists and feet beyond the ankles, by a ratio of forearm and shank in the
-    image. Ankles of low confidence count, too: most are right, and the body decides.
+    image. Ankles of low confidence count, too: most are correct, and the body is decisive.
     """
     if keypoints is None or keypoints.shape != (17, 3):
         return {}
@@ -94,7 +94,7 @@ def feet_ahead(
     heading: F64,
     info: CameraInfo,
 ) -> Mapping[str, Anchor]:
-    """Return anchors after moving the feet ahead of their ankles.
+    """Return anchors with feet moved ahead of their ankles.
 
     Feet have the heading of the person, a unit vector in the optical frame.
     """

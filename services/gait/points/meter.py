@@ -11,7 +11,7 @@ from services.gait.surface.geodesic import geodesic_extrema, geodesic_m
 from services.gait.surface.mesh import BodyMesh
 
 VERTICES_MIN = 30  # Minimum number of vertices of a body
-SHRINKAGE = 0.998  # Factor of the stature of the frame before, at least
+SHRINKAGE = 0.998  # Minimum stature, relative to the previous frame
 
 
 class BodyMeter:
@@ -27,7 +27,7 @@ class BodyMeter:
     ) -> MeasuredBody | None:
         """Return the body of a frame; None if it is not visible.
 
-        `source_vertex` returns the source of geodesic distances by mesh and heights.
+        `source_vertex` maps mesh and heights to the source of geodesic distances.
         """
         mesh, pose = observation.mesh, observation.fixed_from_optical
         visible = mesh is not None and len(mesh.points_m) >= VERTICES_MIN

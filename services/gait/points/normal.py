@@ -1,6 +1,6 @@
 """Normal distributions of positions in space, conditioned on pixels.
 
-Filters of points compute dozens of them in a frame, so they are compiled.
+Dozens are computed in a frame, so the functions are compiled.
 
 Source: docs/method.md, section 19.
 """
@@ -85,7 +85,7 @@ def _on_ray(mean_m: F64, covariance: F64, there_m: F64, sigma_m: float) -> tuple
     Args:
         mean_m: 3.
         covariance: 3x3.
-        there_m: 3, about as deep as the mean.
+        there_m: Point on the ray (3) at about the depth of the mean.
         sigma_m: Standard deviation of the ray in two directions at right angles to it.
 
     Returns:

@@ -7,7 +7,7 @@ import numpy as np
 from services.gait.points.keypoints import HEAD
 from services.gait.points.point_filter import PointFilter
 
-DAMPING_S = 0.05  # Time constant of an occluded point that adopts the velocity of the head [s]
+DAMPING_S = 0.05  # Time constant with which an occluded point adopts the velocity of the head [s]
 
 
 def damp_occluded(points: Mapping[str, PointFilter], dt_s: float) -> None:

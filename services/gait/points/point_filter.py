@@ -19,16 +19,16 @@ SPEED_MPS = 1.5  # Standard deviation of the speed of a new point [m/s]
 # Standard deviation of the acceleration of a head, and of hands and feet [m/s^2]
 HEAD_ACCELERATION_MPS2, ACCELERATION_MPS2 = 3.6, 12.0
 NOISE_M = 0.015  # Noise of a measured position at right angles to the ray [m]
-NOISE_PER_M2 = 0.004  # Noise of its depth by the distance squared [m/m^2]
+NOISE_PER_M2 = 0.004  # Depth noise of a measured position by the distance squared [m/m^2]
 GATE = 5.0  # Maximum deviation of an accepted position from the prediction [standard deviations]
 TIMEOUT_S = 0.4  # Maximum age of the last measurement of a tracked point [s]
 HIDDEN_S = 1.5  # Maximum age of the last measurement of a point with a visible body [s]
 SPREAD_MAX_M = 0.35  # Maximum standard deviation of a predicted point [m]
 VAGUE_M = 0.17  # Maximum standard deviation of a published predicted hand or foot [m]
 ADAPTATION = 0.03  # Adaptation of the reference distance by each measured frame
-ADAPTATION_MAX_M = 0.10  # Maximum adaptation in all [m]
+ADAPTATION_MAX_M = 0.10  # Maximum total adaptation [m]
 CONTRADICTION2 = 16.0  # Maximum squared Mahalanobis distance of motion from the body's prior
-UNUSUAL2 = 2.0  # Squared distance from which on the prior of a followed limb widens
+UNUSUAL2 = 2.0  # Squared distance above which the prior of a followed limb widens
 # Factor and addition [m] of the standard deviation of a predicted point, for errors of the models
 SPREAD, SPREAD_M = 1.5, 0.06
 
@@ -50,16 +50,16 @@ class PointFilter:
     def __init__(self, name: str) -> None:
         self.name, self.kind = name, kind_of(name)
         self.motion: PointKalmanFilter | None = None
-        self.position_m: F64 = np.full(3, np.nan)  # published
+        self.position_m: F64 = np.full(3, np.nan)  # published position
         self.geodesic_m = np.nan  # reference distance from the source
         self.initial_geodesic_m = np.nan
         self.confidence = 0.0
-        self.missed_s = 0.0  # since the last measurement
-        self.likely = False  # predicted by a measurement that is probably on its own surface
-        self.unsupported_s = 0.0  # since extremity or keypoint agreed
+        self.missed_s = 0.0  # [s] time since the last measurement
+        self.likely = False  # True if predicted with a measurement probably on its own surface
+        self.unsupported_s = 0.0  # [s] time since an extremity or keypoint agreed
         self.state: PointState = "lost"
         self.prior: Normal | None = None  # expected position relative to the body
-        self.without_keypoints = False  # no keypoint was ever used
+        self.without_keypoints = False  # True if no keypoint was ever used
 
     @property
     def alive(self) -> bool:
@@ -75,14 +75,14 @@ class PointFilter:
     def follows_limb(self) -> bool:
         """True while the end of a limb confirms a point without keypoints.
 
-        The limb may have any pose then, for example a hand before the torso.
+        The limb may then have any pose, for example a hand in front of the torso.
         """
         return self.without_keypoints and self.alive and self.unsupported_s == 0.0
 
     def expected_position(self, dt_s: float = 0.0) -> Normal | None:
         """Return the expected position after some time, by its motion and by the body.
 
-        Motion that contradicts the body counts only while limb or keypoint confirm it.
+        Motion that contradicts the body counts only while the limb or a keypoint confirms it.
         """
         if self.motion is None or not self.alive:
             return self.prior
@@ -103,12 +103,12 @@ class PointFilter:
         """Start the point at a vertex."""
         position_m = body.mesh.points_m[vertex]
         self._start(position_m, self.noise_m2(position_m))
-        self.geodesic_m = self.initial_geodesic_m = np.nan  # unless connected
+        self.geodesic_m = self.initial_geodesic_m = np.nan  # unless the vertex is connected
         self.adapt_reference(float(body.geodesic_m[vertex]))
         self.state, self.confidence = "measured", 1.0
 
     def start_beside(self, position_m: F64, noise_m2: F64) -> None:
-        """Start the point as predicted at a position (3) off the body with its noise (3x3)."""
+        """Start the point in state predicted, at a position (3) off the body with noise (3x3)."""
         self._start(position_m, noise_m2)
         self.state, self.confidence, self.likely = "predicted", 0.0, True
 
@@ -126,7 +126,7 @@ class PointFilter:
         self.state, self.missed_s, self.confidence = "measured", 0.0, confidence
 
     def mark_doubtful(self, position_m: F64, noise_m2: F64, dt_s: float, *, likely: bool) -> None:
-        """Update by a position, perhaps on another surface, and its noise, 3x3."""
+        """Update by a position that may be on another surface, and its noise, 3x3."""
         assert self.motion is not None
         self.motion.correct(position_m, noise_m2)
         self.mark_missed(dt_s)
@@ -176,7 +176,7 @@ class PointFilter:
         )
 
     def _is_vague(self, covariance: F64) -> bool:
-        """Check that a predicted hand or foot could be at another limb; it may come back."""
+        """Check for a predicted hand or foot too uncertain to publish; it may recover."""
         if self.state != "predicted" or self.kind == "head":
             return False
         return bool(np.linalg.eigvalsh(covariance[:3, :3])[-1] > VAGUE_M**2)

@@ -55,7 +55,7 @@ class FeatureFilter(PointFilter):
         self.particles = self.particles @ FIRST.T + noise
 
     def update_particles(self, body: MeasuredBody, similarities: F64 | None, dt_s: float) -> None:
-        """Weigh and resample particles; the heaviest one is the estimate, as published."""
+        """Weigh and resample particles; the one of maximum weight is the estimate, as published."""
         logs = feature_weights(self, body, similarities)
         best = int(np.argmax(logs))
         if not np.isfinite(logs[best]):
@@ -87,7 +87,7 @@ class SingleFeatureLayer:
         self._points = {name: FeatureFilter(name, config, generator) for name in POINTS}
 
     def start_point(self, name: str, point_m: F64, observation: MeshObservation) -> bool:
-        """Track a point from the vertex nearest to a position (3, optical frame) on.
+        """Start a point at the vertex nearest to a position (3, optical frame).
 
         Returns True if there is a body.
         """
@@ -155,7 +155,7 @@ def spin_similarities(points: Sequence[FeatureFilter], mesh: BodyMesh) -> list[F
 def feature_weights(point: FeatureFilter, body: MeasuredBody, similarities: F64 | None) -> F64:
     """Return the logarithms of particles' weights, N; -inf off the body.
 
-    By spin images, or without similarities (N) by geodesic distances.
+    Similarities (N) are of spin images; without them geodesic distances are used.
 
     Source: docs/method.md, section 8.3 (G 4.2.3, 4.3).
     """

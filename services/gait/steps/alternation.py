@@ -1,8 +1,8 @@
-"""Alternation of feet: interpretation of landings as steps, with their feet and missing steps.
+"""Alternation of feet: interpretation of landings as left, right and missing steps.
 
-Feet take turns. Two landings of one foot a whole stride apart have an unseen step of the other foot
-between them, and two landings of one foot a step apart have a wrong name among them. Dynamic
-programming finds the best interpretation of all landings.
+Feet take turns. Between two landings of one foot a stride apart, the other foot took an unseen
+step. Of two landings of one foot a step apart, one has the wrong side. Dynamic programming finds
+the best interpretation of all landings.
 
 Source: docs/method.md, section 20.
 """
@@ -17,14 +17,14 @@ import numpy as np
 from services.gait.steps.stances import LENGTH_MIN_M
 from services.gait.steps.swings import FEET, Swing
 
-# Costs [squared deviations] of another foot, a false landing, an unseen step, and an unknown
-# part of the walk
+# Costs of an exchanged foot, a false landing, an unseen step, and an unknown part of the walk
+# [squared deviations]
 FLIP, DROP, MISSED, UNKNOWN = 4.0, 7.0, 3.0, 9.0
 STEP_MIN_S, STEP_MAX_S = 0.25, 1.5  # Range of the time of a step [s]
-TIME_SIGMA = 0.3  # Standard deviation of the logarithm of the time of a step by the median
-BACK = 4  # Maximum distance of two landings of a walk with false ones between them
+TIME_SIGMA = 0.3  # Standard deviation of the logarithm of the time of a step over the median
+BACK = 4  # Maximum index difference of consecutive true landings, with false ones between them
 BETWEEN_MIN_S = 0.2  # Minimum time between landings [s]
-APART = 0.7  # Minimum time of an isolated landing to others [median steps]
+APART = 0.7  # Minimum time between an isolated landing and others [median steps]
 UNSEEN_MIN_M = 0.3  # Minimum length of an unseen step [m]
 # Maximum time of a single step; longer ones contain a stop or quick steps of a turn [median steps]
 SINGLE_MAX = 1.6
@@ -36,11 +36,11 @@ class Landing:
 
     swing: Swing
     side: int  # of FEET
-    steps: int  # since the last landing, including this one; 0: not known
+    steps: int  # number of steps since the last landing, including this one; 0 if unknown
 
 
 def find_landings(swings: Sequence[Swing]) -> list[Landing]:
-    """Return the landings of swings in the order of time, as the best walk of two feet."""
+    """Return the landings of the most likely walk, in the order of time."""
     sides = [FEET.index(one.foot) for one in swings]
     period_s = _period_s(swings)
     if len(swings) < 3 or period_s is None:
@@ -78,7 +78,7 @@ def find_landings(swings: Sequence[Swing]) -> list[Landing]:
 def _with_apart(
     found: Sequence[Landing], swings: Sequence[Swing], period_s: float
 ) -> list[Landing]:
-    """Return a walk with the isolated landings before, after and in its pauses."""
+    """Return a walk completed with the isolated landings before, after and in its pauses."""
     known = list(found)
     for swing in swings:
         times_s = np.array([one.swing.landed_s for one in known])
@@ -90,10 +90,10 @@ def _with_apart(
 
 
 def _steps_between(ratio: float, same: bool, stood: bool) -> tuple[float, int]:
-    """Return the cost and number of steps by their time in median steps, of one foot or both.
+    """Return cost and number of the steps between two landings, by time [median steps].
 
-    A standing foot takes no unseen steps. Steps that take too long are unknown at the same cost:
-    the walk continues after them, but its rhythm does not.
+    A standing foot takes no unseen steps. Too long steps are unknown: the walk continues after
+    them, but its rhythm does not.
     """
     counts = (2,) if same else (1, 3)
     costs = [
@@ -108,7 +108,7 @@ def _steps_between(ratio: float, same: bool, stood: bool) -> tuple[float, int]:
 def _stood(before: Swing, after: Swing, same: bool) -> bool:
     """Check that the foot of an unseen step between two landings stood.
 
-    It counts as standing, too, if the person hardly moved, as in a stop or a turn on the spot.
+    It also counts as standing if the person hardly moved, as in a stop or a turn on the spot.
     """
     steps = 2 if same else 3
     if np.linalg.norm(after.to_m - before.to_m) < steps * UNSEEN_MIN_M:

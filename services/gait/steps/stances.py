@@ -1,8 +1,8 @@
 """Stances: position and time of a standing foot, by the best division of its path.
 
 A path is divided into stances and swings. In a stance the velocity is zero and all samples measure
-one position. Dynamic programming finds the division with the minimum cost. Samples count by their
-covariance: noise in depth is no motion, and a hidden foot may have stood or swung.
+one position. Dynamic programming finds the division with the minimum cost. Samples are weighted by
+their covariance, so noise in depth is not mistaken for motion.
 
 Source: docs/method.md, section 20.
 """
@@ -21,19 +21,20 @@ Indices: TypeAlias = npt.NDArray[np.intp]
 LENGTH_MIN_M = 0.2  # Minimum length of a step [m]
 STANCE_MIN_S = 0.15  # Minimum time of a stance [s]
 STANCE_MAX_S = 2.0  # Maximum stance of the search; longer ones are joined [s]
-SWING_COST = 3.0  # Squared deviation from standing from which on a foot swings
-# Deviation of an outlier from the median, and number of samples of the median on either side
+SWING_COST = 3.0  # Minimum squared deviation from standing of a swinging foot
+# Minimum deviation of an outlier from the median, and number of samples in the median on either
+# side
 OUTLIER_SIGMAS, OUTLIER_NEAR = 4.0, 3
-SAME_S = 0.05  # Period of equal errors [s]
+SAME_S = 0.05  # Correlation time of errors [s]
 HIDDEN_COST = 0.1  # Cost of a bin of a swing without a sample
 BEGIN_COST = 15.0  # Cost of a swing
 
 
 @dataclass(frozen=True)
 class Bins:
-    """Samples of a foot, added up over equal periods; information is inverse covariance."""
+    """Samples of a foot, summed over equal periods; information is inverse covariance."""
 
-    times_s: F64  # N, of the middles
+    times_s: F64  # N, times of the middles
     information: F64  # Nx2x2, on the ground; 0 without a sample
     weighted_m: F64  # Nx2, positions times information
     squares: F64  # N, squared Mahalanobis distances to the origin
@@ -68,14 +69,14 @@ def collect_bins(
         times_s: N.
         ground_m: Nx2.
         covariances_m2: Nx2x2.
-        origin_s: Begin of the first bin.
+        origin_s: Beginning of the first bin.
         count: Number of bins.
         bin_s: Period of a bin.
     """
     information = np.linalg.inv(covariances_m2)
     weighted = np.einsum("nij,nj->ni", information, ground_m)
     bins = np.clip(((times_s - origin_s) / bin_s).astype(int), 0, count - 1)
-    # Errors persist: all samples of SAME_S count as one, at any rate of frames.
+    # Errors are correlated: all samples of SAME_S count as one, at any frame rate.
     shares = bin_s / SAME_S / np.maximum(np.bincount(bins, minlength=count), 1)[bins]
     found = Bins(
         np.asarray(origin_s + bin_s * (np.arange(count) + 0.5), np.float64),
@@ -128,7 +129,7 @@ def find_stances(bins: Bins) -> list[Stance]:
 
 
 def _stance_costs(bins: Bins, most: int) -> F64:
-    """Return the cost of a stance from one bin to another by its end and its begin.
+    """Return the costs of stances by their last and first bin.
 
     Returns:
         Nxmost: at [last, k] of the stance that begins `most - 1 - k` bins before the last one.
@@ -154,7 +155,7 @@ def _stance_costs(bins: Bins, most: int) -> F64:
 def _traced(
     standing: F64, swinging: F64, begins: Indices, after_stance: npt.NDArray[np.bool_]
 ) -> list[tuple[int, int]]:
-    """Return the begins and ends of the stances of the best division."""
+    """Return the first and last bins of the stances of the best division."""
     found, end = [], len(standing) - 1
     stands = bool(standing[end] <= swinging[end])
     while end > 0:

@@ -37,7 +37,7 @@ class StepMeter:
     ) -> GaitMeasures:
         """Add the feet of a frame and return the measures.
 
-        Older frames than the last one are ignored.
+        Frames older than the last one are ignored.
         """
         for samples, one in zip(self._samples.values(), (left, right), strict=True):
             if one is not None and (not samples or samples[-1][0] < stamp_s):

@@ -1,7 +1,7 @@
 """Steps, strides and gait measures by the swings of both feet.
 
-Lengths are means over strides, weighted by their confidence: both ends of a stride are the same
-foot, while two feet may show the toes of one and the heel of the other. The cadence is the rate of
+Lengths are means over strides, weighted by their confidence. Both ends of a stride are the same
+part of the same foot; of two feet, toes and heel may be visible. The cadence is the rate of
 confident steps that follow each other, and of unseen steps between them.
 
 Source: docs/method.md, section 20.
@@ -21,7 +21,7 @@ from services.gait.steps.swings import FEET, FootTrajectory, Side, Swing, find_s
 CONFIDENCE_MIN = 0.3  # Minimum confidence of a reported step
 SPEED_MIN_MPS = 0.2  # Minimum speed of a walking person [m/s]
 TIME_SPREAD = (
-    0.5  # Maximum relative deviation of the time of a stride from the median; else a pause
+    0.5  # Maximum relative deviation of the time of a stride from the median; longer: a pause
 )
 JUMP_M, JUMP_S = 0.15, 0.25  # Maximum length [m] and time [s] of a motion that is no step
 STEPS_MIN = 2  # Minimum number of steps for the cadence; of each foot for the asymmetry
@@ -35,10 +35,10 @@ CONFIDENCE_LEAST = 0.01  # Minimum confidence of a stride
 class Stride:
     """Motion of a foot from one footprint to its next."""
 
-    length_m: float  # between the footprints
-    time_s: float  # between the landings
-    step_time_s: float | None  # since the landing of the other foot; None: it was not seen
-    confidence: float = 1.0  # of both footprints, the lower one; above 0
+    length_m: float  # distance between the footprints
+    time_s: float  # time between the landings
+    step_time_s: float | None  # time since the landing of the other foot; None if unseen
+    confidence: float = 1.0  # minimum confidence of both footprints, > 0
 
 
 @dataclass(frozen=True)
@@ -47,16 +47,15 @@ class FootStep:
 
     foot: Side
     landed_s: float
-    length_m: float  # from the other foot, in walking direction
-    stride: Stride | None  # that ended here; None if its begin was not detected
-    lifted_s: float  # when the foot left its last footprint; of a step not seen the last landing
+    length_m: float  # distance from the other foot, in walking direction
+    stride: Stride | None  # stride that ends here; None if its beginning was not detected
+    lifted_s: float  # time at which the foot left its last footprint; last landing if unseen
     position_m: tuple[float, float]  # on the ground
-    width_m: float | None  # from the other foot, across the walking direction; None: not visible
+    # Distance from the other foot, across the walking direction; None if not visible
+    width_m: float | None
     confidence: float  # 0 to 1
-    follows: bool = False  # True: the step before it in the list is of the other foot
-    observed: bool = (
-        True  # False: the other foot took two steps with the time of this one between them
-    )
+    follows: bool = False  # True if the previous step in the list is of the other foot
+    observed: bool = True  # False if two steps of the other foot enclose the time of this one
 
 
 def find_steps(left: FootTrajectory, right: FootTrajectory, up: F64) -> list[FootStep]:
@@ -78,7 +77,7 @@ def find_steps(left: FootTrajectory, right: FootTrajectory, up: F64) -> list[Foo
 
 
 def _is_brief(swing: Swing) -> bool:
-    """Check that a short motion does not pass the other foot: a point that jumps or slides."""
+    """Check for a short motion that does not pass the other foot: a jumping or sliding point."""
     length_m, _ = _from_other_m(swing)
     return length_m < JUMP_M and swing.landed_s - swing.lifted_s < JUMP_S
 
@@ -123,19 +122,18 @@ def step_times_s(steps: Sequence[FootStep]) -> list[float]:
 
 
 def cadence(steps: Sequence[FootStep]) -> float | None:
-    """Return the steps a minute; None with fewer than two steps that follow another.
+    """Return the steps a minute; None with fewer than two consecutive steps.
 
-    Median over all pairs of landings of the time of a step between them, in each part of the walk:
-    an early or late landing changes it little [Theil 1950] [Sen 1968]. An uncertain step begins
-    another part, because feet also move without steps in turns and stops; it counts if there are no
-    other steps.
+    The time of a step is the median over all pairs of landings in each part of the walk, robust to
+    an early or late landing [Theil 1950] [Sen 1968]. An uncertain step begins another part, since
+    feet also move in turns and stops; it counts if there are no other steps.
     """
     times_s: list[float] = []
     for part in _walks(steps):
         landed_s = np.array(part)
         for apart in range(1, min(len(part), STEPS_APART_MAX + 1)):
             times_s += ((landed_s[apart:] - landed_s[:-apart]) / apart).tolist()
-    # One step time gives one pair of landings, more give as many pairs or more.
+    # One step time gives one pair of landings; N step times give at least N pairs.
     time_s = float(np.median(times_s)) if len(times_s) >= STEPS_MIN else 0.0
     return 60 / time_s if time_s > 0 else None
 
@@ -216,7 +214,7 @@ def _unobserved(before: FootStep, landing: Landing) -> list[FootStep]:
 
 
 def _stride(before: Sequence[FootStep], step: FootStep) -> Stride | None:
-    """Return the stride that a step ends; None unless this foot landed two steps before."""
+    """Return the stride that ends with a step; None unless this foot landed two steps before."""
     if len(before) < 2 or not (step.follows and before[-1].follows and before[-2].observed):
         return None
     other, own = before[-1], before[-2]

@@ -1,7 +1,7 @@
 """Swings: motions of a foot from one footprint to its next.
 
-Each foot is evaluated by itself. A foot that is hidden in its swing lands between the landing and
-the lift of the other foot.
+Each foot is evaluated by itself. A foot hidden in its swing lands between the landing and the lift
+of the other foot.
 
 Source: docs/method.md, section 20.
 """
@@ -25,13 +25,13 @@ from services.gait.steps.stances import (
 
 BIN_S = 0.05  # Minimum length of a bin [s]
 NOISE_M = 0.06  # Noise of a standing foot, in addition to the noise of its point [m]
-GAP_S = 0.5  # Maximum time that a foot is hidden in a swing [s]
+GAP_S = 0.5  # Maximum hidden time of a foot in a swing [s]
 # Ratios of the length of a swing: lift of the foot, and range of its approach to the footprint
 LIFTED, APPROACH = 0.1, (0.7, 0.92)
 SWING_MAX_S = 1.2  # Maximum time of a visible swing [s]
 ALONE_MIN = 0.4  # Minimum share of a swing without a swing of the other foot
 LANDED_S = 0.2  # Minimum time after a confirmed landing [s]
-# Minimum gap between samples with an unknown part of standing [s, frames]
+# Minimum gap between samples with an unknown share of standing [s, frames]
 HIDDEN_S, HIDDEN_FRAMES = 0.15, 1.5
 BRIEF_S = 0.25  # Time of a swing of full confidence before or after a long stance [s]
 STANDING_S = 1.2  # Minimum time of a long stance, of a standing person [s]
@@ -59,7 +59,7 @@ class Swing:
     landed_s: float
     from_m: F64  # 2, footprint on the ground
     to_m: F64  # 2
-    other_m: F64  # 2, of the other foot when this one lands; NaN if not visible
+    other_m: F64  # 2, position of the other foot at this landing; NaN if not visible
     confidence: float  # 0 to 1
 
     @property
@@ -85,7 +85,7 @@ def _binned(feet: tuple[FootTrajectory, FootTrajectory], up: F64) -> tuple[Bins,
     end_s = max(float(foot.times_s[-1]) for foot in feet)
     spacing_s = float(np.median(np.concatenate([np.diff(foot.times_s) for foot in feet])))
     bin_s = max(BIN_S, spacing_s)
-    # Frames are in the middle of their bins, even if they are a little early or late.
+    # Frames are in the middle of their bins, which tolerates small jitter.
     origin_s = min(float(foot.times_s[0]) for foot in feet) - bin_s / 2
     count = int((end_s - origin_s) / bin_s) + 1
     if count < 3:
@@ -117,7 +117,7 @@ def _swings(feet: tuple[Bins, Bins], stances: Sequence[Sequence[Stance]], side: 
     bins, own = feet[side], list(stances[side])
     if own and own[0].begin:
         first = int(np.flatnonzero(bins.sampled)[0])
-        if first < own[0].begin:  # the path begins in a swing
+        if first < own[0].begin:  # the path begins with a swing
             own.insert(0, Stance(first, first + 1, bins.position_m(first, first + 1)))
     found = []
     for before, after in pairwise(own):
@@ -174,16 +174,16 @@ def _swing(
 
 
 def _landed_s(times_s: F64, along: F64, hidden_s: float) -> float:
-    """Return when a foot would reach its footprint at its speed of approach.
+    """Return the time at which a foot reaches its footprint at its speed of approach.
 
-    The end of the path itself is uncertain: its speed there is as small as its noise.
+    The end of the path itself is uncertain, since its speed is as small as its noise.
     """
     far_s, near_s = (_crossing_s(times_s, along, edge, hidden_s) for edge in APPROACH)
     return near_s + (1.0 - APPROACH[1]) / (APPROACH[1] - APPROACH[0]) * max(near_s - far_s, 0.0)
 
 
 def _crossing_s(times_s: F64, along: F64, edge: float, hidden_s: float) -> float:
-    """Return when a rising path crosses a level; the middle of a gap longer than `hidden_s`."""
+    """Return the time at which a rising path crosses a level; middle of a gap over `hidden_s`."""
     k = int(np.searchsorted(along, edge))
     if k == 0 or k == len(along):
         return float(times_s[min(k, len(along) - 1)])

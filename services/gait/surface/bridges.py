@@ -16,7 +16,7 @@ Edges: TypeAlias = tuple[I32, I32, F64]  # indptr, indices, lengths
 
 
 def bridge_pieces(grid: I32, points_m: F64, edges: Edges, cells: int, gap_m: float) -> Edges:
-    """Connect the pieces of a mesh to the largest one, each by its shortest bridge.
+    """Connect each piece of a mesh to the largest one by its shortest bridge.
 
     A bridge is no longer than `cells` in the grid of vertices and `gap_m` in space.
     """

@@ -30,7 +30,7 @@ class FloorPlane:
 
 
 class FloorDetector:
-    """Detects the floor in depth images; the last one holds while it is occluded.
+    """Detects the floor in depth images; the last floor is kept while it is occluded.
 
     Source: docs/method.md, section 19 [Fischler 1981].
     """
@@ -73,11 +73,11 @@ class FloorDetector:
         if len(points) < 50:
             return None
         limits = 0.02 + NOISE_PER_M2 * z[known] ** 2
-        # The last floor fits nearly always: random planes are tried only where it does not.
+        # The last floor usually fits; random planes are tried only if it does not.
         plane = self._previous(points, limits) or self._ransac(points, limits)
         if plane is None:
             return None
-        for factor in (1.0, 0.7, 0.5):  # ever fewer points at the feet of walls
+        for factor in (1.0, 0.7, 0.5):  # fewer and fewer points at the feet of walls
             near = np.abs(plane.heights_m(points)) < factor * limits
             plane = self._fit(points[near]) or plane
         return plane
@@ -92,7 +92,7 @@ class FloorDetector:
         return self.floor if fits else None
 
     def _ransac(self, points: F64, limits: F64) -> FloorPlane | None:
-        """Return the plane through three random points that most points lie on."""
+        """Return the plane through three random points with the most points on it."""
         lower = points[points[:, 1] > 0]  # below the optical axis
         if len(lower) < 3:
             return None
@@ -128,7 +128,7 @@ def _cut(depth_mm: U16, rays: F32, plane: F32, limits: F32) -> None:
     """Set pixels on a plane or below it to 0; the limit grows with the noise of the depth."""
     height, width = depth_mm.shape
     for row in range(height):
-        for column in range(width):  # without branches: vectorised
+        for column in range(width):  # no branches, so it is vectorised
             away = np.float32(0.001) * np.float32(depth_mm[row, column])
             rise = plane[0] * rays[0, row, column] + plane[1] * rays[1, row, column]
             rise += plane[2] * rays[2, row, column]

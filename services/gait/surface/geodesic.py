@@ -21,7 +21,7 @@ PERSISTENCE_M = 0.06  # Minimum persistence of an extremity [m]
 def geodesic_m(mesh: BodyMesh, source_vertex: npt.ArrayLike) -> F64:
     """Return the lengths (V) of the shortest paths to a source along the mesh [Dijkstra 1959].
 
-    Of several sources the nearest counts; vertices not connected to any are at infinity.
+    With several sources the nearest counts; unconnected vertices are at infinity.
     """
     count = len(mesh.points_m)
     sources = np.atleast_1d(np.asarray(source_vertex, np.int64))
@@ -38,12 +38,12 @@ class GeodesicExtrema:
     """Local maxima of the geodesic distance, farthest first; T of them."""
 
     vertices: I64  # T
-    persistence_m: F64  # T: height above the point where its basin meets a higher one
+    persistence_m: F64  # T: height above the point at which its basin meets a higher one
     basin: I32  # V: number of the extremum that a vertex leads up to; -1: not connected
 
     @property
     def strengths(self) -> F64:
-        """Persistence of the extrema, T: 0 to 1, which is 0.2 m."""
+        """Persistence of the extrema, T: 0 to 1 (0.2 m)."""
         return np.minimum(self.persistence_m / 0.2, 1.0)
 
 
@@ -52,8 +52,8 @@ def geodesic_extrema(
 ) -> GeodesicExtrema:
     """Find the ends of limbs: local maxima of the geodesic distance (V) of enough persistence.
 
-    The surface is flooded from the farthest vertex down. Each local maximum begins an island; where
-    two islands meet, the lower one is a limb if its persistence is enough, and noise if not.
+    The surface is flooded from the farthest vertex down. Each local maximum begins an island; if
+    two islands meet, the lower one is a limb if its persistence suffices, else noise.
     """
     height = np.where(np.isfinite(distance_m), distance_m, -np.inf)
     reached = int(np.isfinite(distance_m).sum())
@@ -63,7 +63,7 @@ def geodesic_extrema(
     _flood(order, height, mesh.indptr, mesh.indices, persistence_m, basin, persistence)
     vertices = np.flatnonzero(persistence > 0)
     vertices = vertices[np.argsort(-height[vertices], kind="stable")]
-    number = np.full(len(height) + 1, -1, np.int32)  # the last one is for basin -1
+    number = np.full(len(height) + 1, -1, np.int32)  # last element: basin -1
     number[vertices] = np.arange(len(vertices))
     return GeodesicExtrema(
         vertices=vertices, persistence_m=persistence[vertices], basin=number[basin]
@@ -74,7 +74,7 @@ def geodesic_extrema(
 def _flood(
     order: I64, height: F64, indptr: I32, indices: I32, least: float, basin: I32, persistence: F64
 ) -> None:
-    """Set the peak that each vertex leads up to, and the persistence of peaks."""
+    """Set the peak to which each vertex leads up, and the persistence of peaks."""
     count = len(height)
     island = np.full(count, -1, np.int64)  # a tree of vertices; its root is the highest peak
     merged = np.arange(count)  # a tree of peaks; its root is a persistent peak
@@ -112,7 +112,7 @@ def _flood(
 
 @compiled
 def root_of(parents: I64, label: int) -> int:
-    """Return the root of a node in a tree of parents, whose paths are halved."""
+    """Return the root of a node in a tree of parents, with path halving."""
     while parents[label] != label:
         parents[label] = parents[parents[label]]
         label = parents[label]

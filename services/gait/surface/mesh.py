@@ -44,9 +44,9 @@ class BodyMesh:
     lengths_m: F64  # E, of the edges
     neighbours: I32  # Vx8, in the order of NEIGHBOURS; -1: no edge
     grid: I32  # rows x columns of the vertices, -1 off the body
-    left_px: int  # of the grid in the image
+    left_px: int  # [px] left edge of the grid in the image
     top_px: int
-    step_px: int  # between vertices
+    step_px: int  # [px] distance between vertices
 
     @cached_property
     def middle_m(self) -> F64:
@@ -75,7 +75,7 @@ class BodyMesh:
     def vertices_at(self, pixels_px: npt.ArrayLike) -> I64:
         """Return the vertices (M) at pixels (Mx2: u, v); -1 off the body."""
         pixels = np.asarray(pixels_px, np.float64).reshape(-1, 2)
-        # A pixel reaches half a pixel to each side of its coordinates.
+        # A pixel extends half a pixel to each side of its coordinates.
         cell = np.floor((pixels + 0.5 - (self.left_px, self.top_px)) / self.step_px)
         rows, columns = self.grid.shape
         with np.errstate(invalid="ignore"):
@@ -132,12 +132,12 @@ def build_mesh(body: BodySegment, info: CameraInfo) -> BodyMesh:
 
 
 def _step_px(body: BodySegment) -> int:
-    """Return the spacing of vertices, with which time does not grow with a person's size."""
+    """Return the spacing of vertices, which bounds their number for any size of a person."""
     return max(1, round((np.count_nonzero(body.mask) / VERTICES) ** 0.5))
 
 
 def _edge_limits_m(depth_m: F64, step_px: int, info: CameraInfo) -> F64:
-    """Return the longest edge at vertices, V, by their depth, V."""
+    """Return the maximum length of edges at vertices, V, by their depth, V."""
     diagonal_m = depth_m * (step_px * 2**0.5 / min(info.fx, info.fy))
     noise_m = EDGE_NOISE_PER_M2 * depth_m**2
     return np.maximum(EDGE_M, np.hypot(EDGE_STRETCH * diagonal_m, noise_m))
@@ -192,8 +192,8 @@ def _smooth_depth(
         column, row, here = int(samples[k, 0] + 0.5), int(samples[k, 1] + 0.5), samples[k, 2]
         limit = max(depth_steps[0], depth_steps[1] * here + depth_steps[2] * here * here)
         total, number = 0.0, 0
-        # As far to each side as there are pixels: a one-sided mean would bend the rims. Every other
-        # pixel is enough, since a stereo camera's noise is alike in neighbouring ones.
+        # The window is symmetric: a one-sided mean would bend the rims. Every other pixel suffices,
+        # since neighbouring pixels of a stereo camera have correlated noise.
         across = min(radius, column, width - 1 - column)
         down = min(radius, row, height - 1 - row)
         for r in range(row - down, row + down + 1, 2):
@@ -215,7 +215,7 @@ def _connect(grid: I32, points: F64, limits: F64, neighbours: I32, near: I32, lo
             here = grid[row, column]
             if here < 0:
                 continue
-            for k in range(4):  # the other four are the same edges from their other end
+            for k in range(4):  # the other four neighbours have the same edges
                 r, c = row + neighbours[k, 0], column + neighbours[k, 1]
                 if r < 0 or r >= rows or c < 0 or c >= columns or grid[r, c] < 0:
                     continue

@@ -20,17 +20,17 @@ I32: TypeAlias = npt.NDArray[np.int32]
 I64: TypeAlias = npt.NDArray[np.int64]
 
 FILL_PASSES = 2  # Passes of hole filling; published: 1
-FILL_NEIGHBOURS = 3  # Minimum number of the 8 neighbours of a filled hole with depth; published: 1
-# Depth step between neighbouring pixels of one component: constant [m], by the distance [m/m] and
-# by its square [m/m^2]; 3 sigmas of a stereo camera's noise. Published: 10 mm, of a time of flight
-# camera at 2 to 3 m
+FILL_NEIGHBOURS = 3  # Minimum number of neighbours with depth, of 8, of a filled hole; published: 1
+# Maximum depth step between neighbouring pixels of one component: constant [m], by the distance
+# [m/m] and its square [m/m^2]; 3 sigmas of a stereo camera's noise. Published: 10 mm, for a
+# time-of-flight camera at 2 to 3 m
 DEPTH_STEPS = (0.010, 0.006, 3.0 * 0.0025)
-SEED_WINDOW_M = 0.25  # Distance to the track's depth of the pixels that vote for the component [m]
+# Maximum distance from the track's depth of pixels that vote for the component [m]
+SEED_WINDOW_M = 0.25
 REACH_M = 1.0  # Maximum distance of a part of a person from the track's depth [m]
-# Maximum gap in depth to a part that is occluded at its joint, as the far leg by the near one [m];
-# published: 0
+# Maximum gap in depth to a part occluded at its joint, such as the farther leg [m]; published: 0
 JOIN_M = 0.4
-JOIN_PX = 4  # Maximum distance of such a part beside the body [px]
+JOIN_PX = 4  # Maximum distance in the image of such a part from the body [px]
 PIXELS_MIN = 30  # Minimum number of pixels of a body and of a joined part
 STACKED_M = 0.6  # Maximum difference in depth of a large part: a carried object is nearer [m]
 
@@ -49,7 +49,7 @@ def segment_body(depth_mm: U16, box_xyxy_px: F64, seed_depth_m: float | None) ->
     """Segment a person in the depth image (HxW, 0 = no reading).
 
     The box may reach out of the image. Without the depth of the person's track the largest
-    component is taken. None if there is no component of sufficient size in the box.
+    component is used. None if no component in the box is large enough.
     """
     corners = _clipped(box_xyxy_px, depth_mm.shape)
     if corners is None:
@@ -76,13 +76,13 @@ def segment_body(depth_mm: U16, box_xyxy_px: F64, seed_depth_m: float | None) ->
 def fill_holes(depth_m: F32, neighbours_min: int = 1) -> F32:
     """Set pixels of no reading (0) to the median of the readings about them.
 
-    Of an even number of readings the lower middle one is taken: a mean would put a point between
-    a person and the wall.
+    The median of an even number of readings is the lower middle one: a mean would lie between a
+    person and the wall.
     """
     filled = depth_m.copy()
     known = (depth_m > 0).view(np.uint8)
     beside = cv2.boxFilter(known, -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT)
-    # Most empty pixels lie inside of a larger hole, so few are left.
+    # Few holes remain: most empty pixels are inside a larger hole.
     holes = np.flatnonzero((known == 0) & (beside >= max(neighbours_min, 1)))
     _fill(depth_m, holes, filled)
     return filled
@@ -148,11 +148,11 @@ def _seeded(depth_m: F32, labels: I32, sizes: I64, seed_m: float) -> int | None:
 
 
 def _join(depth_m: F32, labels: I32, sizes: I64, joined: Mask) -> None:
-    """Add components that are likely a part of the body which is occluded at its joint.
+    """Add components that are probably parts of the body occluded at their joint.
 
     Such a part is adjacent to the body in the image and in depth, and within the box: a component
     that reaches the sides of the box is another person, a wall or furniture. A large component is
-    part of the body if it lies above or below, as legs below a carried box.
+    part of the body if it is above or below, for example legs below a carried box.
     """
     large = sizes > sizes[joined].sum() // 2
     possible = sizes >= PIXELS_MIN
@@ -172,9 +172,9 @@ def _join(depth_m: F32, labels: I32, sizes: I64, joined: Mask) -> None:
 
 
 def _stacked(depth_m: F32, labels: I32, joined: Mask, possible: Mask) -> Mask:
-    """Return the components whose middle is above or below the joined ones, about as far away.
+    """Return components with their middle above or below the joined ones, at about their depth.
 
-    Another person at this distance covers the same rows.
+    Another person at this depth covers the same rows.
     """
     found = np.zeros(len(possible), np.bool_)
     numbers = np.flatnonzero(possible)

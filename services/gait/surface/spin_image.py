@@ -1,4 +1,4 @@
-"""Spin images: descriptors of the surface about a vertex that do not change with its rotation.
+"""Spin images: rotation-invariant descriptors of the surface about a vertex.
 
 Source: docs/method.md, section 8.3 [Johnson 1997] [Johnson 1999].
 """
@@ -19,12 +19,12 @@ BINS = 20  # Bins across and down; published
 # while images are compared over time
 BIN_M = 0.02
 SUPPORT_ANGLE_DEG = 75.0  # Maximum angle between normals [deg]; published: 60 to 90
-VERTICES_MAX = 1000  # Maximum number of vertices that are counted
+VERTICES_MAX = 1000  # Maximum number of counted vertices
 OVERLAP_MIN = 10  # Minimum number of bins filled in both of two images that match
 SIMILARITY_SIGMA = 1.5  # Standard deviation of the similarity
 NO_MATCH = -math.inf
 R_MAX = 1 - 1e-6  # Maximum correlation, because atanh(1) is infinite
-FILLED = 1e-3  # Minimum count of a filled bin; less is a rounding error of bilinear counting
+FILLED = 1e-3  # Minimum count of a filled bin, above rounding errors of bilinear counting
 
 
 def spin_images(mesh: BodyMesh, vertices: npt.ArrayLike) -> F64:
@@ -41,7 +41,7 @@ def spin_images(mesh: BodyMesh, vertices: npt.ArrayLike) -> F64:
     if count == 0:
         return images
     sample = _sample(count, VERTICES_MAX)
-    # Single precision is twice as fast, and exact enough from the body's middle.
+    # Single precision is twice as fast, and exact enough relative to the body's middle.
     middle = mesh.points_m.mean(axis=0)
     points = ((mesh.points_m[sample] - middle) / BIN_M).T.astype(np.float32, order="C")
     normals = mesh.normals[sample].T.astype(np.float32, order="C")
@@ -74,7 +74,7 @@ def _spin(
     for m in range(len(at)):
         px, py, pz = at[m, 0], at[m, 1], at[m, 2]
         nx, ny, nz = axes[m, 0], axes[m, 1], axes[m, 2]
-        # A loop without branches, which the compiler vectorises.
+        # The loop has no branches, so the compiler vectorises it.
         for k in range(count):
             dx, dy, dz = points[0, k] - px, points[1, k] - py, points[2, k] - pz
             beta = nx * dx + ny * dy + nz * dz
@@ -128,7 +128,7 @@ def _correlate(images: F64, reference: F64, n: F64, r: F64, filled: I64) -> None
     shared = np.flatnonzero(reference > FILLED)
     others = reference[shared]
     if len(shared):
-        others = others - others.mean()  # keeps the sums below exact
+        others = others - others.mean()  # avoids cancellation in the sums below
     for m in range(len(images)):
         image = images[m]
         for value in image:
@@ -147,5 +147,5 @@ def _correlate(images: F64, reference: F64, n: F64, r: F64, filled: I64) -> None
         if number == 0:
             continue
         own, their = aa - a * a / number, bb - b * b / number
-        if own > 1e-12 * aa and their > 1e-12 * bb:  # else one is constant
+        if own > 1e-12 * aa and their > 1e-12 * bb:  # otherwise one image is constant
             r[m] = (ab - a * b / number) / np.sqrt(own * their)

@@ -14,12 +14,12 @@ Memory = Annotated[float, Meta(gt=0, le=600)]
 class SiteAreaConfig(Config, frozen=True, kw_only=True):
     """The area of a site that this tracker covers; its name is the name of the robot."""
 
-    # Robot names of further hosts with tracked cameras. Names of cameras and frames are unique over
-    # all hosts
+    # Robot names of further hosts with tracked cameras. Names of cameras and frames are unique
+    # across hosts
     hosts: tuple[Name, ...] = ()
     # Number n of this area, unique in the site: its identities are n, n + 1000, n + 2000, ...
     # 0: no areas
     number: Annotated[int, Meta(ge=0, lt=AREAS_MAX)] = 0
     neighbours: tuple[Name, ...] = ()  # names of neighbouring areas
-    # [s] time since the last match for which a person keeps the identity from area to area
+    # [s] maximum time since the last match for handing over an identity
     memory_s: Memory = 30.0

@@ -17,15 +17,16 @@ from services.tracker.areas.interface import AreaTracker, KnownPeople
 from services.tracker.areas.neighbours import Neighbours
 from services.tracker.interface import GalleryEntry, IdCounter, Tracker
 
-SHARE_NS = 250_000_000  # time between two messages to neighbours [ns]
-REFRESH_NS = 1_000_000_000  # maximum time between two updates of neighbours' people [ns]
-PRESENT_NS = 500_000_000  # maximum time since the last match of a present person [ns]
-REACH_M, REACH_MPS = 1.5, 3.0  # maximum distance of one person in two areas, and its growth
-# Maximum distance of two tracks of one person [m], minimum distance of other people [m], and
+SHARE_NS = 250_000_000  # interval of messages to neighbours [ns]
+REFRESH_NS = 1_000_000_000  # maximum interval of updates from neighbours' people [ns]
+PRESENT_NS = 500_000_000  # maximum time since the last match of a track that counts as present [ns]
+# Maximum distance of one person's tracks in two areas [m], its growth [m/s]
+REACH_M, REACH_MPS = 1.5, 3.0
+# Maximum distance of two tracks of one person [m], minimum distance to other people [m], and
 # minimum number of consecutive messages
 SAME_M, ALONE_M, SAME_MESSAGES = 0.5, 1.0, 4
-NO_VIEWS = 3.0  # distance of people without views, above any cosine distance
-MATCHES_ALIKE = 15  # difference of matches below which the lower identity is the older one
+NO_VIEWS = 3.0  # distance if a person has no views; above any cosine distance
+MATCHES_ALIKE = 15  # difference in matches below which the lower identity counts as older
 COUNTERS = ("identities_taken_over", "identities_joined", "identities_yielded")
 
 
@@ -49,7 +50,8 @@ class AreaExchange:
         self._due_ns = 0
         self._refreshed_ns: int | None = None
         self._away: set[int] = set()  # people in other areas at the last refresh
-        self._both: dict[tuple[int, int], int] = {}  # messages in a row, by pair of tracks
+        # Number of consecutive messages, by pair of tracks
+        self._both: dict[tuple[int, int], int] = {}
         self._sequence = 0
         self._counters = Counter(dict.fromkeys(COUNTERS, 0)) if config.number else Counter[str]()
         if config.neighbours and not config.number:
@@ -186,7 +188,7 @@ class AreaExchange:
     def _count_taken_over(
         self, own: Mapping[int, GalleryEntry], people: Mapping[int, GalleryEntry]
     ) -> None:
-        """Count the people who came from other areas."""
+        """Count people handed over from other areas."""
         away = {
             identity
             for identity, entry in people.items()
@@ -218,7 +220,7 @@ def _tracked_by_both(
 ) -> list[tuple[int, int]]:
     """Return pairs of an own and a neighbour's identity whose tracks show one person now.
 
-    Of several nearby people the pair with the most similar views is one person.
+    If several people are near, the pair with the most similar views is matched.
     """
     oldest_ns = time_ns - PRESENT_NS
     here = [i for i, entry in own.items() if entry.matched_ns >= oldest_ns]

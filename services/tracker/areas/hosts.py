@@ -19,7 +19,7 @@ from people4d.messages import (
 from people4d.topics import BY_MESSAGE, ForeignTopic
 
 KINDS = (Detections, Embeddings, CameraInfo, StaticTransform, MovingTransform, Odometry)
-FORGOTTEN_S = 10.0  # silence after which another host may use the name of a camera [s]
+FORGOTTEN_S = 10.0  # silence after which another host may take over a camera name [s]
 NAMES_MAX = 1024  # maximum number of stored names of cameras and frames
 SILENT_S = 3.0  # time without detections after which a host is reported [s]
 
@@ -37,8 +37,10 @@ class CameraHosts:
     def __init__(self, names: Sequence[str]) -> None:
         if len(set(names)) < len(names):
             raise ConfigError("tracker.area.hosts: expected each name once, got one twice")
-        self._heard_s = dict.fromkeys(names, time.monotonic())  # last detections, by host
-        self._owners: dict[str, tuple[str, float]] = {}  # host and time, by camera or frame
+        # Time of the last detections, by host
+        self._heard_s = dict.fromkeys(names, time.monotonic())
+        # Host and time of the last message, by camera or frame
+        self._owners: dict[str, tuple[str, float]] = {}
 
     def topics(self, own: str) -> list[ForeignTopic]:
         """Return the topics to listen to.
@@ -61,7 +63,7 @@ class CameraHosts:
         ]
 
     def reasons(self) -> list[str]:
-        """Return a sentence on silent hosts."""
+        """Return a status message that names silent hosts."""
         now_s = time.monotonic()
         silent = [host for host, s in self._heard_s.items() if now_s - s > SILENT_S]
         if not silent:

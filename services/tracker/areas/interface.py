@@ -12,7 +12,7 @@ class KnownPeople:
     """People that a tracker can recognise."""
 
     embedder: str  # name of the model of their views
-    entries: Mapping[int, GalleryEntry]  # by identity
+    entries: Mapping[int, GalleryEntry]  # people by identity
 
 
 class AreaTracker(ABC):
@@ -30,5 +30,6 @@ class AreaTracker(ABC):
     def rename(self, identities: Mapping[int, int | None]) -> None:
         """Change the identities of tracks to the identities of neighbours for the same people.
 
-        None: a neighbour tracks another person under the identity; the track gets a new one.
+        A track gets a new identity if its value is None: a neighbour tracks another person under
+        it.
         """

@@ -41,8 +41,8 @@ class Neighbours:
     def __init__(self, config: SiteAreaConfig, frame_id: str) -> None:
         self._config, self._frame_id = config, frame_id
         self.name = ""  # name of this area
-        self._heard: dict[str, Neighbour] = {}  # by area
-        self._problems: dict[str, tuple[str, int]] = {}  # sentence and end of a conflict, by area
+        self._heard: dict[str, Neighbour] = {}  # last message by area
+        self._problems: dict[str, tuple[str, int]] = {}  # message and end of a conflict, by area
         self._started_ns: int | None = None
         self.counters = Counter(dict.fromkeys(COUNTERS, 0)) if config.number else Counter[str]()
 
@@ -80,8 +80,8 @@ class Neighbours:
         """Return the people of all usable neighbours by identity, each at the last match.
 
         Args:
-            ids: Identities of this tracker; identities it has not given yet are refused.
-            time_ns: Time of a frame, in whose clock times of matches are returned.
+            ids: Identities of this tracker; identities that it has not assigned yet are refused.
+            time_ns: Time of a frame; times of matches are returned in its clock.
             now_ns: Monotonic time of its arrival.
         """
         found: dict[int, GalleryEntry] = {}
@@ -103,7 +103,7 @@ class Neighbours:
         return found
 
     def reasons(self, now_ns: int) -> list[str]:
-        """Return a sentence on each neighbour that is silent, refused or has another clock."""
+        """Return a status message for each silent, refused or wrongly timed neighbour."""
         found = [text for text, until_ns in self._problems.values() if now_ns < until_ns]
         silent = [
             area

@@ -1,6 +1,6 @@
-"""Watch for cameras that send nothing, or miss the people whom other cameras find.
+"""Detection of cameras that are silent, or miss people detected by other cameras.
 
-Source: docs/method.md, section 28. The watch changes no tracks.
+Source: docs/method.md, section 28. Tracks are not changed.
 """
 
 from collections import deque
@@ -15,19 +15,21 @@ from people4d.messages import Track
 from people4d.messages.base import MAX_CAMERAS
 from services.tracker.interface import Observation
 
-SILENT_NS, SILENT_FRAMES = 3_000_000_000, 10  # time and frames after which a camera is silent
+# Time [ns] and number of frames after which a camera is silent
+SILENT_NS, SILENT_FRAMES = 3_000_000_000, 10
 FORGOTTEN_NS = 600_000_000_000  # silence after which a camera is no longer reported [ns]
-SAMPLE_NS, WINDOW_NS = 200_000_000, 10_000_000_000  # interval of samples, and their window [ns]
-NEAR_M, FAR_M = 0.8, 5.0  # range of depth in which a camera should find people [m]
-INSIDE = 0.8  # central part of the image's width in which a camera should find people
+SAMPLE_NS, WINDOW_NS = 200_000_000, 10_000_000_000  # interval and window of samples [ns]
+NEAR_M, FAR_M = 0.8, 5.0  # range of depth in which detections are expected [m]
+INSIDE = 0.8  # central part of the image's width in which detections are expected
 FRESH_S = 0.3  # maximum time since the last match of a track [s]
-EXPECTED_MIN = 25  # minimum expected people in the window of a covered camera
-USUAL_MIN, USUAL_SHARE = 50, 0.5  # minimum expected people before the window, minimum share found
+EXPECTED_MIN = 25  # minimum number of expected detections in the window for a covered camera
+# Minimum number of expected detections before the window, minimum share found
+USUAL_MIN, USUAL_SHARE = 50, 0.5
 
 
 @dataclass(slots=True)
 class _Camera:
-    """State of the watch of one camera."""
+    """Samples of one camera."""
 
     arrived_ns: int  # [ns] monotonic arrival of the last frame
     interval_ns: int = 0  # [ns] maximum recent interval between frames
@@ -42,12 +44,12 @@ class _Camera:
         self.samples.append((stamp_ns, expected, min(expected, found)))
         while self.samples and stamp_ns - self.samples[0][0] > WINDOW_NS:
             _, expected, found = self.samples.popleft()
-            if not self.is_covered:  # else its failure would count as usual
+            if not self.is_covered:  # a failure must not become the usual share
                 self.expected, self.found = self.expected + expected, self.found + found
 
     @property
     def is_covered(self) -> bool:
-        """True if the camera finds no person in view, but found most people before."""
+        """True if all expected detections are missing, while most were found before."""
         expected = sum(sample[1] for sample in self.samples)
         usual = self.expected >= USUAL_MIN and self.found >= USUAL_SHARE * self.expected
         return usual and expected >= EXPECTED_MIN and not any(s[2] for s in self.samples)
@@ -81,7 +83,7 @@ class CameraAbsence:
             )
 
     def reasons(self, now_ns: int) -> list[str]:
-        """Return a sentence on each camera that is silent or covered while others are not."""
+        """Return a status message for each camera that is silent or covered unlike others."""
         ages_ns = {
             name: age_ns
             for name, camera in self._cameras.items()

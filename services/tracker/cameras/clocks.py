@@ -3,8 +3,8 @@
 The time from the stamp of a frame to its arrival, less the stages in its trace, is the offset of
 two clocks plus a delay >= 0. Its minimum over some seconds changes only with the clock or with the
 path of the messages. The difference of the minima of two cameras is the offset of their clocks plus
-the difference of their minimum delays. A large difference counts as an offset of the clocks. People
-in view of both cameras show how much of a smaller one is an offset (see `adjust`).
+the difference of their minimum delays. A large difference counts as an offset of the clocks. For
+smaller ones, people in view of both cameras show the offset (see `adjust`).
 """
 
 from collections import deque
@@ -25,7 +25,8 @@ TRACE_MAX_NS = 2_000_000_000  # maximum sum of the stages in a trace [ns]
 ACTIVE_NS = 3_000_000_000  # maximum silence of an active camera [ns]
 INTERVALS = 9  # stored intervals between frames of a camera
 REFERENCE_NS = 30_000_000_000  # silence of the reference after which another replaces it [ns]
-# Minimum error of stamps that is corrected, and in standard deviations: the first, and later ones
+# Minimum error of stamps that is corrected [s], and in standard deviations: first correction, later
+# ones
 FIRST_MIN_S, FIRST_SIGMAS = 0.015, 3.0
 LATER_MIN_S, LATER_SIGMAS = 0.005, 1.0
 
@@ -48,7 +49,7 @@ class LeastDelay:
 
     @property
     def rises(self) -> bool:
-        """True if the last frames have longer delays than all before: the clock may be set back."""
+        """True if the last delays exceed all earlier ones: the clock may be set back."""
         return self._risen > 0
 
     def add_delay(self, delay_ns: int, now_ns: int) -> None:
@@ -68,8 +69,8 @@ class LeastDelay:
 class CameraClock:
     """The clock of one camera."""
 
-    offset_ns: int  # subtracted from its stamps
-    delay_ns: int = 0  # delay of its messages, relative to the reference
+    offset_ns: int  # [ns] offset subtracted from its stamps
+    delay_ns: int = 0  # [ns] delay of its messages, relative to the reference
     newest_ns: int = 0  # [ns] newest stamp
     heard_ns: int = 0  # [ns] monotonic
     delay: LeastDelay = field(default_factory=LeastDelay)
@@ -79,8 +80,8 @@ class CameraClock:
 class CameraClocks:
     """Corrections of stamps to the time of the reference camera.
 
-    The first camera is the reference. The offset of a camera changes when its frames come earlier
-    or later than the offset says, without their delay, by more than TOLERANCE_NS, and by `adjust`.
+    The first camera is the reference. The offset of a camera changes if its frames arrive earlier
+    or later than predicted by more than TOLERANCE_NS, and by `adjust`.
     """
 
     def __init__(self) -> None:
@@ -151,7 +152,7 @@ class CameraClocks:
         for camera, error in watch.stamp_errors(self.reference, time_ns).items():
             clock = self._clocks.get(camera)
             least_s, sigmas = FIRST_MIN_S, FIRST_SIGMAS
-            if clock is not None and clock.delay_ns:  # its stamps are known to be wrong
+            if clock is not None and clock.delay_ns:  # its stamps are wrong
                 least_s, sigmas = LATER_MIN_S, LATER_SIGMAS
             ahead_ns = round(error.ahead_s * 1e9)
             is_significant = abs(error.ahead_s) > max(least_s, sigmas * error.sigma_s)
@@ -159,7 +160,7 @@ class CameraClocks:
                 watch.restamp(camera, ahead_ns)
 
     def adjust(self, camera: str, ahead_ns: int) -> bool:
-        """Correct the stamps of a camera further, as people show; return False if implausible.
+        """Correct the stamps of a camera by the motion of people; return False if implausible.
 
         Args:
             camera: Name of the camera.
@@ -201,7 +202,7 @@ class CameraClocks:
     def _begin(self, camera: str, now_ns: int) -> CameraClock | None:
         if len(self._clocks) >= MAX_CAMERAS:
             oldest = min(self._clocks, key=lambda name: self._clocks[name].heard_ns)
-            # An active camera is never evicted by a new one.
+            # A new camera never evicts an active one.
             if now_ns - self._clocks[oldest].heard_ns < ACTIVE_NS:
                 return None
             del self._clocks[oldest]

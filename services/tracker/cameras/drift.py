@@ -1,8 +1,8 @@
-"""Watch of the poses of several cameras: a camera that was knocked shifts its positions of people.
+"""Detection of a displaced camera by the positions of people in view of two cameras.
 
 Isolated people in view of two cameras give differences of position. A small rotation and shift of
 each camera is fitted to the differences; the camera whose fit explains most of them is reported.
-The watch changes no tracks. Source: docs/method.md, section 28.
+Tracks are not changed. Source: docs/method.md, section 28.
 """
 
 import math
@@ -17,17 +17,18 @@ from services.tracker.cameras.stamp_errors import StampError, Walked, stamp_erro
 from services.tracker.interface import Observation
 
 CAMERAS_MAX = 16  # maximum number of cameras that are compared
-# maximum number of cameras compared with a frame; the least recently compared come first
+# maximum number of cameras compared with a frame, the least recently compared first
 COMPARED_MAX = 3
 SAMPLES_MAX = 300  # maximum number of samples of a pair of cameras
-SAMPLES_MIN = 60  # minimum samples of a camera for a fit
-TOGETHER_NS = 150_000_000  # maximum time between two frames that are compared [ns]
+SAMPLES_MIN = 60  # minimum number of samples of a camera for a fit
+TOGETHER_NS = 150_000_000  # maximum interval between two compared frames [ns]
 WINDOW_NS = 20_000_000_000  # window of the samples [ns]
 SAMPLE_NS = 200_000_000  # interval of the samples of a pair [ns]
 FRAMES_MAX = 16  # stored frames of each camera, for late frames of others
 STAMPS_NS = 2_000_000_000  # interval of the fits of errors of stamps [ns]
 FIT_NS = 5_000_000_000  # interval of the fits of movements [ns]
-SAME_M, ALONE_M = 1.0, 1.5  # maximum distance of one person, minimum distance of two people [m]
+# Maximum distance of positions of one person, minimum distance of two people [m]
+SAME_M, ALONE_M = 1.0, 1.5
 MOVED_M = 0.12  # minimum RMS displacement of people that is reported [m]
 EXPLAINED = 0.3  # share of the cost of all differences that the fit of one camera explains
 SCALE_M = 0.2  # scale of differences in the robust cost [m]
@@ -40,9 +41,9 @@ class CameraMovement:
     """Movement of a camera since its calibration, by the positions of other cameras."""
 
     camera: str
-    angle_rad: float  # rotation
-    shift_m: float  # shift
-    moved_m: float  # RMS displacement of people in its view
+    angle_rad: float  # [rad] rotation
+    shift_m: float  # [m] shift
+    moved_m: float  # [m] RMS displacement of people in its view
 
 
 @dataclass(slots=True)
@@ -57,7 +58,7 @@ class _Frame:
 
 @dataclass(frozen=True, slots=True)
 class _Sample:
-    """One person in view of two cameras."""
+    """Positions of one person by two cameras."""
 
     stamp_ns: int
     apart_m: F64  # 3, position by the first camera minus position by the second
@@ -68,7 +69,7 @@ class _Sample:
 
 
 class CameraDrift:
-    """Compares positions of people by all cameras, and finds the camera that has moved."""
+    """Compares positions of people between cameras, and finds a displaced camera."""
 
     def __init__(self) -> None:
         self._frames: dict[str, deque[_Frame]] = {}
@@ -133,7 +134,7 @@ class CameraDrift:
             self.movement = self._find()
 
     def stamp_errors(self, reference: str, stamp_ns: int) -> dict[str, StampError]:
-        """Return errors of stamps against a reference camera, by camera; empty until due.
+        """Return errors of stamps against a reference, by camera; empty before the next fit is due.
 
         Also empty while a camera has moved, since its pose then explains the differences.
         """
@@ -153,7 +154,7 @@ class CameraDrift:
         return stamp_errors(walked, reference)
 
     def reasons(self) -> list[str]:
-        """Return a sentence on the camera that has moved, if there is one."""
+        """Return a status message that names a displaced camera."""
         found = self.movement
         if found is None:
             return []
@@ -177,7 +178,8 @@ class CameraDrift:
                 continue
             rays = frame.positions_m[i] - frame.origin_m, last.positions_m[j] - last.origin_m
             own, its = rays if sign > 0 else rays[::-1]
-            # With wrong stamps the velocity after one camera is too low, after the other too high.
+            # With wrong stamps, velocities are too low after frames of one camera and too high
+            # after the other's.
             velocity = (frame.velocities_mps[i] + last.velocities_mps[j]) / 2
             samples.append(
                 _Sample(frame.stamp_ns, sign * apart[i, j], own, its, velocity, between_s)

@@ -11,13 +11,13 @@ from services.tracker.cameras.stamp_guard import JUMP_NS
 from services.tracker.config import TrackerConfig
 
 ACTIVE_NS = 1_000_000_000  # maximum silence of an active camera [ns]
-TIMEOUTS_MAX = 3  # consecutive timeouts after which embeddings are not waited for
+TIMEOUTS_MAX = 3  # number of consecutive timeouts after which frames do not wait for embeddings
 EARLY_MAX = 64  # maximum number of stored embeddings without detections
-EARLY_MAX_BYTES = 16 * 2**20  # their largest total size [bytes]
+EARLY_MAX_BYTES = 16 * 2**20  # maximum total size of these embeddings [bytes]
 FIRST_PERIOD_NS = 50_000_000  # assumed period before the second frame [ns]
 PERIOD_MIN_NS, PERIOD_MAX_NS = 10_000_000, 500_000_000  # limits of the period [ns]
-PERIODS = 15  # periods in the running median
-RELEASED_MAX = 64  # stored stamps of released frames, to detect duplicates
+PERIODS = 15  # number of periods in the running median
+RELEASED_MAX = 64  # number of stored stamps of released frames, which reveal duplicates
 DETECTORS_MAX = 256  # maximum number of stored names of detectors
 FrameKey: TypeAlias = tuple[str, int, int]  # camera, stamp and sequence
 COUNTERS = (
@@ -34,7 +34,7 @@ class DetectionStream:
     """
 
     def __init__(self) -> None:
-        self._newest: dict[str, int] = {}  # sequence by detector
+        self._newest: dict[str, int] = {}  # newest sequence number by detector
         self._last: tuple[int, int] | None = None  # sequence and stamp of the last frame added
         self._periods_ns: deque[int] = deque(maxlen=PERIODS)
         # Sequence and stamp of released frames, newest last
@@ -58,11 +58,11 @@ class DetectionStream:
         return max(detections.sequence - before - 1, 0)
 
     def was_released(self, detections: Detections) -> bool:
-        """Check that this frame was released before."""
+        """Return True if this frame was released before."""
         return (detections.sequence, detections.stamp_ns) in self._released
 
     def is_late(self, message: Detections | Embeddings) -> bool:
-        """Check that a later frame was released before.
+        """Return True if a later frame was released before.
 
         Stamps may be equal or jitter: a frame of a higher sequence number is never late.
         """
@@ -82,7 +82,7 @@ class DetectionStream:
         return min(max(period_ns, PERIOD_MIN_NS), PERIOD_MAX_NS)
 
     def may_lack(self, detections: Detections) -> bool:
-        """Check that a frame before the oldest pending one may still come."""
+        """Return True if a frame before the oldest pending one may still arrive."""
         sequence, released = detections.sequence, self._released
         if sequence <= (released[-1][0] + 1 if released else 0):
             return False
@@ -96,15 +96,15 @@ class PendingFrame:
 
     detections: Detections
     time_ns: int  # [ns] its stamp in the common time of all cameras
-    arrived_ns: int  # [ns] monotonic
+    arrived_ns: int  # [ns] monotonic arrival
     embeddings: Embeddings | None = None
 
 
 class FrameJoin:
     """Releases frames by stamp, with the embeddings that arrived in time.
 
-    After TIMEOUTS_MAX consecutive timeouts frames do not wait until embeddings arrive again: a dead
-    re-identification must not delay every frame.
+    After TIMEOUTS_MAX consecutive timeouts frames do not wait until embeddings arrive again: a
+    failed re-identification must not delay every frame.
     """
 
     def __init__(self, config: TrackerConfig, uses_embeddings: bool) -> None:
@@ -120,12 +120,12 @@ class FrameJoin:
 
     @property
     def ignores_embeddings(self) -> bool:
-        """Frames no longer wait for embeddings."""
+        """True if frames no longer wait for embeddings."""
         return self._timeouts_in_row >= TIMEOUTS_MAX
 
     @property
     def waiting(self) -> bool:
-        """A frame waits."""
+        """True if a frame waits."""
         return bool(self._frames)
 
     def add_detections(
@@ -205,7 +205,8 @@ class FrameJoin:
         stream = self._streams.get(embeddings.camera)
         if stream is None or not stream.is_late(embeddings):
             return False
-        return stream.behind_ns(embeddings) <= JUMP_NS  # else the first after a clock reset
+        # Otherwise the first embeddings after a clock reset
+        return stream.behind_ns(embeddings) <= JUMP_NS
 
     def _lacks_embeddings(self, frame: PendingFrame) -> bool:
         wanted = self._embedding_ns > 0 and len(frame.detections.detections) > 0
@@ -223,7 +224,7 @@ class FrameJoin:
         return frame.arrived_ns + wait_ns
 
     def _is_ahead(self, frame: PendingFrame) -> bool:
-        """Check that another camera may still send an earlier frame."""
+        """Return True if another camera may still send an earlier frame."""
         return any(
             newest < frame.time_ns and frame.arrived_ns - arrived < ACTIVE_NS
             for camera, (newest, arrived) in self._newest.items()

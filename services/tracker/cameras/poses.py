@@ -29,9 +29,9 @@ class CameraPoseLookup:
         self._tracking_frame = frame_id
         self._buffer = TransformBuffer()
         self._fixed: dict[str, F64] = {}  # last used poses of fixed cameras
-        self._parents: dict[str, str] = {}  # of frames, by fixed transforms
+        self._parents: dict[str, str] = {}  # parent frames by frame, from fixed transforms
         self.loop: Sequence[str] = ()  # frames, see find_loop
-        self.without_transform: set[str] = set()  # cameras
+        self.without_transform: set[str] = set()  # cameras without a transform
 
     @property
     def counters(self) -> dict[str, int]:
@@ -55,7 +55,7 @@ class CameraPoseLookup:
             return False
         if isinstance(message, StaticTransform):
             self._parents[message.child] = message.parent
-            # A first loop can only be through this frame.
+            # A first loop can only contain this frame.
             self.loop = find_loop(self._parents, () if self.loop else (message.child,))
         changed = self._update_tracking_frame()
         if not isinstance(message, StaticTransform):
@@ -130,7 +130,7 @@ def transform_track(track: Track, transform: TransformEstimate) -> Track:
 def pose_covariance(ray_m: F64, pose: TransformEstimate) -> F64:
     """Return the covariance (3x3) of a position due to the uncertainty of a pose.
 
-    `ray_m` (3) leads there from the origin of the pose, with the axes of the position's frame.
+    `ray_m` (3) points from the origin of the pose to the position, in the axes of its frame.
     """
     # A rotation about the vertical moves a point at right angles to the ray.
     aside_m = pose.sigma_rad * np.array([-ray_m[1], ray_m[0], 0.0])

@@ -1,8 +1,8 @@
-"""Errors of the stamps of cameras, by people who walk in view of two cameras.
+"""Errors of the stamps of cameras, from walking people in view of two cameras.
 
-A message may arrive late because the clock of its camera is behind, or because its path is long.
-With wrong stamps the positions of a person by two cameras differ along the direction of walking,
-and the difference changes sign when the person returns. With late messages alone they agree.
+A message arrives late if the clock of its camera is behind or the transport is slow. With wrong
+stamps the positions of a person by two cameras differ along the direction of walking, and the
+difference changes sign when the person returns. If only messages are late, the positions agree.
 Source: docs/method.md, section 24.
 """
 
@@ -20,7 +20,7 @@ ITERATIONS = 4  # iterations of the reweighted fit
 POSE_SIGMA_M = 0.1  # prior standard deviation of a shift between two cameras [m]
 TURN_SIGMA_RAD = 0.1  # prior standard deviation of a rotation about the vertical [rad]
 STAMP_SIGMA_S = 10.0  # prior standard deviation of an error of stamps [s]
-ALIKE = 3.0  # number of consecutive samples with the same error
+ALIKE = 3.0  # assumed number of consecutive samples with the same error
 Pair: TypeAlias = tuple[str, str]
 
 
@@ -69,7 +69,7 @@ def stamp_errors(walked: Mapping[Pair, Walked], reference: str) -> dict[str, Sta
 
 
 def _of_pair(walked: Walked) -> tuple[float, float] | None:
-    """Return how far the stamps of the first camera are ahead of the second, and the variance.
+    """Return the error of the first camera's stamps against the second's [s], and its variance.
 
     With stamps ahead by e, the positions of a person at velocity v and ray r differ by
     b + w x r + v (dt - e), where shift b and rotation w are errors of the poses.

@@ -1,8 +1,8 @@
 """Guard against frames whose stamps are far from the clock of their camera.
 
-Without keys any client can publish in the name of a camera. Messages with a distant stamp must not
-end tracks while the camera continues with its own stamps. After a clock was set, or a recording
-restarts, no frame with the previous clock arrives.
+Without authentication any client can publish as a camera. Messages with a distant stamp must not
+end tracks while the camera itself continues. After a clock change or a restarted recording, frames
+with the previous clock stop.
 """
 
 from collections import Counter
@@ -13,10 +13,10 @@ from people4d.messages import Detections
 from services.tracker.cameras.clocks import CameraClocks
 
 JUMP_NS = 1_000_000_000  # minimum jump of a clock: frames with such stamps are held [ns]
-# minimum silence of the previous clock after which a jump is accepted [ns]
+# minimum silence of the previous clock before a jump is accepted [ns]
 SILENT_NS = 1_000_000_000
-SILENT_INTERVALS = 3  # the same for slow cameras, in longest intervals between frames
-SILENT_MAX_NS = 4_000_000_000  # maximum such silence [ns]
+SILENT_INTERVALS = 3  # the same for slow cameras [longest interval between frames]
+SILENT_MAX_NS = 4_000_000_000  # maximum silence required [ns]
 CAMERAS_MAX = 8  # maximum number of cameras with held frames
 HELD_MAX = 64  # maximum number of held frames of a camera; the second oldest is dropped
 HELD_MAX_BYTES = 16 * 2**20  # maximum total size of held frames [bytes]
@@ -29,7 +29,7 @@ class ArrivedFrame:
     """Detections with their time of arrival."""
 
     detections: Detections
-    arrived_ns: int  # [ns] monotonic
+    arrived_ns: int  # [ns] monotonic arrival
     size_bytes: int = 0  # approximate size of a held frame
 
 
@@ -43,8 +43,9 @@ class StampGuard:
 
     clocks: CameraClocks
     counters: Counter[str] = field(default_factory=lambda: Counter(stray_frames=0))
-    _held: dict[str, list[ArrivedFrame]] = field(default_factory=dict)  # by camera
-    _strays: dict[str, tuple[int, float]] = field(default_factory=dict)  # time of drop, offset [s]
+    _held: dict[str, list[ArrivedFrame]] = field(default_factory=dict)  # held frames by camera
+    # Time of the drop [ns] and offset [s], by camera
+    _strays: dict[str, tuple[int, float]] = field(default_factory=dict)
 
     def admit(self, detections: Detections, now_ns: int) -> list[ArrivedFrame]:
         """Return a frame that is to be tracked now; `due` returns held frames."""
@@ -56,7 +57,7 @@ class StampGuard:
         if held and abs(_between_ns(held[-1], frame)) > JUMP_NS:
             self._drop(camera, now_ns)
         held = self._held.get(camera, [])
-        # A repeated old message does not show a clock that continues.
+        # A repeated old message is no sign of a running clock.
         repeated = bool(held) and not _follows(held[-1].detections, detections)
         frame.size_bytes = _bytes(detections)
         full = self._held_bytes() + frame.size_bytes > HELD_MAX_BYTES
@@ -65,13 +66,13 @@ class StampGuard:
             return []
         held = self._held.setdefault(camera, held)
         held.append(frame)
-        if len(held) > HELD_MAX:  # the first frame marks the beginning of the silence
+        if len(held) > HELD_MAX:  # the first frame stays: it marks the beginning of the silence
             self.counters["stray_frames"] += 1
             del held[1]
         return []
 
     def is_reset(self, detections: Detections) -> bool:
-        """Check that the clock of a camera went back by more than a late frame explains."""
+        """Return True if the clock of a camera went back by more than a late frame explains."""
         newest_ns = self.clocks.newest_ns(detections.camera)
         return newest_ns is not None and newest_ns - detections.stamp_ns > JUMP_NS
 
@@ -89,7 +90,7 @@ class StampGuard:
         return min((self._due_ns(*waiting) for waiting in self._held.items()), default=None)
 
     def reasons(self, now_ns: int) -> list[str]:
-        """Return a sentence on each camera with recently dropped frames."""
+        """Return a status message for each camera with recently dropped frames."""
         self._strays = {c: s for c, s in self._strays.items() if now_ns - s[0] < REPORTED_NS}
         return [
             f"frames in the name of camera {camera} with stamps {abs(ahead_s):.1f} s "
@@ -114,16 +115,16 @@ class StampGuard:
         return sum(frame.size_bytes for held in self._held.values() for frame in held)
 
     def _ahead_ns(self, detections: Detections, now_ns: int) -> int | None:
-        """Return how far a stamp is ahead of its camera's clock; None before the first frame.
+        """Return the offset of a stamp from its camera's clock [ns]; None before the first frame.
 
-        During silence the clock of a live camera continues, and the clock of a recording rests.
+        During silence the clock of a live camera runs, the clock of a recording stops.
         """
         newest_ns = self.clocks.newest_ns(detections.camera)
         if newest_ns is None:
             return None
         ahead_ns = detections.stamp_ns - newest_ns
         elapsed_ns = self.clocks.elapsed_ns(detections.camera, now_ns)
-        if elapsed_ns is None:  # ahead by the unknown time without this process
+        if elapsed_ns is None:  # the downtime of this process is unknown
             return min(ahead_ns, 0)
         return min(ahead_ns, 0) + max(ahead_ns - elapsed_ns, 0)
 

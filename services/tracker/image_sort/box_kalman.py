@@ -33,8 +33,8 @@ TRACK = np.dtype(
         ("matched_ns", np.int64),  # [ns] stamp of the last match
     ]
 )
-Records: TypeAlias = npt.NDArray[Any]  # N tracks of TRACK
-States: TypeAlias = Records | np.void  # N tracks, or one
+Records: TypeAlias = npt.NDArray[Any]  # N records of type TRACK
+States: TypeAlias = Records | np.void  # N records or a single one
 
 # Variances of u, v, s, r and of the velocities of u, v, s per frame, in px and px^2
 START, START_VELOCITY = np.array([10.0, 10.0, 10.0, 10.0]), np.array([1e4, 1e4, 1e4])
@@ -51,7 +51,7 @@ def begin(tracks: States, boxes: F64) -> None:
 
 
 def predict(tracks: States) -> None:
-    """Predict the states one frame ahead; an area that would vanish stops shrinking, as in SORT."""
+    """Predict the states one frame ahead; areas stay positive, as in SORT."""
     x, v, pp, pv, vv = (tracks[name] for name in ("x", "v", "pp", "pv", "vv"))
     v[..., 2] = np.where(x[..., 2] + v[..., 2] <= 0, 0.0, v[..., 2])
     x[..., :3] += v

@@ -9,7 +9,7 @@ from common.geometry.transforms import wrap
 from people4d.messages import F64
 from services.tracker.image_sort.box_kalman import States
 
-LEVEL_MIN = 0.2  # minimum level part of an optical axis that has a yaw (78 deg steep)
+LEVEL_MIN = 0.2  # minimum horizontal part of an optical axis with a yaw (78 deg steep)
 ANGLE_MAX_RAD = 1.5  # [rad] maximum angle to the optical axis of a point in a plane image
 
 
@@ -17,8 +17,8 @@ class Turn(NamedTuple):
     """Rotation of a camera."""
 
     rad: float  # [rad] about the vertical, to the left, counter-clockwise seen from above
-    sigma_rad: float = 0.0  # [rad] its standard deviation
-    up_rad: float = 0.0  # [rad] upwards, of a camera that is tilted
+    sigma_rad: float = 0.0  # [rad] standard deviation of `rad`
+    up_rad: float = 0.0  # [rad] upwards
 
 
 class Lens(NamedTuple):
@@ -26,8 +26,8 @@ class Lens(NamedTuple):
 
     px_per_rad: float  # [px/rad] width of the image over its field of view
     focal_px: float  # [px] focal length of a pinhole camera; 0: all columns move equally, section 7
-    u_px: float  # [px] principal point
-    v_px: float  # [px] principal point
+    u_px: float  # [px] column of the principal point
+    v_px: float  # [px] row of the principal point
 
 
 class CameraDirection(NamedTuple):
@@ -80,7 +80,7 @@ def turn_tracks(tracks: States, turn: Turn, lens: Lens) -> None:
     if turn.rad != 0:
         x[..., 0], grown = turned_points(x[..., 0], turn.rad, lens.u_px, lens.focal_px)
         x[..., 1] = lens.v_px + (x[..., 1] - lens.v_px) * grown
-        x[..., 2] *= grown**3  # the height grows by g, the width by g^2
+        x[..., 2] *= grown**3  # height grows by g, width by g^2
         x[..., 3] *= grown
         v[..., 0] *= grown**2
     if turn.up_rad != 0:

@@ -19,7 +19,7 @@ from services.tracker.image_sort.camera_turn import STILL, Lens, Turn, turn_trac
 
 I64 = npt.NDArray[np.int64]
 BOOL = npt.NDArray[np.bool_]
-NONE = -1  # detection of an unmatched track
+NONE = -1  # index of the detection of an unmatched track
 ENDED = 2**62  # number of missed frames of an expired track
 FOV_DEG = 69.0  # field of view without a calibration: colour of a RealSense D435i [deg]
 IOU_MIN = 0.3  # minimum intersection over union of a pair [Bewley 2016]
@@ -65,12 +65,12 @@ class ImageSort:
         self._stamp_ns = 0  # time of the current frame [ns]
 
     def update(self, frame: BoxFrame) -> BoxTracks:
-        """Process one frame, an empty one too, and return the confirmed tracks matched in it."""
+        """Process one frame, which may be empty, and return the confirmed tracks matched in it."""
         boxes = np.asarray(frame.boxes_xyxy_px, np.float64)
         scores = np.asarray(frame.scores, np.float64)
         self._stamp_ns = frame.stamp_ns
         self._frames += 1
-        with np.errstate(over="ignore", invalid="ignore"):  # tracks that are not finite end below
+        with np.errstate(over="ignore", invalid="ignore"):  # non-finite tracks end below
             self._predict(frame)
             free = self._associate(boxes, scores)
             self._update(boxes, scores)
@@ -137,7 +137,7 @@ class ImageSort:
         self._tracks = tracks[(tracks["missed"] <= t_age) & finite]
 
     def _begin(self, boxes: F64, scores: F64, free: BOOL) -> None:
-        """Begin a track with each unmatched detection of a sufficient score."""
+        """Begin a track from each unmatched detection with a sufficient score."""
         columns = np.flatnonzero(free & (scores >= self._config.score_new))
         new = np.zeros(len(columns), TRACK)
         begin(new, boxes[columns])
@@ -164,7 +164,7 @@ class ImageSort:
 
     @property
     def next_id(self) -> int:
-        """The next identity to be given."""
+        """The next unused identity."""
         return self._next_id
 
     def raise_to(self, next_id: int) -> None:
@@ -181,7 +181,7 @@ class ImageSort:
         self._frames = checkpoint.frames
 
     def postpone(self, duration_ns: int) -> None:
-        """Skip a time without frames."""
+        """Shift all times by a pause without frames."""
         self._tracks["matched_ns"] += duration_ns
 
     def reset(self) -> None:

@@ -36,14 +36,15 @@ from services.tracker.motion.track_set import TrackSet
 from services.tracker.motion.yaw_sources import make_yaw
 from services.tracker.stateful import TrackerCheckpoint, TrackSetTracker, pack, unpack
 
-NEVER = 2**62  # [frames] tracks end in the image only
+NEVER = 2**62  # [frames] unlimited: tracks end in the image only
 
 
 class ImageTrackerCheckpoint(msgspec.Struct, frozen=True, kw_only=True):
     """The state of the tracker."""
 
     next_id: int
-    images: dict[str, tuple[ImageSortCheckpoint, CameraDirection | None]]  # by camera
+    # Tracks and direction by camera
+    images: dict[str, tuple[ImageSortCheckpoint, CameraDirection | None]]
     positions: TrackerCheckpoint
 
 
@@ -52,7 +53,7 @@ class CameraTracks:
     """The tracks in the image of one camera."""
 
     sort: ImageSort
-    direction: CameraDirection | None = None  # of the last frame
+    direction: CameraDirection | None = None  # direction in the last frame
 
 
 class ImageTracker(TrackSetTracker):
@@ -80,7 +81,7 @@ class ImageTracker(TrackSetTracker):
     def update(self, observation: Observation) -> list[Track]:
         """Track the boxes, then update the positions of the tracks.
 
-        Boxes do not go back: a late frame counts as one of the last one's time.
+        Box states cannot go back in time: a late frame is processed at the time of the last one.
         """
         if self.tracks.stamp_ns is not None and observation.stamp_ns < self.tracks.stamp_ns:
             observation = replace(observation, stamp_ns=self.tracks.stamp_ns)
@@ -124,7 +125,7 @@ class ImageTracker(TrackSetTracker):
         self.ids.raise_to(state.next_id)
 
     def _update_positions(self, observation: Observation, matched: BoxTracks) -> list[Track]:
-        """Update the positions of tracks that any image has."""
+        """Update the positions of tracks in any image."""
         tracks = self.tracks
         tracks.predict(observation)
         by_index = {m.index: m for m in observation.measurements}

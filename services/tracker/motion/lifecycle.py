@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from services.tracker.motion.track_record import TrackRecord
 
 MISSES_MIN = 2  # minimum number of missed frames, hidden ones included, that end a track
-SEVERAL_HITS = 1  # additional matches for confirmation while several cameras send
-ABSENCE_MAX_S = 30.0  # maximum time without frames after which tracks continue [s]
-TENTATIVE_S = 1.0  # maximum age of an unmatched tentative track while several cameras send [s]
+SEVERAL_HITS = 1  # additional matches for confirmation with several cameras
+ABSENCE_MAX_S = 30.0  # maximum outage of frames that tracks survive [s]
+TENTATIVE_S = 1.0  # maximum age of an unmatched tentative track with several cameras [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,35 +20,35 @@ class Lifecycle:
     lost_s: float  # [s] maximum time without a match of any track
 
     def bridges(self, absent_s: float) -> bool:
-        """Check for an absence of frames that tracks survive although it exceeds `lost_s`."""
+        """Return True if tracks survive an outage of frames longer than `lost_s`."""
         return self.lost_s < absent_s <= ABSENCE_MAX_S
 
     def confirms(self, record: TrackRecord, several_cameras: bool) -> bool:  # noqa: ARG002
-        """Check for enough matches."""
+        """Return True after enough matches."""
         return record.streak >= self.confirm_hits
 
     def ended(self, record: TrackRecord) -> bool:
-        """Check for too many unmatched frames; hidden ones do not count."""
+        """Return True after too many unmatched frames; hidden ones do not count."""
         limit = self.lost_frames if record.confirmed else self.tentative_frames
         return record.frames_missed >= limit
 
     def expired(self, record: TrackRecord, stamp_ns: int, several_cameras: bool) -> bool:  # noqa: ARG002
-        """Check for too long a time without a match."""
+        """Return True after too long a time without a match."""
         return stamp_ns - record.matched_ns > self.lost_s * 1e9
 
 
 class HitsLifecycle(Lifecycle):
-    """Confirmation by matches that need not be consecutive, deletion after as many misses.
+    """Confirmation by matches, consecutive or not; deletion after an equal number of misses.
 
     Several cameras give more matches in less time, and more false alarms.
     """
 
     def confirms(self, record: TrackRecord, several_cameras: bool) -> bool:
-        """Check for enough matches."""
+        """Return True after enough matches."""
         return record.hits >= self.confirm_hits + SEVERAL_HITS * several_cameras
 
     def ended(self, record: TrackRecord) -> bool:
-        """Check for as many misses as matches, or for their square including hidden frames.
+        """Return True if misses reach the hits, or with hidden frames their square.
 
         A track of one or two matches is often a false alarm.
         """
@@ -57,7 +57,7 @@ class HitsLifecycle(Lifecycle):
         return record.frames_missed >= min(self.lost_frames, record.hits)
 
     def expired(self, record: TrackRecord, stamp_ns: int, several_cameras: bool) -> bool:
-        """Check for too long a time without a match.
+        """Return True after too long a time without a match.
 
         A false alarm behind a person counts as hidden, so that misses do not end it.
         """

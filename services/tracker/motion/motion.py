@@ -14,7 +14,7 @@ from services.tracker.interface import Measurement
 SIGMA_START_VELOCITY_MPS = 2.0  # standard deviation of the velocity of a new track [m/s]
 MAX_DEPTH_M = 5.0  # depth at which the noise doubles: R <- (1 + x / max_depth) R (4.11) [m]
 SCORE_FLOOR = 0.05  # minimum factor of the noise in R <- (1 - score) R (3.4)
-GATE_SIGMA_M = 0.15  # standard deviation of positions on top of a measured R in gates [m]
+GATE_SIGMA_M = 0.15  # standard deviation added to a measured R in gates [m]
 
 # Blocks of matrices of position and velocity (6x6)
 OF_POSITION = np.diag([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
@@ -50,8 +50,8 @@ def measured_noise(
 class Motion(Protocol):
     """A model of the motion of a track."""
 
-    position: slice  # part of a state
-    velocity: slice  # part of a state
+    position: slice  # elements of the position in a state
+    velocity: slice  # elements of the velocity in a state
 
     def predict(self, x: F64, P: F64, dt_s: float, noise_factor: float = 1.0) -> tuple[F64, F64]:
         """Move states ahead; the covariance of the process noise is multiplied by a factor."""
@@ -82,7 +82,7 @@ class PositionNoise(Protocol):
 
     @property
     def noise(self) -> Literal["constant", "measured"]:
-        """Source of R: the detection's covariance where it has one, or a constant."""
+        """Source of R: the detection's covariance if known, or always a constant."""
 
 
 class PositionMotion:
@@ -110,11 +110,11 @@ class PositionMotion:
         return np.array([m.position_m for m in measurements]).reshape(-1, 3)
 
     def noise(self, measurements: Sequence[Measurement]) -> F64:
-        """Return R of updates: as measured, or grown with depth and shrunk by the score (NSA)."""
+        """Return R of updates: measured, or scaled by depth and score (NSA)."""
         return self._noise(measurements, self._score_noise)
 
     def gate_noise(self, measurements: Sequence[Measurement]) -> F64:
-        """Return R of gates: without the score, as in StrongSORT; measured R grows by a constant.
+        """Return R of gates: without the score, as in StrongSORT; a constant adds to measured R.
 
         Errors of consecutive frames are similar, so a track has the same error as its detections.
         """

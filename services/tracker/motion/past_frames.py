@@ -1,7 +1,7 @@
 """Frames of the last second, for tracking a late frame at its own time.
 
-Tracks return to their states before the late frame, the frame is tracked, and all later matches are
-filtered once more. Source: docs/method.md, section 3.
+Tracks return to their states before the late frame, the frame is tracked, and later matches are
+filtered again. Source: docs/method.md, section 3.
 """
 
 from bisect import insort
@@ -31,7 +31,7 @@ class PastMatch(NamedTuple):
 class PastState(NamedTuple):
     """State of a track after a frame."""
 
-    record: TrackRecord  # the present record
+    record: TrackRecord  # present record of the track
     state: FilterState
     yaw: F64 | None
     matched_ns: int
@@ -56,7 +56,7 @@ class PastFrames:
 
     def __init__(self, track_filter: TrackFilter) -> None:
         self._filter = track_filter
-        self._frames: list[PastFrame] = []  # by time
+        self._frames: list[PastFrame] = []  # frames in the order of their times
         self._matches: dict[int, PastMatch] = {}  # matches of the current frame
         self._present: dict[int, TrackRecord] = {}  # present records during a late frame
 
@@ -72,7 +72,7 @@ class PastFrames:
 
     def add_frame(self, records: Sequence[TrackRecord], observation: Observation) -> None:
         """Store the tracks after the current frame."""
-        states = {  # their arrays are replaced, never changed
+        states = {  # arrays of a state are replaced, never changed
             id(t): PastState(t, FilterState(t.x, t.P, t.imm), t.yaw, t.matched_ns) for t in records
         }
         frame = PastFrame(observation.stamp_ns, observation.camera, states, self._matches)
@@ -85,8 +85,8 @@ class PastFrames:
     def noise_factor(self, observation: Observation, dt_s: float) -> float:
         """Return the factor of the process noise, dt_s seconds after the previous frame.
 
-        An acceleration lasts for the frame interval of one camera. With the shorter interval
-        between frames of several cameras, tracks would become stiffer with each camera.
+        An acceleration lasts for the frame interval of one camera. The shorter interval between
+        frames of several cameras would underestimate the noise.
         """
         before_ns = self._stamps_before(observation.stamp_ns).get(observation.camera)
         return _noise_factor(observation.stamp_ns, before_ns, dt_s)
@@ -165,7 +165,7 @@ def _noise_factor(stamp_ns: int, before_ns: int | None, dt_s: float) -> float:
 def _is_changed(
     record: TrackRecord, present: dict[int, TrackRecord], later: Sequence[PastFrame]
 ) -> bool:
-    """Check for a track that the late frame began, or updated after its beginning."""
+    """Return True for a track that the late frame began or updated."""
     if id(record) not in present:
         return True
     began_later = bool(later) and id(record) not in later[0].states

@@ -21,15 +21,16 @@ STANDING, WALKING = 0, 1  # modes
 STANDING_SIGMA_MPS = 0.03  # standard deviation of a standing person's velocity [m/s]
 DRIFT_M2PS = 0.0005  # growth of the variance of a standing person's position [m^2/s]
 STANDING_S, WALKING_S = 0.5, 10.0  # mean durations of standing and of walking [s]
-CHI2_3DOF_999 = 16.27  # maximum squared distance of an accepted velocity: chi^2, 99.9 %
-IS_POSITION = np.pad(np.ones((3, 3)), (0, 3))  # elements of a covariance
+CHI2_3DOF_999 = 16.27  # maximum squared distance of an accepted velocity (chi^2, 99.9 %)
+IS_POSITION = np.pad(np.ones((3, 3)), (0, 3))  # mask of the position block of a covariance
 ON_POSITION = IS_POSITION * np.eye(6)
-OWN = np.array([IS_POSITION, np.ones((6, 6))])  # estimated elements of the covariance, by mode
+# Mask of the estimated elements of the covariance, by mode
+OWN = np.array([IS_POSITION, np.ones((6, 6))])
 UNKNOWN_M2PS2 = 1e6  # variance of an unknown velocity [m^2/s^2]
 
 Velocities: TypeAlias = Sequence[VelocityMeasurement | None]
 
-# From states (Nxn), covariances (Nxnxn), unmatched tracks (N) and a time step in seconds.
+# Decay of states (Nxn) and covariances (Nxnxn) of unmatched tracks (mask N) over a time step [s]
 Decay: TypeAlias = Callable[[F64, F64, BOOL, float], tuple[F64, F64]]
 
 
@@ -50,8 +51,8 @@ def decay_velocity(x: F64, P: F64, unmatched: BOOL, dt_s: float) -> tuple[F64, F
     """Return states (Nx6) and covariances (Nx6x6) with decayed velocities of unmatched tracks.
 
     An Ornstein-Uhlenbeck process: over dt the velocity shrinks by k = exp(-dt / tau), and
-    (1 - k^2) sigma^2 is added to its variance, so that the position's uncertainty keeps growing
-    while the predicted position comes to rest.
+    (1 - k^2) sigma^2 is added to its variance, so the uncertainty of the position grows while the
+    prediction comes to rest.
     """
     if not unmatched.any():
         return x, P
@@ -76,7 +77,7 @@ class KalmanFilter:
         self._motion, self._decay = motion, decay
 
     def start(self, x: F64, P: F64) -> None:
-        """Return None: the state has one model only."""
+        """Return None: there are no modes."""
 
     def predict(
         self, records: Sequence[TrackRecord], dt_s: float, noise_factor: float = 1.0
@@ -114,7 +115,7 @@ class Imm:
         self._begins_to_walk = np.diag([0.0, 0.0, 0.0, level, level, up])
 
     def start(self, x: F64, P: F64) -> ImmState:
-        """Begin both modes with one state (6) and covariance (6x6), and stationary probabilities.
+        """Initialise both modes with a state (6), covariance (6x6) and stationary probabilities.
 
         New tracks are usually walking. With equal probabilities their velocities would stay near 0
         for half a second.
@@ -204,7 +205,7 @@ class Imm:
         )
 
     def _stand(self, x: F64, P: F64, dt_s: float, noise_factor: float) -> None:
-        """Predict the standing mode: velocity 0, variance of a person who starts to walk."""
+        """Predict the standing mode: velocity 0 with the variance of starting to walk."""
         drift_m2 = noise_factor * STANDING_SIGMA_MPS**2 * dt_s**2 + DRIFT_M2PS * dt_s
         x[:, 3:] = 0.0
         P *= IS_POSITION
@@ -212,7 +213,7 @@ class Imm:
 
 
 def stacked(velocities: Velocities) -> tuple[F64, F64]:
-    """Return velocities (Nx3) and covariances (Nx3x3), large ones where unknown."""
+    """Return velocities (Nx3) and covariances (Nx3x3), which are large if unknown."""
     unknown = VelocityMeasurement(np.zeros(3), UNKNOWN_M2PS2 * np.eye(3))
     pairs = [velocity or unknown for velocity in velocities]
     return np.array([v.mps for v in pairs]), np.array([v.covariance_m2ps2 for v in pairs])

@@ -26,8 +26,8 @@ class IdentityDecision:
 class ImmState:
     """The state of one track under both motion models, standing and walking."""
 
-    x: F64  # 2xn states
-    P: F64  # 2xnxn, their covariances
+    x: F64  # 2xn, states of both modes
+    P: F64  # 2xnxn, covariances of x
     mode_probability: F64  # 2
 
 
@@ -37,7 +37,7 @@ class TrackRecord:
 
     id: int
     x: F64  # state, see the motion model
-    P: F64  # its covariance
+    P: F64  # covariance of x
     score: float  # score of the last matched detection
     camera: str  # camera of the last match
     matched_ns: int  # [ns] stamp of the last match
@@ -45,7 +45,7 @@ class TrackRecord:
     confirmed: bool
     embedding: F64 | None = None
     identity: IdentityDecision = IdentityDecision()
-    yaw: F64 | None = None  # state of its filter
+    yaw: F64 | None = None  # state of the yaw filter
     imm: ImmState | None = None  # states of both modes; x and P are their mean
     hits: int = 1  # number of matched frames
     streak: int = 1  # number of matched frames since the last miss
@@ -53,11 +53,11 @@ class TrackRecord:
     begun_ns: int = 0  # [ns] stamp of the first match; 0: unknown
     missed_since_ns: int = 0  # [ns] stamp of the last match, or shortly before the next frame
     missed: int = 0  # number of frames since the last match
-    hidden: int = 0  # number of missed frames that could not show the person
+    hidden: int = 0  # number of missed frames in which the person was hidden
 
     @property
     def frames_missed(self) -> int:
-        """Frames since the last match that could have shown the person."""
+        """Number of missed frames in which the person was not hidden."""
         return self.missed - self.hidden
 
 

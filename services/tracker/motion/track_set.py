@@ -16,9 +16,9 @@ from services.tracker.motion.track_filter import TrackFilter
 from services.tracker.motion.track_record import TrackRecord
 from services.tracker.motion.yaw import VelocityYaw
 
-SENDS_NS = 1_000_000_000  # time since the last frame of a camera that sends [ns]
+SENDS_NS = 1_000_000_000  # maximum time since the last frame of an active camera [ns]
 INTERVAL_MAX_NS = 200_000_000  # maximum counted interval between two frames [ns]
-MOVED_S = 1.0  # duration of the prediction over a long absence of frames [s]
+MOVED_S = 1.0  # duration of the prediction over a long outage of frames [s]
 
 
 class TrackSet:
@@ -39,7 +39,7 @@ class TrackSet:
         self.ids = IdCounter()
         self.stamp_ns: int | None = None
         self._frame_ns: dict[str, int] = {}  # stamp of the last frame, by active camera
-        self.elapsed_ns = 0  # time between the last two frames
+        self.elapsed_ns = 0  # [ns] time between the last two frames
         self._motion = motion
         self._state_filter = state_filter or KalmanFilter(motion)
         self._lifecycle = lifecycle
@@ -76,7 +76,7 @@ class TrackSet:
     def bridge_absence(self, stamp_ns: int) -> int:
         """Skip most of a long time without frames before a frame; return the time skipped [ns].
 
-        After a long absence people are expected near their last positions, not on their last paths.
+        After a long outage people are expected near their last positions; velocities are outdated.
         """
         absent_s = self._seconds_to(stamp_ns)
         if self.stamp_ns is None or not self._lifecycle.bridges(absent_s):
@@ -91,7 +91,7 @@ class TrackSet:
     def predict(self, observation: Observation) -> None:
         """Delete expired tracks and predict the others to the frame's time.
 
-        Before a late frame all tracks go back to their states then; `manage` ends that.
+        For a late frame all tracks go back to its time until `manage`.
         """
         if self.stamp_ns is not None and observation.stamp_ns < self.stamp_ns:
             self._now_ns = self.stamp_ns
@@ -146,7 +146,7 @@ class TrackSet:
     def manage(self, unmatched: Sequence[Measurement], observation: Observation) -> list[Track]:
         """Delete ended tracks, begin one for each unmatched measurement and return all tracks.
 
-        After a late frame the tracks return to the present, with all that was matched since.
+        After a late frame the tracks return to the present, with all later matches.
         """
         self.records = [t for t in self.records if not self._lifecycle.ended(t)]
         for record in self.records:

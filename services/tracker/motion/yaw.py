@@ -7,7 +7,7 @@ from common.geometry.transforms import wrap
 from people4d.messages import F64
 from services.tracker.interface import Measurement
 
-States = Sequence[F64 | None]  # one for each track, None: unknown
+States = Sequence[F64 | None]  # state of each track; None if unknown
 
 
 class VelocityYaw:

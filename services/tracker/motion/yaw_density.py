@@ -14,10 +14,10 @@ from services.tracker.motion.yaw import States, VelocityYaw, measured_rad
 # Scale of turns: a turn in dt has a wrapped Cauchy density of scale TURN_RADPS dt. Headings
 # persist, with occasional abrupt reversals [rad/s]
 TURN_RADPS = 2.0
-RATE_GAIN = 0.8  # gain of a change of the yaw on the rate of turning
-RATE_DECAY_S = 0.3  # time constant of the decay of that rate [s]
-SIGMA_RAD = 0.35  # standard deviation of a measurement without its own [rad]
-SIGMA_MAX_RAD = 0.5  # maximum standard deviation; a larger one raises the outlier probability [rad]
+RATE_GAIN = 0.8  # gain of the turn rate by a change of the yaw
+RATE_DECAY_S = 0.3  # time constant of the decay of the turn rate [s]
+SIGMA_RAD = 0.35  # standard deviation of a measurement if unknown [rad]
+SIGMA_MAX_RAD = 0.5  # maximum standard deviation; larger ones raise the outlier probability [rad]
 REVERSED, OUTLIERS = 0.005, 0.003  # probabilities of the opposite angle, and of any other angle
 CORRELATION_S = 0.2  # correlation time of errors: frames at shorter intervals count less [s]
 SHARE_MIN = 0.5  # probability within 60 deg below which a yaw is unknown
@@ -34,8 +34,8 @@ OUTLIERS_MAX = 0.9  # maximum outlier probability
 SINCE_MIN_S = 0.05  # minimum interval for a rate [s]
 OTHER_VIEW_RAD = math.radians(20)  # minimum angle between the lines of sight of two cameras
 
-# Elements of a state: the most likely angle, the probability within 60 degrees of it, the rate of
-# turning, the time since the last update, the line of sight of that one, and the density
+# Elements of a state: the most likely angle, the probability within 60 degrees of it, the turn
+# rate, the time since the last update, the line of sight of that update, and the density
 YAW, SHARE, RATE, SINCE, BEARING = range(5)
 DENSITY = slice(5, 5 + BINS)
 # State of a track whose yaw was never measured
@@ -52,9 +52,9 @@ class YawMeasurements:
 
 
 class DensityYaw(VelocityYaw):
-    """A histogram filter: the probability of each angle, whatever its form.
+    """A histogram filter: one probability for each angle, of any distribution.
 
-    Some measurements are half a turn off, so that two opposite angles are possible for a while.
+    Some measurements are off by half a turn, so two opposite angles may be likely for a while.
     """
 
     def predict(self, states: States, dt_s: float) -> list[F64 | None]:
@@ -77,7 +77,7 @@ class DensityYaw(VelocityYaw):
     def update(self, states: States, measurements: Sequence[Measurement]) -> list[F64 | None]:
         """Weigh the angles by the measured yaws."""
         after, yaws = _stacked(states), _yaws(measurements)
-        # Errors of consecutive frames are similar; errors of another camera are not.
+        # Errors are correlated in consecutive frames, but independent between cameras.
         is_other = np.abs(wrap_each(yaws.bearing_rad - after[:, BEARING])) > OTHER_VIEW_RAD
         weight = np.where(is_other, 1.0, np.minimum(after[:, SINCE] / CORRELATION_S, 1.0))
         p = likelihood_measured(yaws, np.sqrt(weight))
@@ -90,7 +90,7 @@ class DensityYaw(VelocityYaw):
         return list(after)
 
     def _rates(self, predicted: F64, after: F64) -> F64:
-        """Return the rates of turning by the steps of yaws; 0 for a step that is no turn."""
+        """Return turn rates from changes of the yaw; 0 for a change too large to be a turn."""
         step_rad = wrap_each(after[:, YAW] - predicted[:, YAW])
         is_turn = np.abs(step_rad) < TURN_MAX_RAD
         is_turn &= predicted[:, SHARE] >= SHARE_MIN
@@ -111,7 +111,7 @@ def likelihood_measured(yaws: YawMeasurements, factor: F64) -> F64:
 
     The measured angle is the true one, the opposite one, or any.
     """
-    # A larger sigma becomes the largest one and a higher outlier probability.
+    # A sigma above the maximum is replaced by the maximum and a higher outlier probability.
     limited_rad = np.minimum(yaws.sigma_rad, SIGMA_MAX_RAD)
     other = (np.square(yaws.sigma_rad) - np.square(limited_rad)) / math.pi**2
     outliers = np.minimum(OUTLIERS + other, OUTLIERS_MAX)[:, None]

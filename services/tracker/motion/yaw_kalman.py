@@ -11,16 +11,16 @@ from people4d.messages import F64
 from services.tracker.interface import Measurement
 from services.tracker.motion.yaw import States, VelocityYaw, measured_rad
 
-SIGMA_ACCELERATION_RADPS2 = 6.0  # acceleration of the yaw [rad/s^2]
+SIGMA_ACCELERATION_RADPS2 = 6.0  # standard deviation of the yaw acceleration [rad/s^2]
 SIGMA_RAD = 0.35  # standard deviation of a measured yaw [rad]
-SIGMA_START_RATE_RADPS = 1.0  # initial standard deviation of the rate [rad/s]
+SIGMA_START_RATE_RADPS = 1.0  # initial standard deviation of the turn rate [rad/s]
 
 
 class KalmanYaw(VelocityYaw):
     """A Kalman filter on psi and dpsi, constant velocity, wrapped innovation.
 
-    The first measurement begins the state; without one the state is predicted. A state is psi,
-    dpsi, the variance of psi, the covariance of both and the variance of dpsi.
+    The first measurement initialises the state. A state is psi, dpsi, the variance of psi, the
+    covariance of both and the variance of dpsi.
     """
 
     def predict(self, states: States, dt_s: float) -> list[F64 | None]:

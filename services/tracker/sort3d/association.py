@@ -1,6 +1,6 @@
 """Association of tracks and detections: distances, gates and the assignment.
 
-In a cost matrix rows are tracks and columns detections; +inf marks a pair that may not be matched.
+Rows of a cost matrix are tracks, columns detections; +inf marks an inadmissible pair.
 """
 
 import math
@@ -17,7 +17,7 @@ from services.tracker.motion.track_record import TrackRecord
 
 T = TypeVar("T")
 D = TypeVar("D")
-ROUNDING = 1e-6  # tolerance of costs: a pair at the cost of no match is matched
+ROUNDING = 1e-6  # tolerance of costs: a pair as costly as no match is matched
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ def assign(cost: F64, unmatched: float = math.inf) -> list[tuple[int, int]]:
     if not costs.size:
         return []
     least = costs.min()
-    # More than the sum of all pairs, so that giving up an admissible pair never pays.
+    # Above the sum of all pairs: dropping an admissible pair never lowers the cost.
     forbidden = (costs.max() - least + 1.0) * (min(cost.shape) + 1)
     if unmatched < math.inf:
         cost, forbidden = np.minimum(cost, unmatched), unmatched - least + ROUNDING
@@ -83,7 +83,7 @@ def match_probabilities(cost: F64, temperature: float) -> F64:
     logs = -cost / temperature
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         row, column = _log_of_sum(logs, axis=1), _log_of_sum(logs, axis=0)
-        # Weights of the row and of the column over the weight of the pair, which is in both.
+        # Weights of the row and the column, both including the pair, over the weight of the pair.
         odds = np.exp(row - logs) + np.exp(column - logs) - 1.0
     probabilities: F64 = np.where(np.isfinite(cost), 1.0 / odds, 0.0)
     return probabilities

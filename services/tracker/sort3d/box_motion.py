@@ -9,23 +9,24 @@ from people4d.messages import F64
 from services.tracker.interface import Measurement
 from services.tracker.motion.motion import SIGMA_START_VELOCITY_MPS
 
-SIGMA_ACCELERATION_MPS2 = 2.0  # acceleration of a person [m/s^2]
+SIGMA_ACCELERATION_MPS2 = 2.0  # standard deviation of a person's acceleration [m/s^2]
 SIGMA_POSITION_M = 0.15  # standard deviation of the measured position [m]
 SIGMA_CENTRE_PX = 5.0  # standard deviation of the measured centre [px]
-SIGMA_ACCELERATION_PXPS2 = 500.0  # acceleration of the centre [px/s^2]
-SIGMA_START_CENTRE_PXPS = 300.0  # velocity of the centre of a new track [px/s]
+SIGMA_ACCELERATION_PXPS2 = 500.0  # standard deviation of the centre's acceleration [px/s^2]
+SIGMA_START_CENTRE_PXPS = 300.0  # standard deviation of the centre's initial velocity [px/s]
 SIGMA_AREA_RATIO = 0.1  # relative standard deviation of the measured area
-SIGMA_ACCELERATION_AREA_RATIO = 2.0  # relative acceleration of the area [1/s^2]
-SIGMA_START_AREA_RATIO_HZ = 1.0  # relative rate of the area of a new track [1/s]
-SIGMA_ASPECT = 0.1  # measured width over height
-SIGMA_ASPECT_DRIFT = 0.2  # drift of width over height [1/sqrt(s)]
+# Relative standard deviation of the area's acceleration [1/s^2]
+SIGMA_ACCELERATION_AREA_RATIO = 2.0
+SIGMA_START_AREA_RATIO_HZ = 1.0  # relative standard deviation of the area's initial velocity [1/s]
+SIGMA_ASPECT = 0.1  # standard deviation of the measured aspect ratio (width over height)
+SIGMA_ASPECT_DRIFT = 0.2  # drift of the aspect ratio [1/sqrt(s)]
 
 
 class BoxMotion:
     """State u, v, s, r, x, y, z, du, dv, ds, dx, dy, dz (docs/method.md, section 4).
 
     u, v is the centre of the box, s its area and r its width over its height. Noise of the area is
-    relative, since the box of a near person changes by more pixels than the box of a far one.
+    relative: boxes of near people change by more pixels.
     """
 
     position = slice(4, 7)
@@ -35,7 +36,7 @@ class BoxMotion:
     _point = np.ix_([4, 5, 6, 10, 11, 12], [4, 5, 6, 10, 11, 12])
 
     def predict(self, x: F64, P: F64, dt_s: float, noise_factor: float = 1.0) -> tuple[F64, F64]:
-        """Move states ahead; an area that would vanish stops shrinking, as in SORT."""
+        """Move states ahead; areas stay positive, as in SORT."""
         x = x.copy()
         x[x[:, 2] + dt_s * x[:, 9] <= 0, 9] = 0.0
         F = np.eye(13)

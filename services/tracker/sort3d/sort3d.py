@@ -23,8 +23,8 @@ IOU_MIN = 0.3  # minimum intersection over union of a pair; section 4 (default)
 class Sort3d(TrackSetTracker):
     """SORT with the 3D position in its state and cost.
 
-    Boxes are compared, so it serves one camera; several cameras need StrongSORT-3D. A tentative
-    track survives a miss, but then needs all its consecutive matches again, as in SORT.
+    Boxes are compared, which requires a single camera. A tentative track survives a miss, but
+    restarts its count of consecutive matches, as in SORT.
     """
 
     def __init__(self, config: TrackerConfig) -> None:

@@ -32,7 +32,7 @@ def build_strongsort3d(config: TrackerConfig) -> StrongSort3d:
     motion = PositionMotion(strong)
     kind = HitsLifecycle if strong.lifetime == "hits" else Lifecycle
     lifecycle = kind(
-        # The identity is decided before publication, at the second match at the earliest.
+        # The identity is decided before publication, from the second match on.
         confirm_hits=max(strong.n_init, 2 if strong.identity.enabled else 1),
         tentative_frames=1,
         lost_frames=strong.a_max,

@@ -14,8 +14,8 @@ from people4d.messages.base import Positive, PositiveInt
 
 CosineDistance = Annotated[float, Meta(gt=0, le=2)]
 
-# Maximum cosine distances in round 1, and with 2 % false matches for re-identification; measured on
-# crops of the lab, for the appearance network also of real people
+# Maximum cosine distances in round 1, and for re-identification at 2 % false matches, measured on
+# rendered crops; for the appearance network also on crops of real people
 COSINE_DISTANCE_MAX = {"appearance": 0.46, "histogram": 0.25, "osnet": 0.45}
 COSINE_DISTANCE_MAX_OTHER = 0.3
 REIDENTIFICATION_MAX = {"appearance": 0.28, "histogram": 0.15, "osnet": 0.38}
@@ -26,11 +26,11 @@ class IdentityConfig(Config, frozen=True, kw_only=True):
 
     enabled: bool = True  # section 5: False
     retention_s: Positive = 600.0  # [s] time in the gallery since the last match
-    # Maximum cosine distance of the same person; absent: of REIDENTIFICATION_MAX, else C_cos
+    # Maximum cosine distance of the same person; absent: REIDENTIFICATION_MAX, else C_cos
     match_max: CosineDistance | None = None
 
     def limit(self, embedder: str, other: float) -> float:
-        """Return the largest cosine distance of one person; `other` for unknown embedders."""
+        """Return the maximum cosine distance of one person; `other` for unknown embedders."""
         return self.match_max or REIDENTIFICATION_MAX.get(embedder, other)
 
 
@@ -38,29 +38,29 @@ class StrongSort3dConfig(Config, frozen=True, kw_only=True):
     """StrongSORT-3D [PIC4SeR], section 5, and the policies around it."""
 
     # round 1
-    # C_cos, largest cosine distance, by name of the embedder (section 5). Defaults are in
+    # C_cos, maximum cosine distance by name of the embedder (section 5); defaults:
     # COSINE_DISTANCE_MAX, else COSINE_DISTANCE_MAX_OTHER
     cosine_distance_max: dict[str, CosineDistance] = msgspec.field(default_factory=dict)
-    # True: c has lambda ln |S| on top, as a likelihood, and an unmatched track or detection costs
-    # C_cos; section 5: False, as many pairs as possible
+    # True: lambda ln |S| is added to c, as in a likelihood, and an unmatched track or detection
+    # costs C_cos; section 5: False, the number of pairs is maximised
     likelihood: bool = True
     # round 2
     distance_max_m: Positive = 0.7  # [m] maximum 3D distance; section 5 (default)
     # life cycle
-    n_init: PositiveInt = 2  # matches that confirm, with the first; section 5 (default): 3
-    a_max: PositiveInt = 30  # [frames] unmatched frames that delete; section 5 (default)
+    n_init: PositiveInt = 2  # matches that confirm, including the first; section 5 (default): 3
+    a_max: PositiveInt = 30  # [frames] unmatched frames that delete a track; section 5 (default)
     # "streak": consecutive matches confirm, and one miss ends a tentative track; section 5. "hits":
-    # any matches confirm, and as many misses as matches, or a_max, end a track
+    # any matches confirm, and misses that reach the matches, or a_max, end a track
     lifetime: Literal["streak", "hits"] = "hits"
-    # noise. People turn and stop faster than the 0.5 m/s^2 of section 3 (benchmarks/ablation.md)
-    sigma_acceleration_mps2: Positive = 3.0  # [m/s^2] section 3: 0.5
-    sigma_measurement_m: Positive = 0.15  # [m] of detections without a covariance; section 3: 0.5
+    # noise: accelerations of people exceed the 0.5 m/s^2 of section 3 (benchmarks/ablation.md)
+    sigma_acceleration_mps2: Positive = 3.0  # [m/s^2] of people; section 3: 0.5
+    sigma_measurement_m: Positive = 0.15  # [m] for detections without a covariance; section 3: 0.5
     # "measured": R is the covariance of the detection if there is one, independent of depth and
     # score; "constant": sigma_measurement_m; section 3
     noise: Literal["constant", "measured"] = "measured"
     # beyond section 5, each with its own switch
-    visibility: bool = True  # keep hidden people, end tracks of empty places; section 13
-    identity: IdentityConfig = IdentityConfig()  # re-identify people who return; section 15
+    visibility: bool = True  # keep occluded tracks, end tracks at empty positions; section 13
+    identity: IdentityConfig = IdentityConfig()  # re-identify returning people; section 15
     standing_model: bool = True  # estimate standing and walking people by two models; section 16
 
     def cosine_limit(self, embedder: str) -> float:

@@ -9,20 +9,20 @@ from services.tracker.interface import GalleryEntry
 from services.tracker.motion.track_record import IdentityDecision
 
 PEOPLE_MAX = 100  # maximum number of people; the longest unseen one is deleted first
-VIEWS_MAX = 8  # maximum number of embeddings of a person, as different from each other as possible
+VIEWS_MAX = 8  # maximum number of embeddings of a person, chosen to differ
 VIEW_GAP = 0.03  # minimum cosine distance of two views
-# Cosine distance that makes a match e times less probable: of real people 0.08 to 0.11 with the
-# histogram and 0.05 to 0.07 with OSNet
+# Cosine distance that divides the probability of a match by e: for real people 0.08 to 0.11 with
+# the histogram and 0.05 to 0.07 with OSNet
 TEMPERATURE = 0.07
-NEAREST_VIEWS = 2  # number of nearest views in a distance: one may be a bad crop
+NEAREST_VIEWS = 2  # number of nearest views in a distance: a single one may be a bad crop
 
 
 class Gallery:
     """People of one tracker and one embedder, with bounded numbers of people and views."""
 
     def __init__(self, retention_s: float) -> None:
-        self._retention_s = retention_s  # time in the gallery since the last match
-        self.entries: dict[int, GalleryEntry] = {}  # by identity, longest unseen first
+        self._retention_s = retention_s  # [s] time in the gallery since the last match
+        self.entries: dict[int, GalleryEntry] = {}  # people by identity, longest unseen first
         self.neighbours: Mapping[int, GalleryEntry] = {}  # people of other areas, by identity
 
     def add(
@@ -42,7 +42,7 @@ class Gallery:
         entry.matches += 1
         if entry.matches == 1 and identity in self.neighbours:
             entry.views = list(self.neighbours[identity].views)
-        self.entries[identity] = entry  # the longest unseen is first
+        self.entries[identity] = entry  # the longest unseen person is first
         if len(self.entries) > PEOPLE_MAX:
             del self.entries[next(iter(self.entries))]
         if embedding is None or (occluded and entry.views and not entry.occluded):
@@ -70,9 +70,9 @@ class Gallery:
     ) -> IdentityDecision:
         """Decide which candidate a new track with this embedding is, or that it is a new person.
 
-        The distance of a candidate is the mean to its two nearest views; an unknown person is at
-        `limit`, the largest distance of the same person. A possibility at distance d has the weight
-        exp(-d / TEMPERATURE), and its share of the sum is the confidence.
+        The distance of a candidate is the mean to its two nearest views; a new person is at
+        `limit`, the maximum distance of the same person. An option at distance d has the weight
+        exp(-d / TEMPERATURE); its share of the sum is the confidence.
         """
         if not candidates:
             return IdentityDecision("new", 1.0, "no known person is absent")
@@ -113,7 +113,7 @@ def view_distance(embedding: F64, views: Sequence[F64], count: int = 1) -> float
 def add_view(views: list[F64], embedding: F64) -> None:
     """Add an embedding that differs from all others by more than VIEW_GAP.
 
-    If there are too many then, the older of the two most similar ones is deleted.
+    Beyond VIEWS_MAX, the older of the two most similar views is deleted.
     """
     if views and view_distance(embedding, views) <= VIEW_GAP:
         return

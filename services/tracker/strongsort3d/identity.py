@@ -58,7 +58,8 @@ class Reidentification(IdentityPolicy):
     def after_prediction(self, tracks: TrackSet, observation: Observation) -> None:
         """End ambiguous tracks after a time without frames.
 
-        It counts as one missed frame more, so that round 2 cannot match by distance alone.
+        The other tracks count one more missed frame, so round 2 cannot match them by distance
+        alone.
         """
         if tracks.elapsed_ns < ABSENT_NS:
             return
@@ -126,7 +127,7 @@ def _probabilities(result: AssociationResult) -> dict[tuple[int, int], float]:
 
 
 def _beside(record: TrackRecord, new: TrackRecord) -> bool:
-    """Check that one camera saw a track and a new track together: they are two people."""
+    """Return True if one camera detected both tracks in the same frame: they are two people."""
     return record.camera == new.camera and record.matched_ns >= new.begun_ns > 0
 
 

@@ -7,8 +7,8 @@ from services.tracker.strongsort3d.policies import CostPolicy
 class Likelihood(CostPolicy):
     """Weigh uncertain detections by ln |S|, and match only pairs that cost less than C_cos.
 
-    Without ln |S| an uncertain detection appears nearer than a certain one. With as many pairs as
-    possible a lost track can take the detection of another person.
+    Without ln |S| an uncertain detection appears nearer than a certain one. If the number of pairs
+    is maximised, a lost track can take the detection of another person.
     """
 
     def added_cost(self, weight: float, log_det: F64) -> F64 | float:

@@ -16,7 +16,7 @@ from services.tracker.motion.track_set import TrackSet
 from services.tracker.sort3d.association import RoundMatches
 from services.tracker.strongsort3d.config import StrongSort3dConfig
 
-EDGE_RATIO = 0.02  # distance to the image border of a cut-off box, over the image width
+EDGE_RATIO = 0.02  # maximum distance of a cut-off box to the image border, over the image width
 
 Match = tuple[TrackRecord, Measurement]
 
@@ -83,11 +83,11 @@ class CostPolicy:
     """Costs of round 1; this base leaves the published method."""
 
     def added_cost(self, weight: float, log_det: F64) -> F64 | float:  # noqa: ARG002
-        """Return the cost (NxM) on top of each pair, of ln |S| (NxM) and the weight of motion."""
+        """Return the cost (NxM) added to each pair, from the weight of motion and ln |S| (NxM)."""
         return 0.0
 
     def unmatched_cost(self, c_cos: float) -> float:  # noqa: ARG002
-        """Return the cost of an unmatched track or detection; infinity: match all possible."""
+        """Return the cost of an unmatched track or detection; infinity: as in the paper."""
         return math.inf
 
 
@@ -115,7 +115,7 @@ class VisibilityPolicy(TrackPolicy):
 
 
 class IdentityPolicy(TrackPolicy):
-    """Re-identification of returning people; this base does none."""
+    """Re-identification of returning people; disabled in this base."""
 
     recognises: ClassVar[bool] = False  # True: returning people are re-identified
 
@@ -149,7 +149,7 @@ class Policies:
 
 
 def cut_off(boxes: F64, size_px: tuple[int, int] | None) -> BOOL:
-    """Return the boxes (Nx4, xyxy, pixels) that reach the left or right of an image of a size."""
+    """Return the boxes (Nx4, xyxy, pixels) that reach the left or right image border."""
     if size_px is None:
         return np.zeros(len(boxes), np.bool_)
     edge = EDGE_RATIO * size_px[0]

@@ -115,7 +115,7 @@ class StrongSort3d(TrackSetTracker, AreaTracker):
         self._policies.identity.restore(state.gallery)
 
     def _associate(self, observation: Observation) -> AssociationResult:
-        """Match confirmed tracks by motion and appearance, then recent and new ones by distance."""
+        """Match confirmed tracks by motion and appearance, then others by distance."""
         records = self.tracks.records
         tentative = [t for t in records if not t.confirmed]
         frame = FrameContext(observation, in_order(observation.measurements), self._config)
@@ -148,7 +148,7 @@ class StrongSort3d(TrackSetTracker, AreaTracker):
         return cost
 
     def _drop_other_embeddings(self, observation: Observation) -> None:
-        """Drop the embeddings of another model or length: they are not comparable."""
+        """Drop embeddings of another model or length, which are not comparable."""
         embedder = embedder_of(observation)
         if embedder is None or embedder == self._embedder:
             return
@@ -161,8 +161,8 @@ class StrongSort3d(TrackSetTracker, AreaTracker):
 def combined_cost(d_m2: F64, d_cos: F64, c_cos: float) -> F64:
     """Return lambda d_M^2 + (1 - lambda) d_cos (NxM), infinite outside the gates.
 
-    Where a track or a detection has no embedding (d_cos is NaN), C_cos d_M^2 / d_M,max^2 stands in:
-    a pair at the edge of the motion gate costs as much as one at the edges of both.
+    If a track or a detection has no embedding (d_cos is NaN), d_cos is C_cos d_M^2 / d_M,max^2: at
+    the edge of the motion gate it is C_cos.
     """
     unknown = np.isnan(d_cos)
     if unknown.any():

@@ -21,16 +21,16 @@ from services.tracker.strongsort3d.policies import (
 )
 
 HALF_WIDTH_M = 0.25  # half of a person's width [m]
-NEAR_M = 0.3  # minimum distance of a person in view from the plane of the camera [m]
+NEAR_M = 0.3  # minimum depth of a person in view [m]
 COVERED_MIN = 0.4  # minimum covered share of the width of an occluded person
-# Visible share of the width below which a position is out of view, relative to the last match
+# Share of the width, relative to the last match, below which a position is out of view
 IN_VIEW_MIN = 0.5
-TURNED_MIN = 0.01  # minimum change of that share by a turn of the camera
-EMPTY_S = 1.0  # time in view without a match after which a track ends [s]
-EMPTY_AT_EDGE_S = 0.2  # the same at the image border of a fixed camera [s]
+TURNED_MIN = 0.01  # minimum change of the visible share by a turn of the camera
+EMPTY_S = 1.0  # maximum time in view without a match [s]
+EMPTY_AT_EDGE_S = 0.2  # maximum time in view at the image border of a fixed camera [s]
 HIDDEN_SIGMA_MAX_M = 1.0  # maximum standard deviation of the position of an unmatched track [m]
 INTERVAL_MAX_NS = 200_000_000  # maximum counted interval between two frames [ns]
-DEPTH_COVERED_MAX = 0.35  # maximum covered share of a box with a reliable depth
+DEPTH_COVERED_MAX = 0.35  # covered share of a box above which its depth is unreliable
 DEPTH_SIGMA_M = 1.0  # standard deviation of an unreliable depth, along the ray [m]
 SIDES = np.array([-1.0, 1.0])
 
@@ -40,18 +40,18 @@ class TrackView:
     """View of a track since its last match."""
 
     position_m: F64  # [m] 3, at the last match
-    ratio: float  # visible share of the person's width, at the last match
-    at_edge: bool  # the left or right image border cut the person off, at the last match
+    ratio: float  # visible share of the person's width at the last match
+    at_edge: bool  # True if the left or right image border cut the box off at the last match
     frame_ns: int  # [ns] stamp of the last frame of the camera
-    turned: bool = False  # the camera has turned since
+    turned: bool = False  # True if the camera has turned since
     empty_ns: int = 0  # [ns] time in view without a match
 
 
 class TrackVisibility(VisibilityPolicy):
-    """Keeps hidden tracks, ends tracks of empty positions, widens gates of covered detections."""
+    """Keeps occluded tracks, ends tracks at empty positions, widens gates of covered detections."""
 
     def __init__(self) -> None:
-        self._views: dict[int, TrackView] = {}  # by track
+        self._views: dict[int, TrackView] = {}  # views by track
 
     def clear(self) -> None:
         """Delete all views."""
@@ -60,8 +60,8 @@ class TrackVisibility(VisibilityPolicy):
     def gate(self, x: F64, P: F64, R: F64, d_cos: F64, frame: FrameContext) -> tuple[F64, F64]:
         """Return d_M^2 and ln |S| with a wide gate along the ray to covered detections.
 
-        A wide gate requires an embedding. The update uses the measurement with its own noise:
-        otherwise the track would stay beside its person.
+        A wide gate requires an embedding. The update uses the measured noise; otherwise the track
+        would lag beside its person.
         """
         gate, wider_m2 = super().gate(x, P, R, d_cos, frame), covered_m2(frame)
         if wider_m2 is None:
@@ -71,7 +71,7 @@ class TrackVisibility(VisibilityPolicy):
         return d_m2, log_det
 
     def after_update(self, tracks: TrackSet, result: AssociationResult) -> None:
-        """Store the views of matched tracks, and end unmatched tracks of empty positions."""
+        """Store the views of matched tracks, and end unmatched tracks at empty positions."""
         self._store(tracks, result)
         camera = result.frame.observation.camera
         missed = [t for t in tracks.records if t.missed and t.camera == camera]
@@ -91,7 +91,7 @@ class TrackVisibility(VisibilityPolicy):
     def _ended(
         self, tracks: TrackSet, missed: Sequence[TrackRecord], frame: FrameContext
     ) -> set[int]:
-        """Count hidden frames; return the tracks of empty or too uncertain positions."""
+        """Count hidden frames; return tracks at empty or too uncertain positions."""
         if not missed:
             return set()
         observation, ended = frame.observation, set[int]()
@@ -145,7 +145,7 @@ def visible_ratios(positions_m: F64, observation: Observation) -> list[float]:
     if camera_from_map is None or edges is None:
         return [1.0] * len(positions_m)
     ratios = []
-    # For few people numbers take a third of the time of arrays.
+    # Scalars take a third of the time of arrays for a few people.
     for right_m, down_m, depth_m in apply(camera_from_map, positions_m).tolist():
         shown = depth_m > NEAR_M and edges.top * depth_m <= down_m <= edges.bottom * depth_m
         low, high = right_m - HALF_WIDTH_M, right_m + HALF_WIDTH_M
@@ -155,7 +155,7 @@ def visible_ratios(positions_m: F64, observation: Observation) -> list[float]:
 
 
 def occluded(positions_m: F64, detected_m: F64, camera_from_map: F64 | None) -> BOOL:
-    """Return the people (N) whose interval a nearer detection covers.
+    """Return a mask (N) of people whose interval a nearer detection covers.
 
     Positions (Nx3 and Mx3) are in the map, `camera_from_map` is to the optical frame.
     """

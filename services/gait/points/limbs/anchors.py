@@ -1,4 +1,4 @@
-"""Keypoints of hands and feet, each on its own limb.
+"""Correction of keypoints of hands and feet that are on the wrong limb.
 
 Source: docs/method.md, section 19.
 """
@@ -70,7 +70,7 @@ def keep_own_limbs(
 
 
 def feet_apart(estimates: Mapping[str, PointEstimate]) -> dict[str, PointEstimate]:
-    """Return estimates after losing the less certain of two feet at one position."""
+    """Return estimates without the less certain of two feet at one position."""
     found = dict(estimates)
     feet = [name for name in (LEFT_FOOT, RIGHT_FOOT) if name in found]
     if len(feet) < 2 or any(found[name].state == "lost" for name in feet):

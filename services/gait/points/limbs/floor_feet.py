@@ -2,7 +2,7 @@
 
 A depth camera has a limited range. If there are no readings about the keypoint of an ankle, its ray
 gives the position of a standing foot at the height of an ankle. A swinging ankle is higher, so its
-foot appears farther away: the farther beyond the expected position, the less it counts.
+foot appears farther away; its weight falls with the distance beyond the expected position.
 
 Source: docs/method.md, section 19.
 """
@@ -22,8 +22,8 @@ ANKLE_M = 0.12  # Height of the keypoint of a standing ankle [m]
 EMPTY_PX, EMPTY_MAX = 7, 0.2  # Radius about an ankle [px], and maximum share of readings there
 CONFIDENCE_MIN = 0.3  # Minimum confidence of an ankle
 ACROSS_M, ALONG_M = 0.06, 0.15  # Standard deviations across the ray and along it [m]
-SWING = 0.5  # Share of the depth beyond the expected one in the deviation along the ray
-DEPTH_MAX_M = 8.0  # Maximum depth; farther, a pixel is too long on the floor [m]
+SWING = 0.5  # Standard deviation along the ray, per depth beyond the expected one
+DEPTH_MAX_M = 8.0  # Maximum depth, since the length of a pixel on the floor grows with it [m]
 PIXEL_SIGMA = 3.0  # Standard deviation of the ray [px]
 
 
@@ -66,7 +66,8 @@ def correct_by_floor(point: PointFilter, floor: SurfacePosition, dt_s: float) ->
         point.mark_missed(dt_s)
         return
     point.unsupported_s = 0.0
-    point.mark_doubtful(floor.position_m, floor.noise_m2, 0.0, likely=True)  # it is not missed
+    # Keeps the foot from being lost
+    point.mark_doubtful(floor.position_m, floor.noise_m2, 0.0, likely=True)
 
 
 def _noise_m2(position_m: F64, point: PointFilter, info: CameraInfo) -> F64:

@@ -1,8 +1,8 @@
 """Expected positions of hands and feet relative to the body.
 
 A hand is expected beside its own hip and a foot below it: normal distributions in a frame of the
-body, in statures. With the pixel of a keypoint such a distribution gives the depth of a hand that
-hides behind the torso, or of a foot behind the other one.
+body, in statures. With the pixel of a keypoint this gives the depth of a hand behind the torso, or
+of a foot behind the other one.
 
 Source: docs/method.md, section 19.
 """
@@ -28,7 +28,8 @@ JOINT_SIGMA_M = 0.07  # Standard deviation of the keypoint of an elbow or knee [
 class LimbModel:
     """Joint of a limb from the torso's middle, and its end from that joint, in statures.
 
-    Vectors are ahead, aside and up. The end swings ahead with its joint, `gain` times as far.
+    Vectors are ahead, aside and up. The end moves ahead with its joint by `gain` times the
+    distance.
     """
 
     joint: tuple[float, float, float]
@@ -58,7 +59,7 @@ def limb_priors(
 ) -> Mapping[str, Normal]:
     """Return the expected positions of hands and feet by name; empty without a heading (3).
 
-    `joints` are pixels (u, v) of the elbow or knee before each of them, where they are known.
+    `joints` are the known pixels (u, v) of elbows and knees by the name of the hand or foot.
     """
     if heading is None or body.stature_m <= 0:
         return {}

@@ -1,8 +1,8 @@
 """Positions of points by the surface behind their keypoints.
 
 Wrists and ankles are the most precise keypoints, and their depth is the depth of the limb. The
-middle of the hand is beyond the wrist and the middle of the foot ahead of the ankle, each half of
-the way to the surface there.
+middle of the hand is beyond the wrist, the middle of the foot ahead of the ankle, each halfway to
+the surface there.
 
 Source: docs/method.md, section 19.
 """
@@ -18,7 +18,8 @@ from services.gait.points.keypoints import Anchor, kind_of
 from services.gait.points.point_filter import NOISE_M as VERTEX_NOISE_M
 from services.gait.points.point_filter import PointFilter
 
-# Offsets from the wrist to the middle of the hand; the first on the body counts [forearms]
+# Candidate offsets from the wrist to the middle of the hand, the first one on the body counts
+# [forearms]
 HAND_REACHES = np.array([0.4, 0.2])
 ANKLE_DEEP_M = 0.055  # Depth of the ankle behind its surface [m]
 # Offset from the ankle to the surface at the middle of the foot: ahead, down, to the camera [m]
@@ -29,7 +30,8 @@ NOISE_M, UNSURE_M = 0.012, 0.018  # Noise of a keypoint, and addition at confide
 LIMB_DEEP_M = 0.12  # Maximum depth between wrist and hand, or foot and surface [m]
 HEAD_NOISE_M = 0.03  # Noise of a head [m]
 ALONG_M = 0.08  # Standard deviation of the distance along the body [m]
-# Maximum cost of a position by this distance, and cost of another kind of limb [squared deviations]
+# Maximum cost of a position by the distance along the body, and cost of another kind of limb
+# [squared deviations]
 COST_MAX, WRONG_COST = 16.0, 9.0
 DEPTH_NOISE_M = 0.018  # Noise of the depth of a limb, which is round [m]
 
@@ -40,7 +42,7 @@ class SurfacePosition:
 
     position_m: F64  # 3, optical frame
     noise_m2: F64  # 3x3, without the noise of depth
-    vertex: int  # behind the keypoint, or at the end of the limb; -1: on the floor
+    vertex: int  # vertex at the keypoint or the end of the limb; -1: on the floor
     by_distance: bool = False  # True: known by the distance along the body alone
 
 
@@ -71,7 +73,7 @@ def surface_position(
         deep_m = np.abs(body.mesh.points_m[beyond, 2] - depth_m)
         there = np.flatnonzero((beyond >= 0) & (deep_m < LIMB_DEEP_M))
         pixel = beyond_px[there[0]] if len(there) else anchor.joint
-        # Forearms may point to the camera or away from it: the hand is half of the way.
+        # The forearm may point to the camera or away from it: the hand is halfway.
         own_m = float(body.mesh.points_m[beyond[there[0]], 2]) if len(there) else depth_m
         position_m = deproject(pixel, (depth_m + own_m) / 2, info)[0]
     else:
@@ -88,7 +90,7 @@ def surface_position(
 def head_position(
     anchor: Anchor | None, extremity: Extremity | None, body: MeasuredBody, info: CameraInfo
 ) -> SurfacePosition | None:
-    """Return the position of a head by the surface behind the face, or by its end of the body."""
+    """Return the position of a head by the surface at the face, or by its extremity."""
     if anchor is not None:
         vertices = body.mesh.vertices_at(anchor.pixel + AROUND_PX)
         vertices = vertices[vertices >= 0]
@@ -103,7 +105,7 @@ def head_position(
 
 
 def nearest_position(point: PointFilter, body: MeasuredBody) -> SurfacePosition | None:
-    """Return the vertex near the prediction that is as far along the body as before."""
+    """Return the position of the vertex near the prediction at the same distance along the body."""
     if point.motion is None or not np.isfinite(point.geodesic_m):
         return None
     points_m = body.mesh.points_m
@@ -120,7 +122,7 @@ def nearest_position(point: PointFilter, body: MeasuredBody) -> SurfacePosition 
 
 
 def _nearer_to_surface(position_m: F64, body: MeasuredBody, info: CameraInfo) -> F64:
-    """Return a position (3) moved half of the way to the surface on its ray, if that is near."""
+    """Return a position (3) moved halfway to the surface on its ray if the surface is near."""
     vertices = body.mesh.vertices_at(project(position_m, info)[0] + AROUND_PX)
     vertices = vertices[vertices >= 0]
     if not len(vertices):

@@ -1,4 +1,4 @@
-"""Visibility of hands and feet: whether the measured surface belongs to the point itself.
+"""Visibility of hands and feet: probability that the measured surface belongs to the point.
 
 The surface on the ray of a hidden point belongs to the torso, the other limb or another person. A
 logistic regression on keypoint, expected position, other limb and distance along the body gives the
@@ -32,26 +32,26 @@ class PointEvidence:
 
     anchor: Anchor | None = None  # anchor of its keypoint
     counterpart: PointFilter | None = None  # the same point on the other side of the body
-    extremity: Extremity | None = None  # assigned to the point
+    extremity: Extremity | None = None  # extremity assigned to the point
     surface: SurfacePosition | None = None  # measured position
 
 
 class LimbEvidence(NamedTuple):
-    """Evidence of the visibility of a measured point, or weights of it."""
+    """Evidence of the visibility of a measured point, or the weights of this evidence."""
 
-    keypoint: float  # confidence; 0: none
-    has_keypoint: float  # 1: yes
-    keypoint_off_m: float  # from the pixel of the keypoint, at the depth of the point
-    before_other: float  # [m] that the other hand or foot is farther than the surface
-    beside_other: float  # [m] to it in the image
-    off: float  # [standard deviations] from its expected position
-    off_other: float  # the same from the body's expectation of the other one
-    off_pixel: float  # the same in the image
-    before_body: float  # [m] that the body's expectation is behind the surface
-    before: float  # [m] that the expected position is behind the surface
-    own_end: float  # 1: the surface leads up to the end of a limb of its kind
-    off_along_m: float  # geodesic distance from its reference
-    end: float  # persistence of the end of the limb that was matched, 0 to 1; 0: none
+    keypoint: float  # confidence of the keypoint; 0 without one
+    has_keypoint: float  # 1 if there is a keypoint, else 0
+    keypoint_off_m: float  # distance from the pixel of the keypoint, at the depth of the point
+    before_other: float  # [m] depth of the other hand or foot behind the surface
+    beside_other: float  # [m] distance to the other hand or foot in the image
+    off: float  # [standard deviations] distance from the expected position
+    off_other: float  # [standard deviations] distance from the other limb's position by the body
+    off_pixel: float  # [standard deviations] distance in the image from the expected position
+    before_body: float  # [m] depth of the position by the body behind the surface
+    before: float  # [m] depth of the expected position behind the surface
+    own_end: float  # 1 if the surface leads to the end of a limb of its kind, else 0
+    off_along_m: float  # difference of the geodesic distance from its reference
+    end: float  # persistence of the matched end of the limb, 0 to 1; 0 without one
 
 
 @dataclass(frozen=True)
@@ -60,8 +60,8 @@ class Visibility:
 
     weights: LimbEvidence
     bias: float
-    least: float  # of a measured point
-    off_pixel_max: float = np.inf  # of a point at a distinct end of a limb
+    least: float  # minimum log-odds of a measured point
+    off_pixel_max: float = np.inf  # maximum of off_pixel at a distinct end of a limb
 
     def odds(self, evidence: LimbEvidence) -> float:
         """Return the log-odds that a point with this evidence is visible."""
