@@ -1,4 +1,4 @@
-"""Functions that are compiled to machine code when they are first called."""
+"""Functions compiled to machine code on their first call."""
 
 from collections.abc import Callable
 from functools import cache
@@ -15,13 +15,13 @@ F = TypeVar("F", bound=Callable[..., object])
 def compiled(function: F) -> F:
     """Compile a function on numbers and arrays; it releases the interpreter lock.
 
-    The code is cached on disk, beside the module or in the user's cache folder, so that only the
-    first run of all waits for the compiler. Where neither can be written, every run does.
+    The code is cached on disk, next to the module or in the user's cache folder, so only the first
+    run waits for the compiler. If neither is writable, every run waits.
     """
     keyed = _keyed(cast(FunctionType, function))
     try:
         return cast(F, njit(cache=True, nogil=True)(keyed))
-    except RuntimeError:  # no folder for the cache, for example a container's unknown user
+    except RuntimeError:  # no cache folder, for example without a user in a container
         return cast(F, njit(nogil=True)(keyed))
 
 
@@ -29,8 +29,8 @@ def _keyed(function: FunctionType) -> FunctionType:
     """Return a function whose cached code is invalidated by a change of its sources.
 
     Cached code contains the functions called, but Numba checks only the file of the caller for
-    changes. It distinguishes functions by the variables they enclose, too, so this one encloses a
-    fingerprint of all files with compiled functions in its folder.
+    changes. It also distinguishes functions by their closures, so this one encloses a fingerprint
+    of all files with compiled functions in its folder.
     """
     code = function.__code__.replace(co_freevars=("sources",))
     sources = CellType(_fingerprint(Path(function.__code__.co_filename).parent))

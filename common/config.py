@@ -15,7 +15,7 @@ from people4d.validation import check, explain
 
 T = TypeVar("T", bound=msgspec.Struct)
 
-MAX_NAME = 80  # characters of an unknown name in errors
+MAX_NAME = 80  # maximum length of an unknown name in errors
 
 
 class Config(msgspec.Struct, frozen=True, kw_only=True):
@@ -88,18 +88,18 @@ def _read(file: Path, section: str) -> dict[str, Any]:
 
 
 def _parse(text: str, hint: Any) -> Any:
-    """Read a value as TOML where it is one (numbers, lists, tables), else as plain text."""
+    """Read a value as TOML if possible (numbers, lists, tables), else as plain text."""
     try:
         value = parse_toml(f"value = {text}")["value"]
     except ValueError:
         return text
-    # A camera may be named 0 and a date may be a folder: fields of text read them as written.
+    # Text fields keep the value as written, since a camera may be named 0 or a folder like a date.
     reads_text = hint is str or str in get_args(hint)
     return text if reads_text and not isinstance(value, str | list) else value
 
 
 def _hint(kind: Any, path: Sequence[str]) -> Any:
-    """Return the type of the field that a path leads to, None if it leads nowhere."""
+    """Return the type of the field at a path, None if there is none."""
     for name in path:
         table = _table(kind)
         kind = get_type_hints(table).get(name) if table else None
@@ -107,7 +107,7 @@ def _hint(kind: Any, path: Sequence[str]) -> Any:
 
 
 def _table(hint: Any) -> type[msgspec.Struct] | None:
-    """Return the record type of a field that is a table."""
+    """Return the record type of a table field."""
     for kind in (hint, *get_args(hint)):
         if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
             return kind
@@ -139,6 +139,6 @@ def _check_names(kind: type[msgspec.Struct], section: str, values: Mapping[str, 
 
 
 def setting(name: str, text: str) -> str:
-    """Write a setting whose value stays text even if it resembles a number."""
+    """Return a setting as text; its value stays text even if it resembles a number."""
     # A JSON string without escapes above ASCII is a TOML string.
     return f"{name}={json.dumps(text, ensure_ascii=False)}"

@@ -25,7 +25,7 @@ def need(what: str, extra: str) -> None:
     """Check that the packages of an extra are installed.
 
     Raises:
-        ConfigError: One is not; `what` needs it.
+        ConfigError: A package needed by `what` is missing.
     """
     absent = missing(extra)
     if absent:
@@ -38,5 +38,5 @@ def missing(extra: str) -> str:
 
 
 def install(extra: str) -> str:
-    """Return how to install an extra in this environment, of a clone or of a wheel."""
+    """Return the remedy for a missing extra: the command that installs it here."""
     return f"Install it: {sys.executable} -m pip install 'people4d-robot[{extra}]'"

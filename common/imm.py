@@ -45,7 +45,7 @@ def moments(weight: F64, x: F64, P: F64) -> tuple[F64, F64]:
 
 
 def weighed(probability: F64, d_m2: F64, log_det: F64) -> F64:
-    """Return the probabilities after innovations of squared length d_M^2 and ln |S| (NxM each)."""
+    """Return the probabilities of modes weighed by the likelihoods from d_M^2 and ln |S| (NxM)."""
     logs = -0.5 * (d_m2 + log_det)
     greatest = np.maximum.reduce(logs, axis=1, keepdims=True)
     weight = normalised(probability * np.exp(logs - greatest))
@@ -53,6 +53,6 @@ def weighed(probability: F64, d_m2: F64, log_det: F64) -> F64:
 
 
 def normalised(weights: F64) -> F64:
-    """Return weights (NxM) over their sums."""
+    """Return weights (NxM) divided by their sums."""
     result: F64 = weights / np.add.reduce(weights, axis=1, keepdims=True)
     return result

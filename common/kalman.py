@@ -1,9 +1,8 @@
 """The linear Kalman filter, for one track or for a stack of them.
 
-Shapes are written for N tracks with n state variables, of which the first m are measured: states x
-(Nxn), covariances P (Nxnxn), measurements z (Nxm) and their noise R (Nxmxm), so that H = [I 0].
-Leading axes broadcast, so the same functions serve one track. Source: docs/method.md, section 3
-[Kalman 1960].
+Shapes are for N tracks with n state variables, the first m measured (H = [I 0]): states x (Nxn),
+covariances P (Nxnxn), measurements z (Nxm) and their noise R (Nxmxm). Leading axes broadcast, so
+the same functions serve one track. Source: docs/method.md, section 3 [Kalman 1960].
 """
 
 from functools import cache
@@ -18,7 +17,7 @@ A = TypeVar("A", float, F64)
 
 
 def predict(x: F64, P: F64, F: F64, Q: F64) -> tuple[F64, F64]:
-    """Return states and covariances moved ahead by F (nxn) with process noise Q (nxn or Nxnxn)."""
+    """Return states and covariances predicted by F (nxn) with process noise Q (nxn or Nxnxn)."""
     return x @ F.T, F @ P @ F.T + Q
 
 
@@ -43,9 +42,8 @@ def squared_lengths(y: F64, inverse: F64) -> F64:
 def gate(x: F64, P: F64, z: F64, R: F64) -> tuple[F64, F64]:
     """Return the squared Mahalanobis distances of N predictions and M measurements, and ln |S|.
 
-    Both are NxM. The innovation covariances S of all pairs are eliminated together (S = L D L^T),
-    element by element: a solver that is called for each pair takes twelve times as long for 200
-    people.
+    Both are NxM. The innovation covariances S of all pairs are factorised together (S = L D L^T),
+    element by element: a solver for each pair takes twelve times as long for 200 people.
     """
     m = z.shape[-1]
     y = [z[:, i] - x[:, i, None] for i in range(m)]
@@ -72,7 +70,7 @@ def update(x: F64, P: F64, z: F64, R: F64) -> tuple[F64, F64]:
 
 
 def corrected(x: F64, P: F64, y: F64, R: F64, inverse: F64) -> tuple[F64, F64]:
-    """Return the same from innovations y (Nxm) and the inverse of S (Nxmxm)."""
+    """Return updated states and covariances from innovations (Nxm) and inverse S (Nxmxm)."""
     m = y.shape[-1]
     K = P[..., :m] @ inverse
     A = np.empty_like(P)  # I - K H

@@ -10,10 +10,10 @@ from people4d.errors import ConfigError
 
 
 def find(what: str, registry: Mapping[str, str], name: str, *others: str) -> Any:
-    """Return the class or function of a name; its module is imported only now.
+    """Return the class or function of a name, importing its module on demand.
 
-    A plug-in is searched last in the folders of $PEOPLE4D_PLUGINS, which the command `people4d`
-    makes of PYTHONPATH and the working directory.
+    Plug-ins are searched last in the folders of $PEOPLE4D_PLUGINS, which the command `people4d`
+    sets to PYTHONPATH and the working directory.
 
     Args:
         what: Kind of thing, for the error.

@@ -26,7 +26,7 @@ class Client:
         connect: Endpoint of the router, for example "tcp/192.168.1.7:7447"; empty for
             $PEOPLE4D_CONNECT, else the router on this host.
         robot: Name of the robot.
-        timeout_s: Longest wait for the router in seconds.
+        timeout_s: Maximum wait for the router [s].
         warn_after_s: Silence after which the robots and services found are logged [s]; None: never.
 
     Raises:

@@ -28,7 +28,7 @@ MAX_CONTAINERS = 65536
 MAX_AXES = 4
 
 MESSAGES: dict[str, type[Message]] = {topic.message.__name__: topic.message for topic in TOPICS}
-_prepared = threading.Event()  # msgspec has examined every type
+_prepared = threading.Event()  # set once msgspec has examined every type
 _preparing = threading.Lock()
 
 
@@ -37,7 +37,7 @@ def encode(message: Message, publishing: Callable[[], Span] | None = None) -> by
 
     Args:
         message: The message.
-        publishing: Returns the last stage of its trace, called when all else is encoded.
+        publishing: Returns the last stage of its trace; called after all other fields are encoded.
     """
     fields = msgspec.to_builtins(message, enc_hook=_array_to_map, builtin_types=(bytes, memoryview))
     trace = fields.pop("trace")
@@ -85,7 +85,7 @@ def decode(payload: bytes) -> Message:
 
 
 def _prepare() -> None:
-    """Let msgspec examine all types in one thread: two threads crash the process."""
+    """Make msgspec examine all types in one thread: two threads crash the process."""
     with _preparing:
         for kind in MESSAGES.values():
             with contextlib.suppress(msgspec.ValidationError):

@@ -16,7 +16,7 @@ OPERATOR = "operator"  # role of the command line
 
 
 def settings(folder: Path, mode: str, role: str = "") -> dict[str, Any]:
-    """Return the parts of a Zenoh configuration that prove a role.
+    """Return the credentials of a role as parts of a Zenoh configuration.
 
     Args:
         folder: Folder of certificates or passwords.
@@ -43,7 +43,7 @@ def settings(folder: Path, mode: str, role: str = "") -> dict[str, Any]:
 
 
 def uses_certificates(folder: Path) -> bool:
-    """Check that a folder holds certificates, so that every link must be encrypted."""
+    """Check that a folder holds certificates, which require encrypted links."""
     return (folder / AUTHORITY).is_file()
 
 

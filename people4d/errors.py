@@ -5,8 +5,8 @@ class People4dError(Exception):
     """A failure in one sentence, with a remedy.
 
     Args:
-        problem: What is wrong, one sentence without the closing stop.
-        hint: What the user can do about it, one sentence; empty if unknown.
+        problem: Description of the problem, one sentence without the closing stop.
+        hint: Remedy for the user, one sentence; empty if unknown.
     """
 
     def __init__(self, problem: str, hint: str = "") -> None:

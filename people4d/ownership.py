@@ -26,8 +26,8 @@ class Announcements:
 
     def __init__(self) -> None:
         self.own: dict[str, tuple[str, bytes]] = {}  # session and last payload, by key
-        self._services: dict[str, set[str]] = {}  # by session
-        self._running: Counter[str] = Counter()  # sessions by service
+        self._services: dict[str, set[str]] = {}  # service by session
+        self._running: Counter[str] = Counter()  # number of sessions by service
         self._others: set[str] = set()  # awaited sessions
         self._changed = threading.Condition()
 
@@ -52,7 +52,7 @@ class Announcements:
             return not topic.producers.isdisjoint(self._services.get(session, ()))
 
     def admits(self, session: str, topic: Topic) -> bool:
-        """Check that a session may publish a topic; without an announced producer, any may."""
+        """Check that a session may publish a topic; without an announced producer all may."""
         with self._changed:
             if session and session not in self._services and len(self._others) < OTHERS_MAX:
                 is_new = session not in self._others
@@ -85,14 +85,14 @@ class KeyOwners:
     """Owners of the keys of one subscription.
 
     While a producer of the topic is announced, messages of all other programs are refused. A key of
-    a latched topic belongs to the sender of its last message, as long as that process lives. Owners
-    repeat latched messages, which replaces earlier forged ones; a repetition
-    of the last message is skipped.
+    a latched topic belongs to the sender of its last message while that process lives. Owners
+    repeat latched messages, which replaces earlier forged ones; a repetition of the last message is
+    skipped.
     """
 
     def __init__(self, topic: Topic, announcements: Announcements) -> None:
         self._topic, self._announcements = topic, announcements
-        self._accepted: dict[str, _Accepted] = {}  # by key
+        self._accepted: dict[str, _Accepted] = {}  # last payload by key
 
     def receive(self, key: str, session: str, payload: bytes) -> list[bytes]:
         """Return an accepted payload, a `RefusedPayload`, or nothing for a repetition."""
@@ -117,7 +117,7 @@ class KeyOwners:
 
     def _owner(self, key: str) -> _Accepted:
         own = self._announcements.own.get(key)
-        if own:  # handed over in this process
+        if own:  # message from this process
             return _Accepted(own[0], content=_content(own[1]))
         return self._accepted.get(key, NOTHING)
 

@@ -115,7 +115,7 @@ class MessageQueue:
         message = arrival.message
         with self._changed:
             if not again:
-                # Tracks of several cameras come on one key, each with its camera's numbers.
+                # Tracks of several cameras share one key, numbered by camera.
                 by_field = topic.numbered not in ("", "key")
                 source = f"{key} {getattr(message, topic.numbered)}" if by_field else key
                 self._count_gap(topic, source, message.sequence)
@@ -129,7 +129,7 @@ class MessageQueue:
                 self._waiting + 1,
                 self._waiting_bytes + arrival.size,
             )
-            if again:  # it is the oldest message
+            if again:  # requeued message: the oldest one
                 queue.rotate()
             if queue[0] is arrival:
                 self._enter(key)
@@ -159,7 +159,7 @@ class MessageQueue:
         """Remove and return the oldest message.
 
         Args:
-            timeout_s: Longest wait in seconds, None for no limit.
+            timeout_s: Maximum wait [s]; None for no limit.
 
         Returns:
             The message; None after the timeout or a call of `wake`.

@@ -18,7 +18,7 @@ from people4d.ownership import Announcements, KeyOwners
 from people4d.subscription import CLOSE_S, ZenohSubscription
 from people4d.topics import IMAGE_MAX_BYTES, KEYS_MAX, LOCKSTEP_MAX, Topic, prefix, query_key
 
-BUILD_PATH = re.compile(r"( at)? ?[^ ]*\.rs:\d+(:\d+)?\.?")  # of Zenoh's sources
+BUILD_PATH = re.compile(r"( at)? ?[^ ]*\.rs:\d+(:\d+)?\.?")  # path of a source file of Zenoh
 NO_ANSWER = re.compile(r"Unable to connect to any of .*Timeout!")
 SILENT = "it does not answer"
 
@@ -130,7 +130,7 @@ class ZenohSession:
     Args:
         config: Zenoh configuration.
         robot: Name of the robot, third chunk of every key.
-        connect_timeout_s: Longest wait for a router in client mode.
+        connect_timeout_s: Maximum wait for a router in client mode [s].
 
     Raises:
         ConfigError: The name of the robot cannot be part of a key.
@@ -240,7 +240,7 @@ class ZenohSession:
 
     def _tokens_of(self, key: str) -> ZenohSubscription:
         """Receive liveliness tokens: the present ones, then changes."""
-        # A FIFO that is read immediately: a ring would lose tokens.
+        # A FIFO, since a ring would lose tokens.
         channel: Any = zenoh.handlers.FifoChannel(256)
         return self._keep(self._session.liveliness().declare_subscriber(key, channel, history=True))
 

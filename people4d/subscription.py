@@ -1,4 +1,4 @@
-"""Payloads that a Zenoh session receives, within bounds on their length and number of keys."""
+"""Payloads received by a Zenoh session, with bounds on their length and number of keys."""
 
 import contextlib
 import ctypes
@@ -78,7 +78,8 @@ class ZenohSubscription:
     def __iter__(self) -> Iterator[tuple[str, bytes]]:
         """Yield key and payload until closed, a `RefusedPayload` for a refused message.
 
-        Messages on too many keys are reported together, a few times a second: a flood costs little.
+        Messages on too many keys are reported together, at most every REPORT_S: a flood costs
+        little.
         """
         while (sample := self._receive()) is not None:
             received = self._read(sample)
@@ -157,7 +158,7 @@ def session_of(sample: Any) -> str:
 
 
 def _release_memory() -> None:
-    """Return freed memory to the system, where the C library can.
+    """Return freed memory to the system, if the C library supports it.
 
     Zenoh receives a long payload in pieces, which otherwise stay in the arenas of its threads.
     """

@@ -58,15 +58,16 @@ class Topic:
     # roles that may read it with restricted access, separated by spaces: services, "planner" and
     # "operator" (the command line); "*": all roles. See common/transport/access.py
     readers: str = field(default="", kw_only=True)
-    # a message has a lasting effect, so only its producers are read, see people4d/ownership.py
+    # True: messages have a lasting effect, so only those of its producers are accepted, see
+    # people4d/ownership.py
     owned: bool = field(default=False, kw_only=True)
-    # with restricted access it may leave its host
+    # True: it may leave its host with restricted access
     leaves_host: bool = field(default=True, kw_only=True)
-    # field and value of a message that must not be skipped or dropped; None: there are none
+    # field and value of messages that must not be skipped or dropped; None: no such messages
     lossless: tuple[str, Any] | None = field(default=None, kw_only=True)
     # scope of a sequence without gaps: "key", or a field of the message; empty: gaps mean nothing
     numbered: str = field(default="", kw_only=True)
-    # its publisher waits for a slow link, if messages are queued; False: it drops them
+    # True: its publisher waits for a slow link if messages are queued; False: it drops them
     waits: bool = field(default=True, kw_only=True)
 
     @property
@@ -105,9 +106,9 @@ class Topic:
 
 @dataclass(frozen=True)
 class ForeignTopic(Topic):
-    """A topic of another system: its key has no prefix and its bytes are not our messages.
+    """A topic of another system: its key has no prefix, its payloads are decoded by a function.
 
-    A node lists its foreign topics in `foreign_inputs` and gets them decoded, as `message`.
+    A node lists its foreign topics in `foreign_inputs` and receives `message`.
     """
 
     decode: Callable[[bytes], Message]  # decodes untrusted bytes; raises DecodeError

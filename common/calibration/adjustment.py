@@ -1,8 +1,8 @@
 """Joint least squares over the poses and clocks of all cameras, with covariance.
 
-Unknown of each camera but the reference: rotation and translation, offset and drift of its clock.
-Unknown of each camera: by how much positions lie before or behind the person (bias along the ray).
-Residuals are defined in `residuals.Residuals`: of people, and of the floor.
+Parameters of each camera except the reference: rotation and translation, offset and drift of its
+clock. Parameter of each camera: bias of positions along the ray. Residuals of people and of the
+floor are defined in `residuals.Residuals`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,11 +31,12 @@ class CameraPose:
     """Pose of a camera's optical frame in the reference's, and its clock."""
 
     matrix: F64  # 4x4, reference_from_camera
-    offset_s: float  # its clock minus the reference's, in the middle of the time
-    drift: float  # growth of the offset in a second
-    bias_m: float  # added to the distance of every position
+    offset_s: float  # [s] its clock minus the reference's, in the middle of the observed time
+    drift: float  # growth of the offset per second
+    bias_m: float  # [m] added to the distance of every position
     covariance: F64  # 8x8: rotation [rad], translation [m], offset [s], drift
-    scales: tuple[float, float]  # across and along the axis that fit best, 1 if right
+    # best-fitting scales across and along the axis; 1 for correct intrinsics
+    scales: tuple[float, float]
     scale_sigmas: tuple[float, float]
 
     @property
@@ -60,11 +61,11 @@ class AdjustmentResult:
 
     poses: Mapping[str, CameraPose]
     pair_rms_m: Mapping[Pair, float]
-    pair_seconds: Mapping[Pair, float]  # [s] time in which both saw a person
+    pair_seconds: Mapping[Pair, float]  # [s] time with a person in view of both cameras
     rms_m: float
-    floor: MeasuredFloor | None  # floor by depth, in the frame of the reference
-    floor_cameras: Sequence[str]  # cameras that see the floor
-    odd_floors: Sequence[str]  # cameras with another floor: higher, lower or tilted
+    floor: MeasuredFloor | None  # floor from depth, in the frame of the reference
+    floor_cameras: Sequence[str]  # cameras with the floor in view
+    odd_floors: Sequence[str]  # cameras whose floor is higher, lower or tilted
 
 
 def adjust(
@@ -73,13 +74,13 @@ def adjust(
     reference: str,
     floors: Mapping[str, MeasuredFloor],
 ) -> AdjustmentResult:
-    """Return poses that bring the people of all cameras together.
+    """Return the poses at which the people of all cameras coincide.
 
     Args:
-        cameras: Paths by name; of all in `first`.
+        cameras: Paths by name, of all cameras in `first`.
         first: Poses to begin with, in the level frame of the reference.
         reference: Camera that is the origin of poses and clocks.
-        floors: Floor before each camera that sees one, optical frame.
+        floors: Floor in view of each camera, optical frame; may lack cameras.
 
     Raises:
         CalibrationError: No two cameras have positions of one person.
@@ -163,7 +164,7 @@ def _leave_odd_floors(
         if worst <= 1:
             return len(used) < before
         for k in [k for k, share in odd.items() if share == worst or len(odd) == 2]:
-            del used[k]  # if there are two, either may be wrong
+            del used[k]  # either of two may be wrong
         problem.set_floors(used)
 
 

@@ -11,11 +11,11 @@ from common.calibration.pairs import PairResult
 from common.calibration.tracklets import Tracklet
 from people4d.errors import CalibrationError
 
-WALK_M = 1.0  # minimum extent of the path of a walking person
+WALK_M = 1.0  # minimum extent of the path of a walking person [m]
 PEOPLE_MIN = 30  # minimum number of positions of people in a camera
-RMS_MAX_M = 0.2  # maximum RMS distance of one person's positions by two cameras
-SIGMA_MAX_M, SIGMA_MAX_RAD = 0.04, 0.0175  # maximum standard deviation of an accepted pose
-SCALE_MAX, SCALE_SIGMAS = 0.04, 4.0  # maximum change of scale of right intrinsics
+RMS_MAX_M = 0.2  # maximum RMS distance between positions of one person by two cameras [m]
+SIGMA_MAX_M, SIGMA_MAX_RAD = 0.04, 0.0175  # maximum standard deviation of an accepted pose [m, rad]
+SCALE_MAX, SCALE_SIGMAS = 0.04, 4.0  # maximum change of scale for correct intrinsics
 WALK_HINT = "Let one or two people walk about in curves, for a minute, in view of two cameras each."
 
 

@@ -1,4 +1,4 @@
-"""Floor before a camera, from the depth of its pixels: the direction up, and its own height.
+"""Floor in view of a camera, from depth: direction up and height of the camera.
 
 The floor is the plane at people's feet, so a table, a shelf or a wall is excluded. It follows from
 the depth of some hundred pixels.
@@ -12,14 +12,14 @@ import numpy as np
 from common.geometry.transforms import deproject
 from people4d.messages import F64, U16, CameraInfo
 
-PIXELS = 80  # pixels of the longer side of a thinned image
+PIXELS = 80  # longer side of a thinned image [px]
 IMAGES_MIN = 3  # minimum number of images of a camera
 READ_MIN = 0.3  # minimum share of the images in which a pixel has a reading
 GATES_M = (0.25, 0.15, 0.08)  # maximum distance from the plane, by round
 NOISE_M, NOISE_PER_M = 0.01, 0.004  # error of a pixel's median at depth z: s + k z^2
 PIXELS_MIN = 150  # minimum number of pixels on the floor
 EXTENT_MIN_M = 0.2  # minimum standard deviation of their positions along either direction
-ALIKE = 5.0  # number of neighbouring pixels with a common error
+ALIKE = 5.0  # number of neighbouring pixels with a correlated error
 TILT_MAX = np.radians(3)  # maximum tilt from the direction up of people
 HEIGHT_SIGMA = 0.005  # relative error of the camera's height: the scale of depth
 TILT_SIGMA_RAD = 0.003  # error of the tilt
@@ -30,7 +30,7 @@ class MeasuredFloor:
     """The floor in the optical frame of a camera, or of the reference."""
 
     up: F64  # 3, unit length
-    middle_m: F64  # 3, a point on it, where it is known best
+    middle_m: F64  # 3, the most certain point of the floor
     sigma_m: float  # standard deviation of the height of that point
     sigma_rad: float  # standard deviation of the direction up
 
@@ -41,7 +41,7 @@ class MeasuredFloor:
 
 
 def thinned(depth_mm: U16) -> U16:
-    """Return every n-th pixel of a depth image, for `find_floor`."""
+    """Return a depth image reduced to every n-th pixel, for `find_floor`."""
     step = _step_px(depth_mm.shape)
     return np.ascontiguousarray(depth_mm[::step, ::step])
 
@@ -49,13 +49,13 @@ def thinned(depth_mm: U16) -> U16:
 def find_floor(
     images_mm: Sequence[U16], info: CameraInfo, up: F64, camera_m: float
 ) -> MeasuredFloor | None:
-    """Return the floor in the depth of a static camera; None if it sees no floor.
+    """Return the floor in the depth of a static camera; None without a floor in view.
 
     Args:
         images_mm: Depth of some images by `thinned`, 0 = no reading.
         info: Calibration of the camera.
         up: Direction up by people, optical frame.
-        camera_m: Height of the camera over their feet.
+        camera_m: Height of the camera above their feet [m].
     """
     points = _background_m(images_mm, info)
     sigmas = NOISE_M + NOISE_PER_M * points[:, 2] ** 2

@@ -9,8 +9,9 @@ from common.calibration.level_paths import LevelPaths
 from common.calibration.pairs import LevelPose, PairResult
 
 MATCHED_MIN = 40  # minimum number of matched positions that link two cameras: 4 s
-AMBIGUOUS = 0.75  # share of the best score from which a distinct pose is equally good
-LOOP_M, LOOP_RAD, LOOP_S = 0.5, 0.2, 0.25  # maximum difference of a pair from the other poses
+AMBIGUOUS = 0.75  # minimum share of the best score at which a distinct pose is equally good
+# Maximum difference of a pair from the other poses [m, rad, s]
+LOOP_M, LOOP_RAD, LOOP_S = 0.5, 0.2, 0.25
 
 Pair = tuple[str, str]
 
@@ -19,13 +20,13 @@ Pair = tuple[str, str]
 class GraphResult:
     """Poses of all cameras that are linked to the reference."""
 
-    poses: Mapping[str, LevelPose]  # by camera, in the level frame of the reference
-    contradicting: Sequence[Pair]  # pairs that do not agree with the poses
-    ambiguous: Sequence[Pair]  # pairs with two equally good poses that no other pair decides
+    poses: Mapping[str, LevelPose]  # poses by camera, in the level frame of the reference
+    contradicting: Sequence[Pair]  # pairs inconsistent with the poses
+    ambiguous: Sequence[Pair]  # pairs with two equally good poses, undecided by other pairs
 
 
 def is_ambiguous(result: PairResult) -> bool:
-    """Check that a pair has two different answers."""
+    """Check that a pair has two distinct solutions."""
     best, second = result.best, result.second
     return best is not None and second is not None and second.score > AMBIGUOUS * best.score
 
@@ -33,7 +34,7 @@ def is_ambiguous(result: PairResult) -> bool:
 def solve_graph(
     cameras: Mapping[str, LevelPaths], pairs: Mapping[Pair, PairResult], reference: str
 ) -> GraphResult:
-    """Return the poses along the strongest pairs; a pair that is ambiguous links nothing.
+    """Return the poses along the strongest pairs; an ambiguous pair links nothing.
 
     Args:
         cameras: Paths by name.
@@ -88,7 +89,7 @@ def inverse(pose: LevelPose) -> LevelPose:
 
 
 def agrees(pose: LevelPose, expected: LevelPose, b: LevelPaths) -> bool:
-    """Check that two poses of camera b bring its people to about the same positions and times."""
+    """Check that two poses of camera b map its people to similar positions and times."""
     middle = np.nanmean(b.positions_m, axis=(0, 1))
     turned = (pose.yaw_rad - expected.yaw_rad + np.pi) % (2 * np.pi) - np.pi
     moved = float(np.linalg.norm(pose.apply(middle) - expected.apply(middle)))

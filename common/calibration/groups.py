@@ -12,7 +12,7 @@ from common.calibration.tracklets import LIMBS_COUNT, STEP_S
 from people4d.messages import F64
 
 TIMES_MAX = 2000  # maximum number of times
-LIMB_STEPS = 4  # times from one use of a joint to the next
+LIMB_STEPS = 4  # interval between uses of a joint [times]
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,14 +24,14 @@ class Groups:
 
     torsos: int  # number of rows that are torsos
     times_s: F64  # G, on the clock of the reference, from the middle of the time
-    has: BOOL  # GxC, the camera sees the person
-    points_m: F64  # GxCx3, frames: optical; a metre ahead where it does not
+    has: BOOL  # GxC, True if the person is in view of the camera
+    points_m: F64  # GxCx3, frames: optical; 1 m ahead if the person is not in view
     velocities_mps: F64  # GxCx3
-    step_s: float  # from time to time
+    step_s: float  # [s] interval of times
     offsets_s: F64  # C, delay of the positions on the clocks of the cameras
 
     def pair(self, a: int, b: int) -> BOOL:
-        """Return flags (G) of the torsos that both of two cameras see."""
+        """Return flags (G) of the torsos in view of both cameras."""
         return np.asarray(
             self.has[:, a] & self.has[:, b] & (np.arange(len(self.has)) < self.torsos)
         )
@@ -40,13 +40,13 @@ class Groups:
 def find_groups(
     cameras: Sequence[LevelPaths], poses: Mapping[str, LevelPose], gate_m: float, middle: int
 ) -> Groups:
-    """Return the positions of the same people at some poses, by the nearest of each two cameras.
+    """Return positions of the same people in several cameras, matched to the nearest person.
 
     Args:
         cameras: Paths; the first camera is the reference.
         poses: Poses in the level frame of the reference, by camera.
-        gate_m: Largest distance on the ground.
-        middle: Grid step of the reference that is the middle of the time.
+        gate_m: Maximum distance on the ground [m].
+        middle: Grid step of the reference in the middle of the observed time.
     """
     shifts = [divmod(poses[c.camera].offset_s / STEP_S, 1.0) for c in cameras]
     first = min(c.first - int(shift) for c, (shift, _) in zip(cameras, shifts, strict=True))
@@ -79,14 +79,14 @@ def find_groups(
     has = np.zeros((count, cameras_count), np.bool_)
     limbs = np.full((count, cameras_count, LIMBS_COUNT, 2), np.nan)
     for g, (k, group) in enumerate(zip(times, members, strict=True)):
-        # The mean velocity: errors of each camera's own would draw its clock towards the start.
+        # The mean velocity, since errors of a camera's own velocity bias its clock.
         mean = np.mean([people[c][1][k, column] for c, column in group.items()], axis=0)
         for c, column in group.items():
             has[g, c] = True
             points[g, c] = people[c][0][k, column] @ cameras[c].level_from_optical
             moving[g, c] = mean @ poses[cameras[c].camera].rotation @ cameras[c].level_from_optical
             limbs[g, c] = people[c][2][k, column]
-    # Joints of consecutive times have the same errors: each is used in every fourth.
+    # Joints of consecutive times have correlated errors: each is used every fourth time.
     turn = (np.array(times, np.int64)[:, None] + np.arange(LIMBS_COUNT)) % LIMB_STEPS == 0
     has_limb = ~np.isnan(limbs[..., 0])
     rows, joints = np.nonzero(turn & (has_limb.sum(axis=1) > 1))

@@ -10,17 +10,17 @@ from common.calibration.tracklets import Tracklet
 from people4d.messages import F64
 
 UPRIGHT_SIGMA_RAD = (
-    0.12  # [rad] error of a body's axis in the image: people lean, one foot is in front
+    0.12  # [rad] error of a body's axis in the image: leaning people, one foot in front
 )
-HEIGHT_SIGMA_M = 0.06  # [m] variation of a torso's height over the floor while walking
+HEIGHT_SIGMA_M = 0.06  # [m] standard deviation of a torso's height above the floor while walking
 SAMPLES_STEP = 5  # grid steps between independent samples of a path
-ANKLE_M = 0.12  # [m] mean height of both ankles over the floor while walking
-PERSONS_MAX = 4000  # maximum number of observed people that are used
+ANKLE_M = 0.12  # [m] mean height of both ankles above the floor while walking
+PERSONS_MAX = 4000  # maximum number of used observations of people
 
 
 @dataclass(frozen=True, slots=True)
 class Uprightness:
-    """Quadratic form whose least eigenvector is the direction up, in one frame."""
+    """Quadratic form with the direction up as its smallest eigenvector, in one frame."""
 
     form: F64  # 3x3
     down: F64  # 3, sum of directions from torsos to feet
@@ -37,16 +37,16 @@ class Uprightness:
 
     @classmethod
     def total(cls, parts: Iterable["Uprightness"]) -> "Uprightness":
-        """Return the form of all observations together."""
+        """Return the sum of the forms of all observations."""
         parts = list(parts)
         return cls(sum(p.form for p in parts), sum(p.down for p in parts))  # type: ignore[arg-type]
 
 
 def uprightness(people: Sequence[ObservedPerson], paths: Sequence[Tracklet]) -> Uprightness:
-    """Return the evidence of the people in one camera for the direction up.
+    """Return the evidence for the direction up from people in one camera.
 
     The axis of a body lies in the plane of its torso and its feet or shoulders in the image; a
-    torso stays at one height while its person walks.
+    torso has a constant height while walking.
     """
     form, down = np.zeros((3, 3)), np.zeros(3)
     step = max(len(people) // PERSONS_MAX, 1)
@@ -78,9 +78,9 @@ def level_from_optical(up: F64) -> F64:
 
 
 def torso_heights_m(people: Sequence[ObservedPerson], up: F64) -> F64:
-    """Return the heights (N) of torsos over the floor, of people whose ankles are in view.
+    """Return the heights (N) of torsos above the floor, of people with ankles in view.
 
-    The ankles are where their ray comes nearest to the vertical through the torso.
+    The ankles are at the point of their ray nearest to the vertical through the torso.
     """
     heights = []
     for person in people:

@@ -11,7 +11,7 @@ from common.calibration.tracklets import LIMBS_COUNT, STEP_S, Tracklet
 from people4d.messages import F64, CameraInfo
 
 BOOL = npt.NDArray[np.bool_]
-MARGIN = 0.1  # share of the image at its border in which people may be missed
+MARGIN = 0.1  # share of the image at its border with possible missed detections
 NEAR_M, FAR_SHARE = 1.2, 0.8  # depth range of reliable detections, share of the maximum
 
 
@@ -52,7 +52,7 @@ class LevelPaths:
 
     @property
     def positions_m(self) -> F64:
-        """Positions, TxKx3, NaN where there are fewer people."""
+        """Positions, TxKx3, NaN for absent people."""
         return self._arrays[0]
 
     @property
@@ -61,7 +61,7 @@ class LevelPaths:
         return self._arrays[1]
 
     def between(self, share: float) -> tuple[F64, F64]:
-        """Return positions and velocities (TxKx3) a share of a step after each, by cubic curves."""
+        """Return positions and velocities (TxKx3) a share of a step later, by cubics."""
         (p, v, _), s = self._arrays, share
         p1, v1 = np.full_like(p, np.nan), np.full_like(v, np.nan)
         p1[:-1], v1[:-1] = p[1:], v[1:]
@@ -72,14 +72,14 @@ class LevelPaths:
         return position, velocity / STEP_S
 
     def limbs_between(self, share: float) -> F64:
-        """Return the rays of joints (TxKxJx2, optical frame) a share of a step after each."""
+        """Return the rays of joints (TxKxJx2, optical frame) a share of a step later."""
         limbs = self._arrays[2]
         between = np.full_like(limbs, np.nan)
         between[:-1] = (1 - share) * limbs[:-1] + share * limbs[1:]
         return between
 
     def in_view(self, points_m: F64) -> BOOL:
-        """Check that points (...x3) are where this camera finds people."""
+        """Check that points (...x3) are in the region of reliable detections of this camera."""
         if self.info is None:
             return np.zeros(points_m.shape[:-1], np.bool_)
         optical = points_m @ self.level_from_optical

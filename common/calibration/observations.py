@@ -13,11 +13,13 @@ from people4d.messages.base import MAX_CAMERAS
 
 FRAMES_MAX = 60_000  # frames of one camera: 33 minutes at 30 Hz
 SHOULDERS, HIPS, ANKLES = [5, 6], [11, 12], [15, 16]  # COCO
-CONTRADICTIONS_MAX = 10  # contradictions after a restart of a camera or its detector
+# Maximum number of contradictions after a restart of a camera or its detector
+CONTRADICTIONS_MAX = 10
 LIMBS = [5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16]  # shoulders to ankles
-DEPTHS_MAX, DEPTH_EVERY_NS = 60, 1_000_000_000  # images of a camera, [ns] between two of them
+# Maximum number of depth images of a camera, and their interval [ns]
+DEPTHS_MAX, DEPTH_EVERY_NS = 60, 1_000_000_000
 CONFIDENCE_MIN = 0.3  # minimum confidence of shoulders, hips and ankles
-LIMB_CONFIDENCE_MIN = 0.6  # minimum confidence of limbs: hidden ones are guessed
+LIMB_CONFIDENCE_MIN = 0.6  # minimum confidence of limbs, above guesses of hidden ones
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +28,7 @@ class ObservedPerson:
 
     position_m: F64  # 3, torso
     low_ray: F64 | None  # 3, towards the middle of the ankles, or of the hips; None: not found
-    is_low_ankle: bool  # low_ray is of the ankles
+    is_low_ankle: bool  # True if low_ray points to the ankles
     high_ray: F64 | None  # 3, towards the middle of the shoulders
     limbs: F64 | None = None  # 12x2, rays to shoulders ... ankles at z = 1, NaN: not found
 
@@ -50,9 +52,10 @@ class CameraObservations:
     delay_ns: int | None = None  # [ns] minimum time from stamp to arrival, on two clocks
     unlocated: int = 0  # people without a position
     sequence: int = -1  # sequence number of the last frame
-    depths_mm: deque[U16] = field(default_factory=lambda: deque(maxlen=DEPTHS_MAX))  # thinned
-    depth_ns: int | None = None  # stamp of the last of these
-    contradictions: int = 0  # frames whose stamp rises and whose number does not
+    # Thinned depth images
+    depths_mm: deque[U16] = field(default_factory=lambda: deque(maxlen=DEPTHS_MAX))
+    depth_ns: int | None = None  # stamp of the last depth image
+    contradictions: int = 0  # number of frames whose stamp rises while their sequence does not
 
     @property
     def people(self) -> int:
@@ -82,7 +85,7 @@ class ObservationCollector:
 
     def __init__(self) -> None:
         self._cameras: dict[str, CameraObservations] = {}
-        self.dropped: dict[str, int] = defaultdict(int)  # frames by reason
+        self.dropped: dict[str, int] = defaultdict(int)  # number of dropped frames by reason
 
     @property
     def cameras(self) -> list[CameraObservations]:
@@ -90,7 +93,7 @@ class ObservationCollector:
         return sorted((c for c in self._cameras.values() if c.frames), key=lambda c: c.camera)
 
     def copy(self) -> "ObservationCollector":
-        """Return a copy that later messages do not change."""
+        """Return a copy, unaffected by later messages."""
         other = ObservationCollector()
         other._cameras = {
             name: replace(camera, frames=list(camera.frames), depths_mm=camera.depths_mm.copy())
@@ -99,7 +102,7 @@ class ObservationCollector:
         return other
 
     def wants_depth(self, camera: str, stamp_ns: int) -> bool:
-        """Check that it is time for another depth image of a camera that sends detections."""
+        """Check that another depth image of a camera with detections is due."""
         known = self._cameras.get(camera)
         if known is None:
             return False
@@ -116,7 +119,7 @@ class ObservationCollector:
 
         Args:
             message: Calibration or detections of any camera.
-            arrived_ns: Time of arrival, or in the recording, on one clock for all cameras.
+            arrived_ns: Time of arrival or of recording, on one clock for all cameras [ns].
         """
         known = self._cameras.get(message.camera)
         if known is None:

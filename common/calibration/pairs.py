@@ -13,13 +13,14 @@ from common.calibration.tracklets import STEP_S
 from people4d.messages import F64
 
 OVERLAP_STEPS = 15  # minimum overlap of two paths that propose a pose
-EXTENT_M = 0.6  # minimum extent of these paths
-RMS_MAX_M = 0.15  # maximum RMS distance of these paths at the proposed pose
+EXTENT_M = 0.6  # minimum extent of these paths [m]
+RMS_MAX_M = 0.15  # maximum RMS distance of these paths at the proposed pose [m]
 PROPOSALS_MAX = 240  # maximum number of scored proposals
-GATE_M, HEIGHT_GATE_M = 0.3, 0.3  # maximum distance of two positions of one person
-APART_M = 0.7  # distance beyond which a person is missing in the other camera
+GATE_M, HEIGHT_GATE_M = 0.3, 0.3  # maximum distance of two positions of one person [m]
+APART_M = 0.7  # distance beyond which a person is missing in the other camera [m]
 MISSING_WEIGHT = 0.5
-DISTINCT_M, DISTINCT_RAD, DISTINCT_S = 0.5, 0.25, 0.35  # minimum difference of two distinct poses
+# Minimum difference of two distinct poses [m, rad, s]
+DISTINCT_M, DISTINCT_RAD, DISTINCT_S = 0.5, 0.25, 0.35
 REFINED = 4  # number of refined poses
 ROUNDS = 6  # rounds of the refinement
 
@@ -32,9 +33,9 @@ class LevelPose:
     translation_m: F64  # 3
     offset_s: float
     score: float = 0.0
-    matched: int = 0  # positions of one person in both
+    matched: int = 0  # number of matched positions
     missing: int = 0
-    tilted: F64 | None = None  # 3x3, in place of the yaw
+    tilted: F64 | None = None  # 3x3, replaces the yaw
 
     @property
     def rotation(self) -> F64:
@@ -49,7 +50,7 @@ class LevelPose:
         return np.asarray(points_m @ self.rotation.T + self.translation_m)
 
     def is_distinct(self, other: "LevelPose", at_m: F64) -> bool:
-        """Check that another pose is a different answer for people about a position (b)."""
+        """Check that another pose is a distinct solution for people around a position (b)."""
         turned = (self.yaw_rad - other.yaw_rad + np.pi) % (2 * np.pi) - np.pi
         moved = np.linalg.norm(self.apply(at_m) - other.apply(at_m))
         return bool(
@@ -117,7 +118,7 @@ def _proposals(a: LevelPaths, b: LevelPaths, shifts: range) -> list[LevelPose]:
 
 
 def _aligned(p: F64, q: F64, shift: int) -> tuple[LevelPose, float, float]:
-    """Return the pose that brings path q to path p, the distance left, and the spread of p."""
+    """Return the pose that maps path q to path p, the remaining distance, and the spread of p."""
     zp, zq = p[:, 0] + 1j * p[:, 1], q[:, 0] + 1j * q[:, 1]
     mp, mq = zp.mean(), zq.mean()
     inner = np.vdot(zq - mq, zp - mp)
@@ -162,7 +163,7 @@ def score(a: LevelPaths, b: LevelPaths, pose: LevelPose) -> LevelPose:
     distance = _distances(pa, pb)
     matched = int((distance.min(axis=1) < GATE_M).sum())
     back = (pa - pose.translation_m) @ pose.rotation
-    # Missing in the other camera, in the region of its reliable detections.
+    # Missing in the other camera, in its region of reliable detections.
     lone_b = a.in_view(pb) & ~np.isnan(pb[..., 0]) & (distance.min(axis=1) > APART_M)
     lone_a = b.in_view(back) & ~np.isnan(pa[..., 0]) & (distance.min(axis=2) > APART_M)
     missing = int(lone_a.sum() + lone_b.sum())
@@ -191,7 +192,7 @@ def _correspond(
 
 
 def refine(a: LevelPaths, b: LevelPaths, pose: LevelPose) -> LevelPose:
-    """Return a pose fitted to all positions that it brings together, with its score."""
+    """Return a pose fitted to all positions matched by it, with its score."""
     for k in range(ROUNDS):
         at_a, at_b, moving_b = _correspond(a, b, pose, GATE_M if k < 3 else 0.2)
         if len(at_a) < OVERLAP_STEPS:

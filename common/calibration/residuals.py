@@ -21,17 +21,17 @@ ACROSS_SIGMA_M, DEPTH_SIGMA_M, DEPTH_SIGMA_PER_M = (
     0.001,
 )  # [m] error at depth z: s + k z^2
 LIMB_ACROSS_SIGMA_M = 0.02  # [m] error of joints across their ray
-LIMB_ALONG_SIGMA_M = 1.0  # [m] error of joints along their ray, whose distance is the torso's
+LIMB_ALONG_SIGMA_M = 1.0  # [m] error of joints along their ray, at the distance of the torso
 BIAS_SIGMA_M = 0.02  # [m] deviation of a camera from the mean bias
-COMMON_BIAS_SIGMA_M = 0.1  # [m] mean bias: the surface lies before the axis of the body
-DRIFT_SIGMA = 1e-4  # drift of clocks: 100 ppm
+COMMON_BIAS_SIGMA_M = 0.1  # [m] mean bias, from the body's surface to its axis
+DRIFT_SIGMA = 1e-4  # drift of clocks, 100 ppm
 SCALE_SIGMA = 0.1  # deviation of a scale from 1
 COMMON_SCALE_SIGMA = 1e-3  # deviation of the mean scale from 1
 UP_SIGMA_RAD = 0.007  # [rad] error of the direction up of a single camera
-CORRELATED = 6.0  # consecutive positions, 0.1 s apart, that count as one
+CORRELATED = 6.0  # number of consecutive positions, at intervals of 0.1 s, that count as one
 POSE, CLOCK, BIAS, SCALE = slice(0, 6), slice(6, 8), slice(8, 9), slice(9, 11)
 STEP = 1e-6  # step of numeric derivatives
-PARAMETERS = 11  # parameters of a camera
+PARAMETERS = 11  # number of parameters of a camera
 
 
 class Residuals:
@@ -48,7 +48,7 @@ class Residuals:
         self._free[:, BIAS] = True
 
     def set_floors(self, floors: Mapping[int, MeasuredFloor]) -> None:
-        """Set the floors by number of their camera; they replace the people's direction up."""
+        """Set the floors by number of their camera; they replace the direction up from people."""
         self._floors = dict(floors)
         self._ups, self._up_sigmas = self._people_up.copy(), np.full(self._count, UP_SIGMA_RAD)
         for k, floor in floors.items():
@@ -56,7 +56,7 @@ class Residuals:
         self._height_sigmas = np.array([floor.sigma_m for floor in floors.values()])
 
     def floor(self, x: F64) -> MeasuredFloor | None:
-        """Return the floor of all cameras that see it, in the frame of the reference."""
+        """Return the mean floor of all cameras, in the frame of the reference."""
         if not self._floors:
             return None
         ups, heights_m = self._levels(x)
@@ -101,8 +101,8 @@ class Residuals:
         points = (g.points_m + g.velocities_mps * late_s[..., None]) * (1 + x[:, [9, 9, 10]])
         distance = np.linalg.norm(points, axis=-1)
         rays = np.einsum("cij,gcj->gci", turns, points / distance[..., None])
-        # Errors across the ray grow with the corrected distance. Without that, all cameras would
-        # be drawn to the people: the smaller the distances, the smaller the errors.
+        # Errors across the ray grow with the corrected distance. Otherwise smaller distances would
+        # lower the cost, and draw all cameras towards the people.
         is_torso = np.arange(len(distance))[:, None] < g.torsos
         across = np.where(is_torso, ACROSS_SIGMA_M, LIMB_ACROSS_SIGMA_M)
         across = across * (1 + x[:, 9]) * (1 + x[:, 8] / distance)
@@ -134,14 +134,14 @@ class Residuals:
             (x[:, 8] - x[:, 8].mean()) / BIAS_SIGMA_M,
             x[:, 8].mean(keepdims=True) / COMMON_BIAS_SIGMA_M,
             (x[:, SCALE] / SCALE_SIGMA).ravel(),
-            # A scale common to all cameras does not show: all differences shrink with it.
+            # A common scale is unobservable: all differences shrink with it.
             x[:, SCALE].mean(axis=0, keepdims=True).ravel() / COMMON_SCALE_SIGMA,
         ]
         observed = self.differences(x)[self.groups.has].ravel()
         return np.concatenate([observed, *(np.sqrt(CORRELATED) * k for k in known)])
 
     def solve(self, start: F64) -> F64:
-        """Return the parameters of least residuals."""
+        """Return the parameters with the smallest residuals."""
         x = start.copy()
         free = self._free
 
@@ -163,7 +163,7 @@ class Residuals:
         return result
 
     def scales(self, x: F64) -> tuple[F64, F64]:
-        """Return changes of scale (Cx2) that fit best, and their standard deviations."""
+        """Return the best-fitting changes of scale (Cx2), and their standard deviations."""
         before = self._free.copy()
         self._free[:, SCALE] = True
         try:
@@ -176,7 +176,7 @@ class Residuals:
         return fitted[:, SCALE], sigmas
 
     def squares_m2(self, x: F64) -> dict[tuple[int, int], F64]:
-        """Return the squared distances of positions of each pair that has some."""
+        """Return the squared distances of positions by pair of cameras with common people."""
         points, _, _ = self._moved(x)
         pairs = combinations(range(self._count), 2)
         return {
@@ -197,7 +197,7 @@ class Residuals:
         torsos = self.groups.torsos
         count = int(self.groups.has[:torsos].sum())
         variance = max(float(np.median(np.abs(base[: 3 * count])) / 0.6745) ** 2, 0.04)
-        variance *= count / (count - torsos)  # the means fit as well
+        variance *= count / (count - torsos)  # degrees of freedom of the means
         size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-12)
         inverse = np.linalg.pinv((jacobian / size).T @ (jacobian / size), hermitian=True)
         return np.asarray(inverse / np.outer(size, size) * variance * CORRELATED)
@@ -209,6 +209,6 @@ def turn_of(x: F64) -> F64:
 
 
 def _mean(values: F64, sigmas: F64) -> F64:
-    """Return the weighted mean over the first axis; zero of none."""
+    """Return the weighted mean over the first axis; 0 for an empty axis."""
     weights = sigmas**-2
     return np.asarray(weights @ values / max(float(weights.sum()), 1e-12))

@@ -18,9 +18,9 @@ from common.calibration.tracklets import Tracklet, tracklets
 from common.geometry.transforms import apply, transform_from
 from people4d.messages import F64
 
-SEARCH_S = 1.0  # [s] maximum difference of clocks from the times of arrival
+SEARCH_S = 1.0  # [s] maximum offset of clocks beyond the times of arrival
 HEIGHTS_MIN = 20  # minimum number of people with visible ankles for the height of the floor
-TORSO_M = 1.08  # height of a torso over the floor where no ankles are in view
+TORSO_M = 1.08  # [m] height of a torso above the floor if no ankles are in view
 
 
 @dataclass(frozen=True)
@@ -29,13 +29,14 @@ class CalibrationResult:
 
     reference: str  # camera that defines the origin and the clock
     map_from_camera: Mapping[str, F64]  # 4x4, optical frame, by camera
-    poses: Mapping[str, CameraPose]  # in the optical frame of the reference
+    poses: Mapping[str, CameraPose]  # poses in the optical frame of the reference, by camera
     adjustment: AdjustmentResult
-    contradicting: Sequence[Pair]  # pairs that were left out
+    contradicting: Sequence[Pair]  # pairs that were excluded
     frames: Mapping[str, str]  # optical frame by camera
-    # Number of people whose feet give the floor if depth has none; 0: usual statures give it
+    # Number of people whose feet determine the floor if depth shows none; 0: mean statures
+    # determine it
     floor_people: int
-    paths_m: Mapping[str, Sequence[F64]]  # Nx3 each, of all people by camera, frame: map
+    paths_m: Mapping[str, Sequence[F64]]  # Nx3, paths of all people by camera, frame: map
 
 
 def calibrate(
@@ -44,12 +45,13 @@ def calibrate(
     map_from_reference: F64 | None = None,
     search_s: float = SEARCH_S,
 ) -> CalibrationResult:
-    """Return the poses and clocks of cameras from people who walked in their view.
+    """Return the poses and clocks of cameras from walking people in view.
 
     Args:
         observed: Observations of each camera.
         reference: Camera that is the origin; empty: the first by name.
-        map_from_reference: Its pose (4x4); None: the map is on the floor below it, x forward.
+        map_from_reference: Pose of the reference (4x4); None: the map is on the floor below it, x
+            forward.
         search_s: Maximum offset of clocks beyond the times of arrival [s].
 
     Raises:
@@ -101,7 +103,7 @@ def calibrate(
 
 
 def _origin_ns(camera: CameraObservations, observed: Sequence[CameraObservations]) -> int:
-    """Return the stamp of grid step 0: the same time of arrival for all cameras."""
+    """Return the stamp of grid step 0, which has the same time of arrival for all cameras."""
     assert camera.delay_ns is not None
     first = observed[0]
     assert first.delay_ns is not None
@@ -113,7 +115,7 @@ def _uprightness(camera: CameraObservations, paths: Sequence[Tracklet]) -> Uprig
 
 
 def _floor(camera: CameraObservations, up: F64) -> MeasuredFloor | None:
-    """Return the floor before a camera as depth has it, at the feet of people."""
+    """Return the floor in view of a camera from depth, at the feet of people."""
     levels, floors = _levels_m(camera, np.eye(4), up)
     if camera.info is None or not camera.depths_mm:
         return None
@@ -127,7 +129,7 @@ def _map_from_reference(
     poses: Mapping[str, CameraPose],
     upright: Mapping[str, Uprightness],
 ) -> tuple[F64, int]:
-    """Return the reference's pose above the floor, x forward, and the people it rests on."""
+    """Return the reference's pose above the floor, x forward, and the number of people used."""
     if floor is not None:
         return _above(floor.up, -floor.camera_m), 0
     up = Uprightness.total(
@@ -144,7 +146,7 @@ def _above(up: F64, floor_m: float) -> F64:
 
 
 def _floor_m(floors_m: F64, torsos_m: F64) -> float:
-    """Return the level of the floor: by feet, or by usual statures."""
+    """Return the level of the floor from feet, or from mean statures."""
     if len(floors_m) >= HEIGHTS_MIN:
         return float(np.median(floors_m))
     return float(np.median(torsos_m)) - TORSO_M

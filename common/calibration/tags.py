@@ -1,7 +1,7 @@
-"""AprilTags at measured positions, which place a calibration in the map.
+"""AprilTags at measured positions, for calibrations in the map.
 
-Poses by walking are relative to a reference camera. Cameras that see a tag of the family 36h11 at a
-known position determine the poses of all cameras in the map.
+Poses by walking are relative to a reference camera. A camera with a tag of the family 36h11 at a
+known position in view determines the poses of all cameras in the map.
 """
 
 from collections import defaultdict, deque
@@ -26,15 +26,17 @@ from people4d.messages.base import MAX_CAMERAS
 
 Coordinate = Annotated[float, Meta(ge=-1e4, le=1e4)]  # [m]
 FAMILY = cv2.aruco.DICT_APRILTAG_36h11
-TAGS_MAX = 200  # tags of a file
-FIRST_PX = np.float32(0), np.float32(0.5)  # middle of the first pixel, by each detector
-EVERY_NS = 500_000_000  # [ns] between two images of a camera in which tags are detected
+TAGS_MAX = 200  # maximum number of tags in a file
+FIRST_PX = np.float32(0), np.float32(0.5)  # centre of the first pixel, by detector
+EVERY_NS = 500_000_000  # [ns] interval of images of a camera used for detection
 VIEWS_MAX = 40  # maximum number of views of one tag by one camera
 
-ERROR_MAX_PX = 2.0  # maximum RMS of the corners; beyond, position or size of a tag is wrong
-AMBIGUOUS = 2.0  # maximum error of a second possible pose, relative to the first
-AMBIGUOUS_PX = 0.2  # [px] added to the error of the first
-APART_M, APART_RAD = 0.15, np.radians(3)  # maximum difference of a pose by tags and by walking
+ERROR_MAX_PX = 2.0  # maximum RMS error of the corners; above, position or size of a tag is wrong
+# Error of a second possible pose below which a tag is ambiguous, relative to the first
+AMBIGUOUS = 2.0
+AMBIGUOUS_PX = 0.2  # [px] addition to the error of the first pose
+# Maximum difference between a pose by tags and by walking [m, rad]
+APART_M, APART_RAD = 0.15, np.radians(3)
 
 
 class Tag(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -60,14 +62,14 @@ class Tag(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
 class TagsFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """All tags of a site."""
 
-    tags: dict[str, Tag] = {}  # by number
+    tags: dict[str, Tag] = {}  # tags by number
 
 
 def read_tags(path: Path) -> dict[int, Tag]:
     """Read a file of tags, by number.
 
     Raises:
-        SourceError: It cannot be read, or a tag is impossible.
+        SourceError: The file cannot be read, or a tag is impossible.
     """
     try:
         found = msgspec.convert(read_toml(path), TagsFile)
@@ -85,19 +87,19 @@ class TagObserver:
     """Corners of known tags in the images of cameras.
 
     Args:
-        tags: Known tags by number; other tags in the images are left out.
+        tags: Known tags by number; other tags in the images are ignored.
     """
 
     def __init__(self, tags: Mapping[int, Tag]) -> None:
         self._tags = dict(tags)
-        # Lines along the edges give the best corners, but only of most tags.
+        # Lines along the edges give the best corners, but not for all tags.
         methods = cv2.aruco.CORNER_REFINE_SUBPIX, cv2.aruco.CORNER_REFINE_APRILTAG
         self._detectors = [_detector(method) for method in methods]
         self._last_ns: dict[str, int] = {}
         self._corners: dict[str, dict[int, deque[F32]]] = {}
 
     def copy(self) -> "TagObserver":
-        """Return the observer as it is now."""
+        """Return a copy, unaffected by later images."""
         other = TagObserver(self._tags)
         other._corners = {
             camera: {number: views.copy() for number, views in views_of.items()}
@@ -106,7 +108,7 @@ class TagObserver:
         return other
 
     def wants(self, camera: str, stamp_ns: int) -> bool:
-        """Check that it is time for another image of a camera."""
+        """Check that another image of a camera is due."""
         last_ns = self._last_ns.get(camera)
         if last_ns is None:
             return len(self._last_ns) < MAX_CAMERAS
@@ -124,16 +126,16 @@ class TagObserver:
         self.add_corners(camera, found)
 
     def add_corners(self, camera: str, pixels: Mapping[int, F32]) -> None:
-        """Store the corners (4x2) of the tags in an image; unknown tags are left out."""
+        """Store the corners (4x2) of the tags in an image; unknown tags are ignored."""
         views = self._corners.setdefault(camera, defaultdict(lambda: deque(maxlen=VIEWS_MAX)))
         for known in sorted(pixels.keys() & self._tags.keys()):
             views[known].append(pixels[known])
 
     def poses(self, infos: Mapping[str, CameraInfo]) -> dict[str, F64]:
-        """Return map_from_camera (4x4) of the cameras that saw tags.
+        """Return map_from_camera (4x4) of the cameras with tags in view.
 
         Raises:
-            CalibrationError: A tag is not where the file states, or leaves two poses.
+            CalibrationError: A tag contradicts the file, or leaves two poses.
         """
         found = {}
         for camera, views in self._corners.items():
@@ -146,10 +148,10 @@ class TagObserver:
 
 
 def move_to_map(found: CalibrationResult, by_tags: Mapping[str, F64]) -> CalibrationResult:
-    """Return a calibration by walking, moved as a whole to the poses by tags.
+    """Return a calibration by walking, moved rigidly to the poses by tags.
 
     Raises:
-        CalibrationError: No camera saw a tag, or tags and walking contradict each other.
+        CalibrationError: No tag was in view, or tags and walking contradict each other.
     """
     common = sorted(set(by_tags) & set(found.map_from_camera))
     if not common:

@@ -11,14 +11,15 @@ from common.calibration.observations import LIMBS, ObservedFrame, ObservedPerson
 from people4d.messages import F64
 
 STEP_S = 0.1  # [s] step of the grid
-FINE = 4  # steps of smoothing in one of the grid
-WINDOW = 21  # fine steps in a window of smoothing: 0.5 s
+FINE = 4  # number of smoothing steps in a grid step
+WINDOW = 21  # window of smoothing, 0.5 s [fine steps]
 GAP_S = 0.45  # [s] maximum gap without a detection
 LIMB_GAP_S = 0.25  # [s] maximum gap without a joint
 LIMBS_COUNT = len(LIMBS)
-GATE_M, SPEED_MAX_MPS = 0.35, 2.5  # maximum distance from the prediction, and its growth
-CLOSE_M = 0.6  # [m] distance below which two people may be exchanged: their tracks end
-LENGTH_S = 0.8  # [s] shortest track
+GATE_M, SPEED_MAX_MPS = 0.35, 2.5  # maximum distance from the prediction [m], and its growth [m/s]
+# [m] distance between two people below which their tracks end, since they may be exchanged
+CLOSE_M = 0.6
+LENGTH_S = 0.8  # [s] minimum duration of a track
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,13 +38,13 @@ class Tracklet:
 
     @property
     def extent_m(self) -> float:
-        """Largest side of the box about the path."""
+        """Largest side of the bounding box of the path."""
         return float(np.ptp(self.positions_m, axis=0).max())
 
 
 @dataclass(slots=True)
 class _Open:
-    """A track that goes on."""
+    """A track that is not finished."""
 
     times_s: list[float]
     positions_m: list[F64]
@@ -68,10 +69,10 @@ class _Open:
 
 
 def tracklets(frames: Sequence[ObservedFrame], origin_ns: int) -> list[Tracklet]:
-    """Return the tracks of all people in the frames of one camera that does not move.
+    """Return the tracks of all people in the frames of one static camera.
 
     Args:
-        frames: By rising stamp.
+        frames: Frames by rising stamp.
         origin_ns: Stamp of grid step 0.
     """
     going: list[_Open] = []
@@ -139,7 +140,7 @@ def _limbs(person: ObservedPerson) -> F64:
 
 
 def _smooth_limbs(times: F64, limbs: F64, grid: F64) -> F64:
-    """Return smoothed rays (NxJx2) on a grid, NaN where a joint was not found all the time."""
+    """Return smoothed rays (NxJx2) on a grid, NaN next to gaps of a joint."""
     found = np.full((len(grid), *limbs.shape[1:]), np.nan)
     for joint in range(limbs.shape[1]):
         has = ~np.isnan(limbs[:, joint, 0])

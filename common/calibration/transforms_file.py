@@ -12,7 +12,7 @@ from common.io.files import read_toml, replace_file
 from people4d.errors import CalibrationError, SourceError
 from people4d.messages import F64, StaticTransform
 
-if TYPE_CHECKING:  # solving needs scipy, reading does not
+if TYPE_CHECKING:  # only solving needs scipy
     from common.calibration.solve import CalibrationResult
 
 MAP = "map"
@@ -25,8 +25,8 @@ class CameraEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
     frame_id: str  # optical frame
     matrix: tuple[Row, Row, Row, Row]  # [m] map_from_optical
-    sigma_m: float = 0.0  # [m] standard deviation of the position, against the reference
-    sigma_deg: float = 0.0  # [deg] of the rotation
+    sigma_m: float = 0.0  # [m] standard deviation of the position relative to the reference
+    sigma_deg: float = 0.0  # [deg] standard deviation of the rotation
     clock_offset_ms: float = 0.0  # [ms] its clock minus the reference's
     pairs: dict[str, float] = {}  # [s] time with a common person, by other camera
 
@@ -34,7 +34,7 @@ class CameraEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 class TransformsFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """All entries."""
 
-    reference: str  # camera that the others are relative to
+    reference: str  # reference camera of the poses
     cameras: dict[str, CameraEntry]
 
 
@@ -42,7 +42,7 @@ def write_transforms(path: Path, calibration: "CalibrationResult") -> None:
     """Write the poses of a calibration in one step.
 
     Raises:
-        SourceError: It cannot be written.
+        SourceError: The file cannot be written.
     """
     lines = [
         "# Poses of cameras in the map, by people4d calibrate; use: people4d up --transforms FILE",
@@ -76,7 +76,7 @@ def read_transforms(path: Path) -> TransformsFile:
     """Read a file.
 
     Raises:
-        SourceError: It cannot be read, or a matrix is no rigid transform.
+        SourceError: The file cannot be read, or a matrix is no rigid transform.
     """
     try:
         found = msgspec.convert(read_toml(path), TransformsFile)

@@ -15,7 +15,7 @@ SHOULDERS, HIPS = [5, 6], [11, 12]  # COCO keypoints
 
 
 def source_rate(evidence: Evidence) -> Iterator[Diagnostic]:
-    """Report sources that are slower than their stamps, and the processes that use a core."""
+    """Report sources slower than their stamps, and processes that use a whole core."""
     for vitals in evidence.of_service("camera"):
         if "source_wanted_hz" not in vitals.last.gauges:
             continue

@@ -1,4 +1,4 @@
-"""Checks of a system that runs: each concludes from the evidence what is wrong."""
+"""Checks of a running system: each derives diagnostics from the evidence."""
 
 from collections.abc import Callable, Iterator, Sequence
 
@@ -22,7 +22,7 @@ def services(evidence: Evidence) -> Iterator[Diagnostic]:
     if SITE in running and not set(running) & set(NEEDED):
         needed = (SITE,)
     elif any(v.since("received_detections") for v in evidence.of_service("tracker")):
-        needed = ("tracker",)  # its cameras may run under the names of other hosts
+        needed = ("tracker",)  # its cameras may run under other robot names
     missing = [name for name in needed if name not in running]
     robots = sorted({robot for robot, _, _ in evidence.present} - {evidence.robot})
     present = {name for robot, _, name in evidence.present if robot == evidence.robot}
@@ -105,7 +105,7 @@ def frames(evidence: Evidence) -> Iterator[Diagnostic]:
 
 
 def pairs(evidence: Evidence) -> Iterator[Diagnostic]:
-    """Check that colour and depth belong together."""
+    """Check that colour and depth images have the same time."""
     for vitals in evidence.of_service("camera"):
         alone, sent = vitals.total("unpaired", "loose_pairs"), vitals.total("sent_frames")
         if alone > MOST * max(sent, 1):
@@ -118,7 +118,7 @@ def pairs(evidence: Evidence) -> Iterator[Diagnostic]:
 
 
 def events(evidence: Evidence) -> Iterator[Diagnostic]:
-    """Report each of EVENTS that was counted."""
+    """Report each counted event of EVENTS."""
     for check, level, service, counter, what, hint in EVENTS:
         for vitals in evidence.of_service(service):
             if vitals.since(counter):
@@ -140,7 +140,7 @@ def exceptions(evidence: Evidence) -> Iterator[Diagnostic]:
 
 
 def calibration(evidence: Evidence) -> Iterator[Diagnostic]:
-    """Report the calibrations and transforms that are known."""
+    """Report the known calibrations and transforms."""
     for vitals in evidence.of_service("tracker"):
         if "no transform" in vitals.last.reason:
             hint = (
@@ -164,7 +164,8 @@ def depth(evidence: Evidence) -> Iterator[Diagnostic]:
     """Check that depth images are not empty."""
     for vitals in evidence.of_service("detector"):
         empty = vitals.since("no_depth")
-        came = max(vitals.since("frames"), empty)  # a heartbeat may lie between the two counts
+        # Heartbeats of both processes are not simultaneous
+        came = max(vitals.since("frames"), empty)
         if empty and empty >= MOST * came:
             what = f"depth is all zero in {empty} of {came} frames: people have no positions"
             hint = (

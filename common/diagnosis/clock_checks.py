@@ -9,7 +9,7 @@ CAMERA_OFFSET = re.compile(r"camera_offset_(.+)_ms")
 CAMERA_DELAY = re.compile(r"camera_delay_(.+)_ms")
 DELAYED_MS = 150.0  # maximum delay of a camera's messages behind another camera's [ms]
 APART_NS = 50_000_000  # maximum difference of two clocks [ns]
-LATE_NS = 1_000_000_000  # maximum time of a heartbeat in transit [ns]
+LATE_NS = 1_000_000_000  # maximum transport time of a heartbeat [ns]
 # Stamps to compare with a clock: service, maximum difference [s], check, stamps, clock, hint
 STAMPS = (
     (
@@ -25,7 +25,7 @@ STAMPS = (
 
 
 def clocks(evidence: Evidence) -> Iterator[Diagnostic]:
-    """Check that the clocks of hosts and cameras agree, and that none was set."""
+    """Check that the clocks of hosts and cameras agree, and had no steps."""
     processes = evidence.vitals.values()
     behind_ms = {v.last.host: ns / 1e6 for v in processes if (ns := _behind_ns(v))}
     stepped = sorted(name for name, v in evidence.vitals.items() if v.since("clock_steps"))
@@ -68,7 +68,8 @@ def _camera_clocks(evidence: Evidence) -> Iterator[Diagnostic]:
             what = f"stamps of cameras are apart, and corrected: {_listing(behind_ms)}"
             hint = "Let their hosts keep time by one server: chrony or systemd-timesyncd."
             yield warning("clocks", what, hint)
-        first_ms = min(late_ms.values(), default=0.0)  # of the camera whose messages come first
+        # Delay of the camera with the earliest messages
+        first_ms = min(late_ms.values(), default=0.0)
         late = {c: ms - first_ms for c, ms in late_ms.items() if ms - first_ms > DELAYED_MS}
         if late:
             listing = ", ".join(f"{c} by {ms:.0f} ms" for c, ms in sorted(late.items()))
@@ -85,11 +86,11 @@ def _listing(behind_ms: Mapping[str, float]) -> str:
 
 
 def _behind_ns(vitals: Vitals) -> float:
-    """Return the certain delay of a host's clock, 0 if it is within bounds."""
+    """Return the minimum error of a host's clock, 0 if it is within bounds."""
     gauges = vitals.last.gauges
     if "clock_offset_ms" in gauges:
         ahead_ns, error_ns = gauges["clock_offset_ms"] * 1e6, gauges["clock_error_ms"] * 1e6
         return -ahead_ns if abs(ahead_ns) - error_ns > APART_NS else 0.0
-    # Without a reference: a heartbeat cannot come before it was sent, nor very late.
+    # Without a reference: a heartbeat cannot arrive before it was sent, or much later.
     late_ns = vitals.late_ns
     return float(late_ns) if late_ns < -APART_NS or late_ns > LATE_NS else 0.0

@@ -1,11 +1,11 @@
-"""Events of which the counter alone shows the cause."""
+"""Events whose cause follows from their counter alone."""
 
 from common.diagnosis.evidence import Level
 
 OTHER_MODEL = "people4d models --verify checks the file; another: --model NAME."
 OTHER_TYPES = "Build the nodes with the definitions in common/ros2/definitions, or change those."
 
-# Messages of ROS 2 that cannot be read: counter, what is wrong, and hint.
+# Unreadable messages of ROS 2: counter, problem, and hint.
 UNREADABLE = (
     ("bad_message", "messages of ROS 2 come that are not of their type", OTHER_TYPES),
     ("other_type", "a topic of ROS 2 has another type, or another definition of it", OTHER_TYPES),
@@ -19,7 +19,7 @@ UNREADABLE = (
     ),
 )
 
-# Frames that do not have the declared form: counter and hint.
+# Frames without the declared form: counter and hint.
 REJECTED = {
     "wrong_type": "Convert it in the source; for float metres set depth_in_metres = True there.",
     "wrong_size": "Calibrate at the size that is streamed, or stream at the size calibrated.",

@@ -20,25 +20,25 @@ HEARD = (Health, CameraInfo, StaticTransform, Detections, Tracks)
 class Diagnostic(msgspec.Struct, frozen=True, kw_only=True):
     """The result of one check."""
 
-    check: str  # its name, one word
-    level: Level = "ok"  # warning: people are published, with limits
+    check: str  # name of the check, one word
+    level: Level = "ok"  # severity; "warning": people are published, with limits
     what: str  # finding, one sentence
     hint: str = ""  # remedy, one sentence; empty if none is needed
-    about: tuple[str, ...] = ()  # processes that this explains
+    about: tuple[str, ...] = ()  # processes whose state this explains
 
 
 def ok(check: str, what: str) -> Diagnostic:
-    """Make a diagnostic without a fault."""
+    """Return a diagnostic without a fault."""
     return Diagnostic(check=check, what=what)
 
 
 def warning(check: str, what: str, hint: str, *about: str) -> Diagnostic:
-    """Make a diagnostic of a limit."""
+    """Return a diagnostic of a limit."""
     return Diagnostic(check=check, level="warning", what=what, hint=hint, about=about)
 
 
 def problem(check: str, what: str, hint: str, *about: str) -> Diagnostic:
-    """Make a diagnostic of a fault that prevents people from being published."""
+    """Return a diagnostic of a fault that prevents people from being published."""
     return Diagnostic(check=check, level="problem", what=what, hint=hint, about=about)
 
 
@@ -62,7 +62,7 @@ class Vitals:
         return sum(self.last.counters.get(name, 0) for name in names)
 
     def since(self, *names: str) -> int:
-        """Return the number of events while the doctor listened."""
+        """Return the number of events during the observation."""
         return self.total(*names) - sum(self.first.counters.get(name, 0) for name in names)
 
 
@@ -70,9 +70,9 @@ class Vitals:
 class Evidence:
     """Messages of a system, received over a few seconds."""
 
-    robot: str  # name of the robot listened to
+    robot: str  # name of the observed robot
     release: str = field(default_factory=release)  # release of people4d here
-    elapsed_s: float = 0.0  # duration [s]
+    elapsed_s: float = 0.0  # duration of the observation [s]
     vitals: dict[str, Vitals] = field(default_factory=dict)  # processes by name
     # robot, service and process of all liveliness tokens, of all robots
     present: list[tuple[str, str, str]] = field(default_factory=list)
@@ -83,7 +83,7 @@ class Evidence:
     tracks: list[Tracks] = field(default_factory=list)  # people messages
     # messages that could not be read, by topic
     refused: Counter[str] = field(default_factory=Counter)
-    refusal: str = ""  # why the last of these could not be read
+    refusal: str = ""  # reason why the last of these could not be read
 
     def of_service(self, service: str) -> list[Vitals]:
         """Return the processes of a service."""

@@ -1,4 +1,4 @@
-"""Checks of messages that another process than their owner sent."""
+"""Checks of messages from a process that is not their owner."""
 
 from collections.abc import Iterator
 
@@ -8,7 +8,7 @@ from people4d.ownership import FOREIGN
 
 
 def owners(evidence: Evidence) -> Iterator[Diagnostic]:
-    """Check that calibrations, transforms, zones and truth come from their owners only."""
+    """Check that only their owners send calibrations, transforms, zones and truth."""
     found: dict[str, set[str]] = {}
     for name, vitals in evidence.vitals.items():
         for counter, count in vitals.last.counters.items():

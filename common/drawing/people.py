@@ -19,7 +19,8 @@ LIMBS = (
     *((0, 1), (0, 2), (1, 3), (2, 4), (5, 6), (5, 7), (7, 9), (6, 8), (8, 10)),
     *((5, 11), (6, 12), (11, 12), (11, 13), (13, 15), (12, 14), (14, 16)),
 )
-DOTTED = np.array([k not in (1, 2, 3, 4) for k in range(17)])  # dots would hide a small face
+# Keypoints drawn as dots: not eyes and ears, since they would cover a small face
+DOTTED = np.array([k not in (1, 2, 3, 4) for k in range(17)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +93,7 @@ def _draw_skeleton(image: U8, keypoints: F32, colour: Colour) -> None:
 
 
 def _draw_track(image: U8, track: Track, view: CameraView | None) -> None:
-    """Draw the heading as an arrow, and a lost person as a ring at the predicted position."""
+    """Draw the heading as an arrow, and a lost track as a ring at the predicted position."""
     here = view.pixels(track.position_m[None]) if view else None
     if view is None or here is None or np.abs(here).max() > 9999:
         return

@@ -42,7 +42,7 @@ def ink_on(colour: Colour) -> Colour:
 
 
 def text_width(text: str, height_px: float) -> int:
-    """Return the width of a text of a height [px]."""
+    """Return the width of a text [px] at a height [px]."""
     (width, _), _ = cv2.getTextSize(text, FONT, height_px / UNIT_PX, 1)
     return width
 

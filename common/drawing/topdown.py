@@ -97,7 +97,7 @@ def _draw_grid(image: U8, scale: _Scale) -> None:
             put_path(image, path, FAINT, 1)
             u, v = path[0] if axis else path[1]
             at = (u + 4, image.shape[0] - 6.0) if axis else (4.0, v - 4)
-            if at[1] > 14:  # else it would be cut at the upper edge
+            if at[1] > 14:  # otherwise cut off at the upper edge
                 put_text(image, f"{metre} m", at, 11, GREY)
 
 
@@ -105,7 +105,7 @@ def _draw_camera(image: U8, scale: _Scale, frame_from_optical: F64) -> None:
     """Draw a camera as a wedge along its optical axis."""
     here, forward = frame_from_optical[:2, 3], frame_from_optical[:2, 2]
     length = float(np.linalg.norm(forward))
-    if length < 1e-3:  # it points straight up or down
+    if length < 1e-3:  # straight up or down
         return
     forward = forward / length * WEDGE_M
     side = np.array([-forward[1], forward[0]]) * 0.52  # half of 55 degrees

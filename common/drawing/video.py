@@ -1,7 +1,7 @@
-"""Videos for every browser: VP9 in WebM, by PyAV.
+"""Videos for all browsers: VP9 in WebM, by PyAV.
 
-The OpenCV wheels cannot encode H.264, and their VP8 takes 57 ms a frame of 640x480, since it cannot
-be set to real time; VP9 in real time takes 6 ms.
+The OpenCV wheels cannot encode H.264, and their VP8 takes 57 ms for a frame of 640x480 without a
+real-time mode; VP9 in real-time mode takes 6 ms.
 """
 
 from fractions import Fraction
@@ -16,7 +16,7 @@ from people4d.messages import U8
 SUFFIX = ".webm"
 REAL_TIME = {"deadline": "realtime", "cpu-used": "8"}
 BITS_A_PIXEL = 0.4
-RATE_STEP_HZ = 1000  # a rate is a fraction of this denominator
+RATE_STEP_HZ = 1000  # denominator of frame rates
 
 
 class VideoWriter:

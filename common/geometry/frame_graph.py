@@ -1,4 +1,4 @@
-"""Frames linked by rigid transforms, and the chain of transforms between any two of them."""
+"""Frames linked by rigid transforms, and the chain of transforms between two frames."""
 
 from collections import deque
 from collections.abc import Iterable, Mapping
@@ -13,8 +13,8 @@ from people4d.topics import TRANSFORMS_MAX
 OPTICAL, LINK = "_optical_frame", "_link"
 PATHS_MAX = 4096
 Edge: TypeAlias = tuple[str, str]  # (target, source)
-Edges: TypeAlias = dict[Edge, F64]  # each with its target_from_source
-Neighbours: TypeAlias = dict[str, dict[str, F64]]  # by source and target, target_from_source
+Edges: TypeAlias = dict[Edge, F64]  # target_from_source by edge
+Neighbours: TypeAlias = dict[str, dict[str, F64]]  # target_from_source by source and target
 
 
 class FrameGraph:
@@ -56,7 +56,7 @@ class FrameGraph:
         _link(self._neighbours, parent, child, matrix)
         self.changes += 1
         if is_new and not any(name.endswith((OPTICAL, LINK)) for name in (parent, child)):
-            # Two frames apart from all others change the chain between them alone.
+            # Two frames unlinked to others change only the chain between them.
             self._paths.pop((parent, child), None)
             self._paths.pop((child, parent), None)
             if self._with_links is not None:
@@ -75,7 +75,7 @@ class FrameGraph:
         """Return the fewest transforms whose product is target_from_source, in their order.
 
         Returns:
-            Empty for one and the same frame, None if the frames are not linked.
+            Empty for identical frames, None if the frames are not linked.
         """
         if (target, source) not in self._paths:
             if len(self._paths) >= PATHS_MAX:

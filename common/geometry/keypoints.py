@@ -10,7 +10,7 @@ REACH_M = 1.0  # maximum difference of a keypoint's depth from the person's [m]
 
 
 def lift(person: Detection, info: CameraInfo) -> F64 | None:
-    """Return the keypoints of a person on the surface that the camera sees at them.
+    """Return the points of a person's visible surface at the keypoints.
 
     Args:
         person: The detection.

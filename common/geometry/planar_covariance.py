@@ -14,14 +14,14 @@ class PlanarCovariance:
     """Covariance of a pose since the origin of its frame."""
 
     matrix: F64  # [m, rad] 3x3 of x, y and theta, with the axes of that frame
-    position_m: F64  # [m] 2, of the base in that frame
+    position_m: F64  # [m] 2, position of the base in that frame
 
     def growth(self, before: "PlanarCovariance") -> F64 | None:
-        """Return the covariance (3x3) of the motion since another pose; None if it is not known.
+        """Return the covariance (3x3) of the motion since another pose; None if unknown.
 
-        An error of the angle then has moved the base sideways since: P = J P_before J^T + Q, with
-        J = d(x, y, theta) / d(x, y, theta)_before. A covariance that stays the same is a constant
-        of a driver, and says nothing about the motion.
+        An earlier error of the angle has moved the base sideways: P = J P_before J^T + Q, with J =
+        d(x, y, theta) / d(x, y, theta)_before. A constant covariance is set by a driver, and is no
+        information on the motion.
         """
         if np.array_equal(self.matrix, before.matrix):
             return None
@@ -46,9 +46,9 @@ def turned(covariance: F64, target_from_frame: F64) -> F64:
 
 
 def is_plausible(covariance: F64, sigma_max_m: float, sigma_max_rad: float) -> bool:
-    """Check a covariance (3x3) of x, y and theta: it is valid, and no sign for an unknown pose.
+    """Check that a covariance (3x3) of x, y, theta is valid, and not a code for an unknown pose.
 
-    Drivers fill in zeros, negative numbers or huge ones where they know nothing.
+    Drivers use zeros, negative or huge numbers for unknown poses.
     """
     variances, scale = np.diag(covariance), float(np.abs(covariance).max())
     limits = np.square([sigma_max_m, sigma_max_m, sigma_max_rad])

@@ -91,7 +91,7 @@ class TransformBuffer:
         )
 
     def camera_pose(self, frame_id: str, optical_frame_id: str, stamp_ns: int) -> F64 | None:
-        """Return frame_from_optical at a time; None if a pose is known, but not at this time.
+        """Return frame_from_optical at a time; None if the known pose does not cover this time.
 
         A camera without any transform is at the origin and points along +x.
         """
@@ -122,7 +122,7 @@ class TransformBuffer:
         return frame
 
     def awaits_sample(self, target: str, source: str, stamp_ns: int) -> bool:
-        """Check whether a moving transform between two frames ends before a time."""
+        """Check for a moving transform between two frames that ends before a time."""
         histories = map(self._history, self._graph.path(target, source) or {})
         return any(stamp_ns > (one.newest_ns or stamp_ns) for one in histories if one)
 

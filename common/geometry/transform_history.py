@@ -20,7 +20,7 @@ CLOCK_JUMP_S = 1.0  # minimum step back of the stamps that restarts the history 
 SIGMA_ACCELERATION_MPS2 = 1.0  # standard deviation of unobserved acceleration [m/s^2]
 SIGMA_ANGULAR_ACCELERATION_RADPS2 = 2.0  # standard deviation of angular acceleration [rad/s^2]
 SPEED_BASELINE_S = 0.04  # minimum interval over which velocity is measured [s]
-SMALL_RAD = 1e-5  # maximum angle that is equal to its sine [rad]
+SMALL_RAD = 1e-5  # maximum angle numerically equal to its sine [rad]
 COUNTERS = (
     *("motion_duplicates", "motion_jumps", "motion_gaps", "motion_clock_resets"),
     *("motion_bad_covariances", "refused_transforms"),
@@ -38,7 +38,7 @@ class TransformEstimate:
 
     @property
     def is_uncertain(self) -> bool:
-        """True: extrapolated, or interpolated over a gap."""
+        """True if extrapolated, or interpolated over a gap."""
         return self.sigma_m > 0 or self.sigma_rad > 0
 
 
@@ -55,7 +55,7 @@ class TransformHistory:
         self._stamps_ns: list[int] = []
         self._matrices: list[F64] = []
         self._covariances: list[F64 | None] = []  # 3x3, of x, y and theta
-        self._parent_from_origin = np.eye(4)  # origin of the source, which may be reset
+        self._parent_from_origin = np.eye(4)  # origin of the source, changed by its resets
 
     @property
     def newest_ns(self) -> int | None:

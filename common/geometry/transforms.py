@@ -16,7 +16,7 @@ LINK_FROM_OPTICAL: F64 = np.array(
     [[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
 )
 
-# OpenCV's own five iterations leave 0.07 px at the rim of a wide lens.
+# OpenCV's default of five iterations leaves 0.07 px at the rim of a wide lens.
 UNDISTORT = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-9)
 
 

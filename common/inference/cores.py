@@ -27,7 +27,7 @@ log = logging.getLogger("people4d")
 
 
 class InferenceCores:
-    """Cores of slow networks: all, or cores on which no other thread of this process runs."""
+    """Cores of slow networks: all cores, or cores reserved from other threads of this process."""
 
     def __init__(self) -> None:
         self._reserved: frozenset[int] = frozenset()

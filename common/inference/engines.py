@@ -11,8 +11,8 @@ from common.inference.onnx import OnnxSession
 from common.inference.session import Array, Engine, Session
 
 PROBE_SIDES = (256, 320)  # height and width of the probe image for a network of any size [px]
-# Minimum mean correlation of the outputs with the outputs of the unoptimised graph. Rounding by
-# another order of operations gives 0.88 for MoveNet on this image; wrong fusion gave 0.5.
+# Minimum mean correlation with the outputs of the unoptimised graph. Another order of operations
+# gives 0.88 for MoveNet on this image, wrong fusion 0.5
 CORRELATION_MIN = 0.75
 
 log = logging.getLogger("people4d")
@@ -53,7 +53,7 @@ def open_session(
     expected = reference.run(image)
     try:
         found = mean_correlation(expected, session.run(image))
-    except Exception as error:  # the libraries raise types of their own
+    except Exception as error:  # the libraries raise their own types
         problem = f"cannot run it fused: {(str(error).splitlines() or [''])[0][:200]}"
     else:
         if found >= CORRELATION_MIN:

@@ -38,7 +38,7 @@ class OpenVinoSession:
             "INFERENCE_NUM_THREADS": threads,
             "NUM_STREAMS": 1,
             "ENABLE_CPU_PINNING": False,
-            "INFERENCE_PRECISION_HINT": "f32",  # floats stay floats where the CPU has bfloat16
+            "INFERENCE_PRECISION_HINT": "f32",  # no bfloat16 on processors that have it
         }
         self._path = path
         self._runs = NetworkRuns(cores)
@@ -49,7 +49,7 @@ class OpenVinoSession:
                 for axis in model.inputs[0].partial_shape
             )
             self._dtype: np.dtype[np.generic] = np.dtype(model.inputs[0].element_type.to_dtype())
-        except Exception as error:  # OpenVINO raises RuntimeError and types of its own
+        except Exception as error:  # OpenVINO raises RuntimeError and its own types
             raise self._error(error) from error
         self._names = [min(output.get_names(), key=len) for output in model.outputs]
         self._requests: dict[tuple[int, ...], Any] = {}

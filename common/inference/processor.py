@@ -4,7 +4,7 @@ from functools import cache
 from pathlib import Path
 
 CPU_INFO = Path("/proc/cpuinfo")
-DOT_PRODUCTS = {"avx512_vnni", "avx_vnni", "amx_int8"}  # names in Linux
+DOT_PRODUCTS = {"avx512_vnni", "avx_vnni", "amx_int8"}  # names of the instructions in Linux
 
 
 @cache

@@ -8,11 +8,11 @@ from typing import Any
 
 import yaml
 
-MAX_TEXT_BYTES = 2**20  # limit of a configuration, a calibration, a list of settings
-MAX_CHARACTERS = 2**18  # limit of YAML
-MAX_DEPTH = 32  # limit of nested lists and maps
+MAX_TEXT_BYTES = 2**20  # maximum size of a configuration, a calibration, a list of settings
+MAX_CHARACTERS = 2**18  # maximum length of YAML
+MAX_DEPTH = 32  # maximum depth of nested lists and maps
 
-# libyaml's loader, where installed, does not recurse and is quick.
+# libyaml's loader, if installed, is fast and does not recurse.
 EVENTS: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
@@ -34,13 +34,13 @@ def read_text(path: Path, limit: int = MAX_TEXT_BYTES) -> str:
 
 
 def write_private(path: Path, content: bytes) -> None:
-    """Replace a file by one that only its owner reads, as `replace_file`; makes its folder."""
+    """Replace a file by one readable only by its owner, as `replace_file`; create its folder."""
     path.parent.mkdir(parents=True, exist_ok=True)
     replace_file(path, content, 0o600)
 
 
 def replace_file(path: Path, content: bytes, mode: int = 0o666) -> None:
-    """Replace a file by one of a mode, less the process's mask; a reader never sees a part of it.
+    """Replace a file atomically by one with a mode, less the process's mask.
 
     Raises:
         OSError: The file cannot be written.
@@ -64,7 +64,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """Parse TOML; ValueError if it is none, or if lists and tables are nested too deeply."""
+    """Parse TOML; ValueError if it is invalid, or if lists and tables are nested too deeply."""
     try:
         return tomllib.loads(text)
     except RecursionError:
@@ -72,10 +72,10 @@ def parse_toml(text: str) -> dict[str, Any]:
 
 
 def inside(folder: Path, name: str) -> Path:
-    """Return the path of a file in a folder by its name in another file, which is untrusted.
+    """Return the path of a file in a folder by an untrusted name.
 
     Raises:
-        ValueError: The path leads out of the folder, by its parts or by a link.
+        ValueError: The path leaves the folder, by its parts or by a link.
     """
     if "\0" in name or not name.strip():
         raise ValueError(f"expected the name of a file, got {name!r:.80}")
@@ -90,7 +90,7 @@ def inside(folder: Path, name: str) -> Path:
 
 
 def parse_yaml(text: str) -> Any:
-    """Parse YAML; ValueError if it is too long or too deep, or has aliases, which may expand."""
+    """Parse YAML; ValueError if it is too long, too deep, or has aliases, which may expand."""
     if len(text) > MAX_CHARACTERS:
         raise ValueError(f"it is longer than {MAX_CHARACTERS} characters")
     depth = 0

@@ -7,13 +7,14 @@ from people4d.errors import DecodeError
 from people4d.messages.base import MAX_PIXELS
 
 MAX_FILE_BYTES = 64 * 2**20
-# Deflate packs at most 1032 to one, and a JPEG takes at least a bit for each block of 8x8: a
-# larger size is false, but a decoder would allocate it.
+# Deflate packs at most 1032 to 1, and JPEG takes at least 1 bit per block of 8x8 pixels; a decoder
+# would allocate memory for larger, false sizes
 MAX_PIXELS_PER_BYTE = 1100
-MAX_SEGMENTS = 1024  # segments of a JPEG before its size; a colour profile of 16 MB takes 256
-MAX_SCANS = 64  # scans of a JPEG: each may take as long as the image itself; ten are usual
-MAX_CHUNKS = 65536  # chunks of a PNG
-MAX_PACKED = 4  # packed texts and profiles of a PNG, which unpack to 8 MB each and stay in memory
+# Maximum number of segments of a JPEG before its size; a colour profile of 16 MB takes 256
+MAX_SEGMENTS = 1024
+MAX_SCANS = 64  # maximum number of scans of a JPEG, each as slow as the image itself; 10 are usual
+MAX_CHUNKS = 65536  # maximum number of chunks of a PNG
+MAX_PACKED = 4  # maximum number of packed texts and profiles of a PNG, which unpack to 8 MB each
 
 JPEG, PNG = b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n"
 PACKED = (b"zTXt", b"iTXt", b"iCCP")
@@ -71,7 +72,7 @@ def _png(data: bytes) -> tuple[int, int]:
         if position + 12 > len(data):
             break
         length, kind = _CHUNK.unpack_from(data, position)
-        if length > len(data) - position - 12:  # OpenCV would allocate it
+        if length > len(data) - position - 12:  # OpenCV would allocate this length
             raise ValueError("expected a complete PNG, got a truncated one")
         packed += kind in PACKED
         if kind == b"acTL":

@@ -57,8 +57,8 @@ def encode_jpeg(rgb: U8, quality: int = 90) -> bytes:
 def encode_png16(depth_mm: U16, level: int = 1, smooth: bool = False) -> bytes:
     """Encode depth (HxW) as 16-bit PNG; levels 0 to 9 trade time for size.
 
-    Smooth depth has no noise, as in a simulation: differences from the row above make its file a
-    third smaller. With a sensor's noise they do not.
+    Smooth depth has no noise, as in a simulation: the filter "up" makes its file a third smaller,
+    but not with a sensor's noise.
     """
     row_filter = cv2.IMWRITE_PNG_FILTER_UP if smooth else cv2.IMWRITE_PNG_FILTER_NONE
     settings = [cv2.IMWRITE_PNG_COMPRESSION, level, cv2.IMWRITE_PNG_FILTER, row_filter]
@@ -75,7 +75,8 @@ def decode_jpeg(data: bytes) -> U8:
     if not data.startswith(JPEG):
         raise DecodeError("rgb_jpeg: expected a JPEG, got a corrupt one")
     width, height = image_size(data, "rgb_jpeg")
-    # OpenCV fills a truncated JPEG with grey; only the end marker shows it (some files pad it).
+    # OpenCV fills a truncated JPEG with grey; only the missing end marker shows it. Some files are
+    # padded.
     complete = b"\xff\xd9" in data[-256:]
     rgb = _decode(data, cv2.IMREAD_COLOR_RGB) if complete else None
     if rgb is None or rgb.shape != (height, width, 3):
@@ -114,7 +115,7 @@ def decode_image(data: bytes, flags: int, name: str = "image") -> npt.NDArray[An
 
 
 def _decode(data: bytes, flags: int) -> "cv2.typing.MatLike | None":
-    # The pixels are the sensor's, as depth and calibration are: an orientation tag turns them only.
+    # The orientation tag is ignored: depth and calibration are in the sensor's pixels.
     flags |= cv2.IMREAD_IGNORE_ORIENTATION
     try:
         return cv2.imdecode(np.frombuffer(data, np.uint8), flags)

@@ -14,9 +14,10 @@ from mcap.records import Channel, Header, Metadata
 from people4d.errors import DecodeError, SourceError
 
 MAGIC = b"\x89MCAP0\r\n"
-MAX_HEADER_BYTES = 2**20  # limit of a header, channel or metadata record
-MAX_DESCRIPTION_BYTES = 16 * 2**20  # limit of all these records
-MAX_MESSAGES = 10_000_000  # 90 hours of frames at 30 Hz; bounds the memory of the index
+MAX_HEADER_BYTES = 2**20  # maximum size of a header, channel or metadata record
+MAX_DESCRIPTION_BYTES = 16 * 2**20  # maximum total size of these records
+# Maximum number of messages, a bound on the memory of the index: 90 hours at 30 Hz
+MAX_MESSAGES = 10_000_000
 MAX_CHANNELS = 4096
 MAX_METADATA = 256
 
@@ -33,8 +34,8 @@ class MessageEntry:
 
     log_time_ns: int
     topic: str
-    offset: int  # [bytes] of the payload from the start of the file
-    size: int  # [bytes] of the payload
+    offset: int  # [bytes] offset of the payload from the start of the file
+    size: int  # [bytes] size of the payload
 
 
 @dataclass
@@ -43,11 +44,13 @@ class McapIndex:
 
     profile: str = ""
     entries: list[MessageEntry] = field(default_factory=list)
-    truncated: bool = False  # the file is cut short or damaged; messages before are there
+    # True if the file is cut short or damaged; messages before the damage are indexed
+    truncated: bool = False
     topics: dict[int, str] = field(default_factory=dict)  # topic by number of the channel
     encodings: dict[str, str] = field(default_factory=dict)  # encoding of messages by topic
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)  # metadata records by name
-    description_bytes: int = 0  # [bytes] headers, channels and metadata records read so far
+    # [bytes] total size of headers, channels and metadata records so far
+    description_bytes: int = 0
 
 
 def read_profile(path: Path) -> str:
@@ -119,7 +122,7 @@ def _record(file: BinaryIO, position: int, end: int, index: McapIndex) -> int | 
 
 
 def _chunk(file: BinaryIO, start: int, end: int) -> int:
-    """Step into a chunk, whose records follow each other as outside of chunks."""
+    """Return the position of the first record in a chunk."""
     *_, compression_size = _CHUNK.unpack(file.read(_CHUNK.size))
     if compression_size:
         raise DecodeError(

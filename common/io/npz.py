@@ -13,8 +13,8 @@ import numpy.typing as npt
 
 from common.io.files import read_bytes
 
-MAX_BYTES = 256 * 2**20  # limit of one array
-MAX_HEADER_BYTES = 4096  # limit of the text with type and shape
+MAX_BYTES = 256 * 2**20  # maximum size of one array
+MAX_HEADER_BYTES = 4096  # maximum size of the header with type and shape
 NUMBERS = "biuf"  # kinds of numpy types: booleans, integers, floats
 # Other compressions may unpack more bytes than declared
 PACKINGS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
@@ -23,7 +23,7 @@ PACKINGS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 def read_arrays(
     path: Path, needed: Sequence[str], optional: Sequence[str] = ()
 ) -> Mapping[str, npt.NDArray[Any]]:
-    """Read arrays by name, those that are needed and those that may be there.
+    """Read needed and optional arrays by name.
 
     Raises:
         OSError: The file cannot be read.
@@ -62,7 +62,7 @@ def _array(file: zipfile.ZipFile, name: str, end: int) -> npt.NDArray[Any]:
     # Reading allocates the declared compressed size at once.
     if member.compress_size > end:
         raise ValueError(f"array {name} is truncated")
-    return _parse(name, file.read(member))  # never more than file_size
+    return _parse(name, file.read(member))  # at most file_size
 
 
 def _parse(name: str, data: bytes) -> npt.NDArray[Any]:

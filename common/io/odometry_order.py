@@ -6,7 +6,7 @@ from typing import Protocol, TypeVar
 
 from people4d.messages import MovingTransform, Odometry
 
-MAX_WAIT_NS = 500_000_000  # [ns] of stamps that an item waits for odometry
+MAX_WAIT_NS = 500_000_000  # [ns] maximum wait of an item for odometry, by stamps
 
 
 class Stamped(Protocol):

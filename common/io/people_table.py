@@ -6,7 +6,7 @@ from typing import TypeAlias
 
 from people4d.messages import Track, Tracks, Truth, TruthPerson
 
-Cell: TypeAlias = str | int | float | None  # None: unknown, or not of this kind
+Cell: TypeAlias = str | int | float | None  # None: unknown, or not in this kind of row
 
 
 @dataclass(frozen=True)
@@ -14,9 +14,9 @@ class Column:
     """One column."""
 
     name: str  # name with the unit at its end
-    kind: type[str | int | float]  # type of its cells; an empty cell is possible where `optional`
+    kind: type[str | int | float]  # type of its cells
     meaning: str  # description of the content
-    optional: bool = False  # A cell may be empty
+    optional: bool = False  # True if cells may be empty
 
 
 COLUMNS = (

@@ -1,8 +1,8 @@
-"""Recordings: MCAP files of messages as they are on the wire.
+"""Recordings: MCAP files of messages in their wire format.
 
-Profile "people4d", one channel per key with the key below people4d/v1/<robot>/ as its topic, so
-that a recording replays under any robot's name. Messages are not compressed (colour is JPEG and
-depth PNG already) and each is a record of its own, so that a crash costs at most the last one.
+The profile is "people4d"; a channel's topic is its key below people4d/v1/<robot>/, so a recording
+replays under any robot's name. Messages are uncompressed (colour is JPEG, depth is PNG) and
+separate records, so a crash loses at most the last one.
 """
 
 import math
@@ -33,7 +33,7 @@ class RecordingWriter:
     full; the messages before remain.
 
     Args:
-        path: The file; its folder is made, an existing file is replaced.
+        path: The file; its folder is created, an existing file is replaced.
         quality: JPEG quality of frames that arrive uncompressed, 1 to 100.
     """
 
@@ -68,13 +68,13 @@ class RecordingWriter:
             )
 
     def write_metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """Write a metadata record, best before the first message; it replaces an earlier one."""
+        """Write a metadata record, preferably before all messages; it replaces an earlier one."""
         with self._source_errors():
             self._writer.add_metadata(name, dict(values))
 
     @property
     def size_bytes(self) -> int:
-        """Bytes of the file so far."""
+        """Size of the file so far [bytes]."""
         return 0 if self._file.closed else self._file.tell()
 
     def close(self) -> None:
@@ -114,10 +114,12 @@ class RecordingSummary(msgspec.Struct, frozen=True, kw_only=True):
     """Contents of a recording."""
 
     topics: dict[str, int]  # number of messages by topic, sorted by topic
-    encodings: dict[str, str]  # of messages by topic, "msgpack" unless another program reads it
+    # Encoding of messages by topic, "msgpack" unless another program reads it
+    encodings: dict[str, str]
     start_ns: int  # [ns] log time of the first message; 0 if there is none
     duration_s: float  # [s] from the first to the last message
-    truncated: bool  # True: the file is cut short or damaged; messages before are there
+    # True if the file is cut short or damaged; messages before the damage are readable
+    truncated: bool
 
 
 class Recording:
@@ -126,7 +128,8 @@ class Recording:
     def __init__(self, path: Path, index: McapIndex) -> None:
         self._path = path
         self._index = index
-        self.bad_messages = 0  # messages skipped by `messages` because they could not be decoded
+        # Number of messages skipped by `messages` since they could not be decoded
+        self.bad_messages = 0
 
     @property
     def summary(self) -> RecordingSummary:
@@ -152,17 +155,17 @@ class Recording:
         """Iterate over messages in the order of their log time.
 
         Args:
-            types: Types wanted; all if none is given. Frames are CompressedRgbdFrame.
-            start_s: [s] from the first message of the recording, where to start. The last message
-                of each latched topic before comes first, at the log time of the start.
-            end_s: [s] from the first message of the recording, where to end.
+            types: Requested types; all if none is given. Frames are CompressedRgbdFrame.
+            start_s: Start [s], from the first message of the recording. The last earlier message of
+                each latched topic is first, at the log time of the start.
+            end_s: End [s], from the first message of the recording.
 
         Yields:
             Log time in nanoseconds and the message. Messages that cannot be decoded are skipped
-            and counted in `bad_messages`; topics in the encoding of other programs are passed over.
+            and counted in `bad_messages`; topics in other encodings are ignored.
 
         Raises:
-            SourceError: The file vanished since it was opened.
+            SourceError: The file was deleted after it was opened.
         """
         topics = {topic for topic in self._index.topics.values() if self._holds(topic, types)}
         wanted = [entry for entry in self._index.entries if entry.topic in topics]
@@ -191,7 +194,7 @@ class Recording:
 
 
 def open_recording(path: Path) -> Recording:
-    """Open a recording; one cut short by a crash is readable up to the cut.
+    """Open a recording; after a crash it is readable up to the last complete message.
 
     Raises:
         SourceError: The file is absent or is not a people4d recording.

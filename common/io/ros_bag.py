@@ -1,7 +1,7 @@
 """ROS 1 and ROS 2 bags as typed messages, whatever their storage.
 
-Only known types are read, since definitions in a bag would be made into code. A bag whose types
-differ from the known ones of the same name is refused.
+Only known types are read, since definitions in a bag would become code. A bag with a different type
+of a known name is refused.
 """
 
 from collections import Counter
@@ -26,7 +26,8 @@ PEOPLE = "people_msgs/msg/People"
 # Shipped definitions that occur in bags of ROS 1 and ROS 2
 SHIPPED = ("people_msgs/msg/Person", PEOPLE, "realsense2_camera_msgs/msg/RGBD")
 
-ANY_DIGEST = "*"  # digest of ROS 1 publishers that relay any type: only the type's name is compared
+# Digest of ROS 1 publishers that relay any type; only the name of the type is compared
+ANY_DIGEST = "*"
 
 
 def make_typestore(version: int, definitions: Mapping[str, str]) -> Typestore:
@@ -54,7 +55,7 @@ class Bag:
             texts = (connection.topic, connection.msgtype, connection.digest)
             if not all(isinstance(text, str) for text in texts):
                 raise ValueError(f"expected names of topics and types, got {texts!r:.80}")
-        self.bad_messages = 0  # messages that could not be deserialised
+        self.bad_messages = 0  # number of messages that could not be deserialised
         self.types = {c.topic: c.msgtype for c in reader.connections}
         self.counts = Counter[str]()
         for connection in reader.connections:
@@ -65,11 +66,11 @@ class Bag:
         """Iterate over the messages of some topics.
 
         Yields:
-            Topic, time at which the bag received the message in nanoseconds, and the message.
-            Messages that cannot be deserialised are skipped and counted in `bad_messages`.
+            Topic, reception time [ns], and the message. Messages that cannot be deserialised are
+            skipped and counted in `bad_messages`.
 
         Raises:
-            SourceError: The bag is damaged here, or has another type of this name.
+            SourceError: The bag is damaged, or has another type of this name.
         """
         connections = [c for c in self._reader.connections if c.topic in topics]
         if not connections:
@@ -130,13 +131,13 @@ def open_bag(path: Path, definitions: Mapping[str, str]) -> Iterator[Bag]:
 
 
 def _check_time(time_ns: object) -> None:
-    # A database may hold text in a column of numbers; MCAP has unsigned numbers of 64 bits.
+    # A database may have text in a column of numbers; MCAP has unsigned 64-bit numbers.
     if type(time_ns) is not int or not 0 <= time_ns < 2**62:
         raise ValueError(f"expected nanoseconds, got {time_ns!r:.40}")
 
 
 def _compressed_messages(reader: Reader1 | Reader2) -> bool:
-    """Check that messages are compressed one by one, and let the reader pass them on as stored."""
+    """Check for individually compressed messages, and make the reader return them as stored."""
     if isinstance(reader, Reader1) or reader.compression_mode != "message":
         return False
     storage = reader.storage
@@ -146,7 +147,7 @@ def _compressed_messages(reader: Reader1 | Reader2) -> bool:
 
 @contextmanager
 def _source_errors(path: Path, problem: str) -> Iterator[None]:
-    """Turn any error of the reader into a sentence."""
+    """Convert any error of the reader to a SourceError."""
     try:
         yield
     except (SourceError, GeneratorExit):

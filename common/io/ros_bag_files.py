@@ -1,4 +1,4 @@
-"""Files of a ROS bag, also of a recorder that was killed."""
+"""Files of a ROS bag, possibly of a killed recorder."""
 
 from pathlib import Path
 
@@ -6,15 +6,15 @@ from common.io.mcap_index import read_profile
 from people4d.errors import SourceError
 
 ROS1_PROFILE = "ros1"
-WAL_HEADER_BYTES = 32  # [bytes] write-ahead log without messages
+WAL_HEADER_BYTES = 32  # [bytes] size of a write-ahead log without messages
 JOURNAL_MAGIC = (
-    b"\xd9\xd5\x05\xf9\x20\xa1\x63\xd7"  # start of a journal whose changes are not undone
+    b"\xd9\xd5\x05\xf9\x20\xa1\x63\xd7"  # start of a journal with changes that are not rolled back
 )
 REPAIR = "import sqlite3; sqlite3.connect('{}').execute('PRAGMA wal_checkpoint(TRUNCATE)')"
 
 
 def remedy_of(path: Path) -> str:
-    """Return a remedy for a file that a recorder or a tool left, empty for other files."""
+    """Return a remedy for an incomplete file of a recorder or tool, empty for other files."""
     unpack = f"Run `zstd -d {path}` and give the file that it writes."
     remedies = {
         ".active": "Its recorder was killed: run `rosbag reindex` and name it .bag.",
@@ -40,7 +40,7 @@ def is_bag(path: Path) -> bool:
 
 
 def bag_path(path: Path) -> Path:
-    """Return what is to be opened: the only file of a folder that has no metadata.yaml.
+    """Return the path to open: of a folder without metadata.yaml, its only file.
 
     Raises:
         SourceError: There are several files, or the file is an MCAP of ROS 1.
@@ -65,7 +65,7 @@ def bag_path(path: Path) -> Path:
 def _is_of_ros1(path: Path) -> bool:
     try:
         return read_profile(path) == ROS1_PROFILE
-    except SourceError:  # the reader raises the error
+    except SourceError:  # the reader reports the error
         return False
 
 
@@ -73,7 +73,7 @@ def check_written(database: Path) -> None:
     """Check that no messages of a SQLite file are in a log next to it.
 
     Raises:
-        SourceError: A log next to it holds messages: its recorder was killed.
+        SourceError: A log next to the file has messages, since its recorder was killed.
     """
     wal, journal = (database.with_name(f"{database.name}{end}") for end in ("-wal", "-journal"))
     if wal.is_file() and wal.stat().st_size > WAL_HEADER_BYTES:

@@ -1,7 +1,7 @@
 """Limits of a ROS bag, checked before and while rosbags reads it.
 
-rosbags trusts a file: the unpacked size of chunks, the number of chunks, views and computed columns
-of a database, YAML. Each is bounded here.
+rosbags does not check the unpacked size and the number of chunks, views and computed columns of a
+database, or YAML. They are bounded here.
 """
 
 import contextlib
@@ -26,11 +26,12 @@ from ruamel.yaml.nodes import MappingNode
 from common.io.files import MAX_CHARACTERS, inside, parse_yaml, read_text
 from common.io.ros_bag_files import check_written
 
-MAX_CHUNK_BYTES = 256 * 2**20  # limit of one unpacked chunk; bags are written in chunks of 1 MB
-MAX_OPEN_BYTES = 512 * 2**20  # limit of chunks whose times overlap: they share memory
-MAX_RATIO = 200  # limit of the compression of a file; images shrink to 1/3 or 1/10
-MAX_FILES = 1024  # files of a ROS 2 bag
-MAX_STEPS = 10**8  # steps of the database during the check: seconds
+MAX_CHUNK_BYTES = 256 * 2**20  # maximum size of an unpacked chunk; the default of writers is 1 MB
+# Maximum total size of chunks with overlapping times, which are in memory together
+MAX_OPEN_BYTES = 512 * 2**20
+MAX_RATIO = 200  # maximum compression ratio of a file; images reach 3 to 10
+MAX_FILES = 1024  # maximum number of files of a ROS 2 bag
+MAX_STEPS = 10**8  # maximum number of steps of the database in the check: some seconds
 BLOCK_BYTES = 2**20
 YAML_MAP, YAML_MERGE = "tag:yaml.org,2002:map", "tag:yaml.org,2002:merge"
 
@@ -38,7 +39,8 @@ YAML_MAP, YAML_MERGE = "tag:yaml.org,2002:map", "tag:yaml.org,2002:merge"
 def harden() -> None:
     """Limit the bytes that rosbags unpacks and the YAML that it expands.
 
-    Its readers and its YAML parser find these functions in tables. Valid bags read the same.
+    The functions replace entries in tables of its readers and its YAML parser. Valid bags are
+    unaffected.
     """
     rosbag1_reader.decompressors.update(bz2=_bz2, lz4=_lz4)
     storage_mcap.DECOMPRESSORS.update(lz4=_lz4, zstd=unzstd)
@@ -69,13 +71,14 @@ class GuardedReader1(Reader1):
     def open(self) -> None:
         """Open the bag."""
         with self.path.open("rb") as file:
-            if file.read(9) != b"#ROSBAG V":  # else its first line is searched to the end
+            # Otherwise its first line would be searched to the end
+            if file.read(9) != b"#ROSBAG V":
                 raise ValueError("it has no signature of a bag")
             self._left = file.seek(0, 2)
         super().open()
 
     def read_index_data(self, pos: int, indexes: Any) -> None:
-        """Read a part of the index; chunks that share one would multiply it."""
+        """Read a part of the index once, even if chunks share it."""
         file: Any = self.bio
         start = file.tell()
         super().read_index_data(pos, indexes)
@@ -124,7 +127,7 @@ def _files(path: Path) -> Sequence[Path]:
 
 
 def _check_packed(file: Path) -> None:
-    """Check that a file that is unpacked to disk does not fill the disk."""
+    """Check that a file unpacked to disk does not fill the disk."""
     left = MAX_CHUNK_BYTES + MAX_RATIO * file.stat().st_size
     with (
         file.open("rb") as data,
@@ -137,7 +140,7 @@ def _check_packed(file: Path) -> None:
 
 
 def _check_chunks(chunks: Sequence[Any]) -> None:
-    """Check the size of the chunks that are in memory at one time."""
+    """Check the total size of chunks in memory together."""
     changes = [(c.message_start_time, c.uncompressed_size) for c in chunks]
     changes += [(c.message_end_time + 1, -c.uncompressed_size) for c in chunks]
     open_bytes = 0
@@ -148,7 +151,7 @@ def _check_chunks(chunks: Sequence[Any]) -> None:
 
 
 def _check_database(file: Path) -> None:
-    """Check that a database holds tables only: views and generated columns compute at will."""
+    """Check that a database has only tables, without views and generated columns, which compute."""
     with contextlib.closing(
         sqlite3.connect(f"{file.absolute().as_uri()}?immutable=1&mode=ro", uri=True)
     ) as database:

@@ -27,24 +27,24 @@ def _is_printable(text: str) -> bool:
     return text.replace("\n", " ").isprintable()
 
 
-# Control characters would steer the terminal that lists models.
+# Control characters would reach the terminal that lists models.
 Printable = Annotated[str, Rule("text that can be printed", _is_printable)]
 
 
 class ModelFile(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One model of the manifest."""
 
-    name: Printable  # in configurations
+    name: Printable  # name in configurations
     # Detector: movenet, yolov8-pose, yolov8-seg, orientation; re-identification: appearance, osnet
     kind: Printable
     # Name in one of the model folders
     file: Annotated[str, Rule("a plain file name", lambda name: bool(FILE_NAME.fullmatch(name)))]
     licence: Printable  # licence of the weights, as their source states it
     input: Printable  # shape, range and colour order of the input
-    get: Printable  # how to get or make the file, commands included
+    get: Printable  # instructions for obtaining the file, including commands
     url: Printable = ""  # page of the source; empty: none
     score_scale: Positive = 1.0  # factor of its scores relative to other models of its kind
-    # Of the file; empty: every export differs, so any file is taken
+    # Checksum of the file; empty: exports differ, so any file is accepted
     sha256: Annotated[str, Rule("64 hexadecimal digits", lambda t: bool(SHA256.fullmatch(t)))] = ""
 
 
@@ -75,7 +75,7 @@ def choose(name: str, manifest: Mapping[str, ModelFile]) -> ModelFile:
 
 
 def folders(configured: str = "", environment: Mapping[str, str] = os.environ) -> tuple[Path, ...]:
-    """Return the folders that are searched for models, in their order.
+    """Return the search folders of models in their order.
 
     The configured folder and the environment variable PEOPLE4D_MODELS come first.
     """

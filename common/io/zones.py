@@ -10,8 +10,8 @@ class PlainZone(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One zone."""
 
     name: str
-    corners_m: list[tuple[float, float]]  # [m] x, y
-    dwell_s: float | None = None  # [s]
+    corners_m: list[tuple[float, float]]  # [m] x, y of the corners
+    dwell_s: float | None = None  # [s] duration of a stay that is an event; None: no such event
     count: int | None = None
 
     @classmethod

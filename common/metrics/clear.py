@@ -32,7 +32,7 @@ class ClearCounts(ScoreTotals):
 
     @property
     def recall(self) -> float:
-        """Share of the people in view who have a track."""
+        """Share of the people in view with a track."""
         return ratio(self.matches, self.truths)
 
     @property

@@ -1,4 +1,4 @@
-"""Counts that add up over sequences."""
+"""Counts that are summed over sequences."""
 
 from dataclasses import fields
 from typing import Self

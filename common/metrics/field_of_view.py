@@ -47,7 +47,7 @@ def in_view(points_m: F64, camera_from_map: F64, info: CameraInfo) -> BOOL:
     points = apply(camera_from_map, np.reshape(points_m, (-1, 3)))
     inside: BOOL = (points[:, 2] > NEAR_M) & (points[:, 2] <= info.max_depth_m)
     rows = np.flatnonzero(inside)
-    with np.errstate(all="ignore"):  # an absurd lens gives infinite pixels, which are outside
+    with np.errstate(all="ignore"):  # an implausible lens gives infinite pixels, which are outside
         pixels = project(points[rows], info)
         last = (info.width - 1, info.height - 1)
         inside[rows] = np.all((pixels >= 0) & (pixels <= last), axis=1)

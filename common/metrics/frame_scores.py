@@ -1,7 +1,6 @@
 """Matches, ID switches and errors of one frame after another: the counts that all scores share.
 
-The report, the live score and the evaluation add up the same `ScoreTotals`, so the same tracks get
-the same figures in all of them.
+Report, live score and evaluation all sum `ScoreTotals`, so they give the same figures.
 """
 
 import math
@@ -17,11 +16,11 @@ from people4d.messages import F64, Tally
 
 @dataclass(frozen=True)
 class IdSwitch:
-    """A person matched to another track than the last time."""
+    """Match of a person to another track than at the last match."""
 
     person: Id
     before: Id  # track of the last match
-    after: Id  # track from now on
+    after: Id  # track of this match
     last_frame: int  # index of the last frame with the track before
     frame: int  # index of the first frame with the track after
 
@@ -31,22 +30,22 @@ class ScoreTotals(Counts):
     """Counts and sums of squared errors over frames."""
 
     frames: int = 0
-    truths: int = 0  # people who have to be tracked, over all frames
-    matches: int = 0  # truths with a track
-    predicted: int = 0  # matches to a track without a measurement in that frame
-    outside: int = 0  # people out of view, over all frames; they are not in truths
-    false_alarms: int = 0  # unmatched tracks, over all frames
-    id_switches: int = 0  # matches to another track than that person's last one
-    poses: int = 0  # matches with a position error
+    truths: int = 0  # number of people to be tracked, over all frames
+    matches: int = 0  # number of truths with a track
+    predicted: int = 0  # number of matches to a track without a measurement in that frame
+    outside: int = 0  # number of people out of view, over all frames; not in truths
+    false_alarms: int = 0  # number of unmatched tracks, over all frames
+    id_switches: int = 0  # number of matches to another track than at the person's last match
+    poses: int = 0  # number of matches with a position error
     position_m2: float = 0.0
-    velocities: int = 0  # matches with a velocity error
+    velocities: int = 0  # number of matches with a velocity error
     velocity_m2ps2: float = 0.0
-    yaws: int = 0  # matches with a yaw error
+    yaws: int = 0  # number of matches with a yaw error
     yaw_rad2: float = 0.0
     yaw_cos: float = 0.0
 
     def tally(self, duration_ns: int) -> Tally:
-        """Return the totals as they are published."""
+        """Return the totals in the form of the message."""
         return Tally(
             frames=self.frames,
             duration_s=duration_ns / 1e9,

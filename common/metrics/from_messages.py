@@ -23,7 +23,7 @@ def ground_truth_of(
 
 
 def hypotheses_of(tracks: Iterable[Track]) -> Hypotheses:
-    """Return plausible tracks as hypotheses; tentative ones are not reported as people."""
+    """Return plausible tracks as hypotheses, except tentative ones."""
     reported = {track.id: track for track in tracks if track.state != "tentative"}
     people = plausible(reported.values())
     predicted = np.array([track.state == "lost" for track in people], np.bool_)

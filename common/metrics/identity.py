@@ -34,7 +34,7 @@ class IdentityCounts(Counts):
 
 
 def count_identity(matching: Matching) -> IdentityCounts:
-    """Give each person at most one track, for the most frames in which the two could match."""
+    """Assign at most one track to each person, maximising the frames in which they match."""
     together = np.zeros((len(matching.persons), len(matching.tracks)), np.int64)
     truths = tracked = 0
     for matches in matching.frame_matches:

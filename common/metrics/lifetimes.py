@@ -1,6 +1,6 @@
 """Durations of tracks: coverage, segments, time to the first track, returns.
 
-A tracker that drops tracks has small errors; these metrics show it (docs/method.md, section 9).
+They complement errors, which dropped tracks lower (docs/method.md, section 9).
 """
 
 from collections import defaultdict
@@ -22,20 +22,20 @@ class Lifetimes(Counts):
     """Sums over people; in view means that the person has to be tracked."""
 
     duration_s: float = 0.0  # [s] duration of the sequence
-    truths: int = 0  # people in view, over all frames
-    tracked: int = 0  # truths with a track
-    measured: int = 0  # truths whose track has a measurement in the frame
-    segments: int = 0  # runs of matches of one person to one track
+    truths: int = 0  # number of people in view, over all frames
+    tracked: int = 0  # number of truths with a track
+    measured: int = 0  # number of truths whose track has a measurement in the frame
+    segments: int = 0  # number of runs of matches of one person to one track
     segments_s: float = 0.0  # [s] matched time of all segments
-    people: int = 0  # people who were ever in view
-    people_found: int = 0  # people who ever had a track
+    people: int = 0  # number of people ever in view
+    people_found: int = 0  # number of people who ever had a track
     first_track_s: float = 0.0  # [s] sum of times from the first frame in view to the first match
-    returns: int = 0  # returns of people into the view
-    reidentified: int = 0  # returns under the same track
+    returns: int = 0  # number of returns of people into the view
+    reidentified: int = 0  # number of returns under the same track
 
     @property
     def coverage(self) -> float:
-        """Share of the people in view that have a track."""
+        """Share of the people in view with a track."""
         return ratio(self.tracked, self.truths)
 
     @property
@@ -60,7 +60,7 @@ class Lifetimes(Counts):
 
 
 def count_lifetimes(matching: Matching) -> Lifetimes:
-    """Measure how long people are tracked.
+    """Measure the durations for which people are tracked.
 
     A segment is a run of a person's matches to one track, ended by another track. Frames missed in
     between do not end it, and do not lengthen it.
@@ -92,10 +92,10 @@ def _lifetime(history: PersonHistory, periods_s: F64, stamps_s: F64) -> Lifetime
 
 
 def _returns(history: PersonHistory, view: I64, matching: Matching) -> Iterator[bool]:
-    """Yield each return of a person who had a track before: True if the track is the same.
+    """Yield True or False for each return of a tracked person: the track is the same.
 
-    The person was out of the view for AWAY_S or longer. A visit in which the person never had to be
-    tracked is no return. The track of most frames of the visit counts.
+    The person was out of view for at least AWAY_S, and has to be tracked after the return. The most
+    frequent track of the visit counts.
     """
     leaves = np.flatnonzero(np.diff(matching.sequence.stamps_s[view]) >= AWAY_S)
     backs = view[leaves + 1]  # first frame of each visit but the first

@@ -19,7 +19,7 @@ from common.metrics.record import EvaluationFrame, FrameMatches
 from common.metrics.similarity import GroundDistance
 from people4d.messages import F64, Alignment, PersonScore, Score, Tally, Tracks, Truth
 
-MAX_WAITING = 64  # maximum number of Tracks waiting for truth: two seconds of a camera
+MAX_WAITING = 64  # maximum number of Tracks messages that wait for truth: two seconds of a camera
 RESTART_NS = 10**9  # [ns] minimum step back of the stamps that begins a new playback
 MAX_IDENTITIES = 100_000  # number of identities after which counting restarts: bounds memory
 
@@ -38,7 +38,7 @@ class TruthAlignment:
         """Forget all observations."""
 
     def observe(self, tracks: Tracks, truth: TruthBuffer) -> None:
-        """Use tracks for which there is truth."""
+        """Use tracks with the truth at their time."""
 
 
 class LiveScorer:
@@ -47,7 +47,7 @@ class LiveScorer:
     Args:
         transforms: Transform buffer, which the caller fills.
         counters: Counts tracks that cannot be scored.
-        gate_m: Largest distance on the ground between a person and their track.
+        gate_m: Maximum distance on the ground between a person and the track [m].
         alignment: Correction of the truth.
     """
 
@@ -78,7 +78,7 @@ class LiveScorer:
         self._alignment.restart()
 
     def add_truth(self, truth: Truth) -> None:
-        """Take truth with its stamp on the camera's clock, in any linked frame."""
+        """Add truth with its stamp on the camera's clock, in any linked frame."""
         self._truth.add(truth)
 
     def add_tracks(self, tracks: Tracks) -> None:
@@ -95,7 +95,7 @@ class LiveScorer:
             self.restart()
         self._last_ns = tracks.stamp_ns
         if self._truth.newest_ns is None:
-            return  # a system without truth has no fault
+            return  # no truth is published: no fault
         self._waiting.append(tracks)
         if len(self._waiting) > MAX_WAITING:
             self._waiting.popleft()
@@ -191,7 +191,7 @@ class RunningTotals:
 
 
 class IdConsistency:
-    """Share of each person's matches under their most frequent track."""
+    """Share of each person's matches under the most frequent track."""
 
     def __init__(self) -> None:
         self._tracks: dict[str, Counter[int]] = {}
@@ -201,7 +201,7 @@ class IdConsistency:
         self._tracks.setdefault(person, Counter())[track] += 1
 
     def share(self, *persons: str) -> float | None:
-        """Return the share over some people, all if none is named; None without a match."""
+        """Return the share over the given people, or all; None without a match."""
         counters = [self._tracks[p] for p in persons or self._tracks if p in self._tracks]
         matches = sum(counter.total() for counter in counters)
         return sum(max(c.values()) for c in counters) / matches if matches else None
@@ -225,7 +225,7 @@ class SequenceScorer:
         """Score the next frame.
 
         Returns:
-            Everyone in the truth, and the ids of the tracks that are false alarms.
+            Scores of all people in the truth, and ids of tracks that are false alarms.
         """
         matches = self._matcher.match(frame)
         score = self._scorer.score(frame, matches)

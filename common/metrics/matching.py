@@ -1,8 +1,8 @@
 """Matches of ground truth and hypotheses in each frame [Bernardin 2008, section 2.1].
 
-A pair of the previous frame persists as long as it may match; the rest is assigned for the largest
-sum of similarities. People who are out of view or occluded take part, so that their tracks are
-recognised as theirs; then both are left out of the counts.
+A pair of the previous frame persists while its similarity suffices; the others are assigned at the
+maximum sum of similarities. People out of view or occluded take part, so their tracks are known;
+then both are excluded from the counts.
 """
 
 from collections.abc import Iterable
@@ -23,11 +23,11 @@ ROUNDING = 1e-12  # tolerance of the threshold, for rounded similarities
 
 @dataclass(frozen=True)
 class PersonHistory:
-    """One person over the frames in which they had to be tracked."""
+    """One person over the frames in which tracking is required."""
 
     person: Id
     frames: I64  # L, index into the frames of the sequence
-    tracks: I64  # L, index into Matching.tracks, -1 where missed
+    tracks: I64  # L, index into Matching.tracks, -1 if missed
     measured: BOOL  # L, matched to a track with a measurement in this frame
 
     @property
@@ -60,7 +60,7 @@ class Matching:
 
     @cached_property
     def histories(self) -> tuple[PersonHistory, ...]:
-        """Each person who had to be tracked at least once."""
+        """History of each person to be tracked at least once."""
         none = np.zeros((4, 0), np.int64)
         entries = np.hstack([none, *map(self._entries, range(len(self.frame_matches)))])
         histories = []
@@ -72,7 +72,7 @@ class Matching:
     def _entries(self, index: int) -> I64:
         """Return person, frame, track and flag (4xL) of all people to be tracked in a frame.
 
-        The track is -1 where they were missed, the flag 1 where it has a measurement.
+        The track is -1 for a missed person; the flag is 1 if the track has a measurement.
         """
         matches, frame = self.frame_matches[index], self.sequence.frames[index]
         entries = np.repeat([[0], [index], [-1], [0]], len(matches.persons), axis=1)
@@ -109,14 +109,14 @@ class Matcher:
         admissible = similarity >= self._threshold - ROUNDING
         last = np.array([self._previous.get(one, -1) for one in persons.tolist()], np.int64)
         persists = last[:, None] == tracks[None]
-        # Two pairs are always worth more than one; of people in the view, those who are not hidden
-        # come first. A person partly outside the view may be measured by the visible part.
+        # Two pairs always weigh more than one; unoccluded people in view come before others. A
+        # person partly outside the view may be measured by the visible part.
         first = required | ~frame.truth.in_view
         worth = np.where(admissible, PERSISTENCE * persists + similarity + first[:, None], 0.0)
         rows, columns = linear_sum_assignment(worth, maximize=True)
         valid = admissible[rows, columns]
         rows, columns = rows[valid], columns[valid]
-        if len(persons) and len(tracks):  # a frame without either breaks no pair
+        if len(persons) and len(tracks):  # a frame without people or tracks keeps all pairs
             pairs = zip(persons[rows].tolist(), tracks[columns].tolist(), strict=True)
             self._previous = dict(pairs)
         return FrameMatches(persons, tracks, required, similarity, rows, columns)

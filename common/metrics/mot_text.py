@@ -2,8 +2,8 @@
 
 frame, id, left, top, width, height, confidence, x, y, z: frames count from 1, boxes are in pixels,
 id is -1 in detections. In ground truth, confidence 0 marks a box that is not evaluated. The 3D
-benchmarks give x, y, z in metres on the ground; -1, -1, -1, NaN or nothing: it is unknown.
-If all x are whole numbers and all y from 0 to 1, they are class and visibility, as in MOT16.
+benchmarks give x, y, z in metres on the ground; -1, -1, -1, NaN or nothing: unknown. If all x are
+whole numbers and all y from 0 to 1, they are class and visibility, as in MOT16.
 """
 
 import configparser
@@ -51,7 +51,7 @@ class MotRows:
         return self._select(slice(start, end))
 
     def evaluated(self) -> "MotRows":
-        """Return the lines whose flag is not 0."""
+        """Return the lines with a flag other than 0."""
         return self._select(self.confidences != 0)
 
     def _select(self, rows: slice | BOOL) -> "MotRows":
@@ -73,7 +73,7 @@ def read_rows(path: Path) -> MotRows:
     """Read the lines of detections, ground truth or tracks, ordered by frame.
 
     Raises:
-        DecodeError: A line is not as expected, or an identity comes twice in a frame.
+        DecodeError: A line is invalid, or an identity occurs twice in a frame.
     """
     rows: list[list[float]] = []
     first_lines: dict[tuple[float, float], int] = {}
@@ -102,7 +102,7 @@ def read_rows(path: Path) -> MotRows:
 
 
 def _are_classes(columns: F64) -> bool:
-    """Check whether columns 8 and 9 are class and visibility, as in MOT16, and no metres."""
+    """Check that columns 8 and 9 are class and visibility, as in MOT16, not metres."""
     classes, visibility, _ = columns[~np.isnan(columns[:, 0])].T
     integral = (classes >= 1) & (classes <= CLASSES_MAX) & (classes % 1 == 0)
     return bool(np.all(integral & (visibility >= 0) & (visibility <= 1)))
@@ -137,7 +137,7 @@ def read_info(path: Path) -> MotInfo:
 
 
 def sequence(info: MotInfo, truth: MotRows, tracks: Mapping[int, Hypotheses]) -> EvaluationSequence:
-    """Put ground truth and tracks together; boxes flagged 0 are dropped, as TrackEval does.
+    """Return ground truth and tracks as a sequence without boxes flagged 0, as in TrackEval.
 
     Tracked people are by frame number, from 1; frames without any may be absent.
     """

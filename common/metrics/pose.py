@@ -22,8 +22,8 @@ class PoseErrors:
     yaw_true_rad: F64  # [rad] K
     yaw_estimated_rad: F64  # [rad] K
     camera_axis: F64  # Kx2, unit: optical axis on the ground
-    predicted: BOOL  # K, by a track without a measurement in this frame
-    occluded: BOOL  # K, the person was occluded
+    predicted: BOOL  # K, True if the track has no measurement in this frame
+    occluded: BOOL  # K, True if the person is occluded
 
     def __add__(self, other: "PoseErrors") -> "PoseErrors":
         """Pool the matches of both."""
@@ -51,7 +51,7 @@ class PoseErrors:
         return float(np.cos(known).mean()) if len(known) else None
 
     def row(self) -> dict[str, float | None]:
-        """Return all figures; None where no match has the quantity."""
+        """Return all figures; None if no match has the quantity."""
         yaw_error_deg = np.degrees(self.yaw_error_rad)
         row: dict[str, float | None] = {"poses": len(self.position_m)}
         for name, errors, unit in (

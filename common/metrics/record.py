@@ -1,4 +1,4 @@
-"""Ground truth and hypotheses frame by frame: the one input of every metric."""
+"""Ground truth and hypotheses frame by frame: the input of all metrics."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -43,12 +43,12 @@ class PeopleColumns:
 class GroundTruth(PeopleColumns):
     """True people of one frame.
 
-    A person out of view or occluded is neither miss nor match, and the track matched to them is no
-    false alarm. Errors on the occluded are collected, but apart.
+    A person out of view or occluded is neither miss nor match, and a track matched to this person
+    is no false alarm. Errors on occluded people are collected separately.
     """
 
-    out_of_view: BOOL | None = None  # N: outside of image or depth range; absent: not known
-    occluded: BOOL | None = None  # N: in the view, but hidden by something; absent: none
+    out_of_view: BOOL | None = None  # N: outside the image or depth range; absent: unknown
+    occluded: BOOL | None = None  # N: in view but occluded; absent: none
 
     def __post_init__(self) -> None:
         """Check the masks, too."""
@@ -63,7 +63,7 @@ class GroundTruth(PeopleColumns):
 
     @property
     def required(self) -> BOOL:
-        """Mask (N) of the people who have to be tracked: in view and not occluded."""
+        """Mask (N) of the people to be tracked: in view and not occluded."""
         return self.in_view & ~_mask(self.occluded, len(self.ids))
 
 
@@ -101,31 +101,31 @@ class EvaluationFrame:
 
 @dataclass(frozen=True)
 class FrameMatches:
-    """One frame: people and tracks by number, and the pairs matched."""
+    """People and tracks of one frame by number, and the matched pairs."""
 
     persons: I64  # N, index into Matching.persons
     tracks: I64  # M, index into Matching.tracks
-    required: BOOL  # N, people who have to be tracked
+    required: BOOL  # N, people to be tracked
     similarity: F64  # NxM
     rows: I64  # K, index into persons of each pair
     columns: I64  # K, index into tracks of each pair
 
     @cached_property
     def evaluated_tracks(self) -> BOOL:
-        """Mask (M) of evaluated tracks: all except tracks of people who need not be tracked."""
+        """Mask (M) of evaluated tracks: all except matches of people not to be tracked."""
         mask = np.ones(len(self.tracks), np.bool_)
         mask[self.columns[~self.required_pairs]] = False
         return mask
 
     @cached_property
     def evaluated(self) -> tuple[I64, I64, F64]:
-        """Persons, tracks and similarity of all who count."""
+        """Evaluated persons and tracks, and their similarity."""
         similarity = self.similarity[np.ix_(self.required, self.evaluated_tracks)]
         return self.persons[self.required], self.tracks[self.evaluated_tracks], similarity
 
     @property
     def required_pairs(self) -> BOOL:
-        """Pairs (K) whose person has to be tracked."""
+        """Pairs (K) of people to be tracked."""
         return self.required[self.rows]
 
 
@@ -137,7 +137,7 @@ class EvaluationSequence:
     frames: tuple[EvaluationFrame, ...]
 
     def __post_init__(self) -> None:
-        """Check that each frame is later than the one before."""
+        """Check that each frame is later than the previous one."""
         for before, after in pairwise(self.frames):
             if after.stamp_ns <= before.stamp_ns:
                 raise ValueError(
@@ -147,13 +147,13 @@ class EvaluationSequence:
 
     @cached_property
     def stamps_s(self) -> F64:
-        """Seconds of each frame since the first."""
+        """Times of frames since the first [s]."""
         start_ns = self.frames[0].stamp_ns if self.frames else 0
         return np.array([(frame.stamp_ns - start_ns) / 1e9 for frame in self.frames])
 
     @cached_property
     def periods_s(self) -> F64:
-        """Time [s] from each frame to the next; of the last one, the median of these.
+        """Time [s] from each frame to the next; for the last one their median.
 
         Their sum is the duration: 1800 frames at 30 Hz are one minute. One frame lasts 0 s.
         """

@@ -43,15 +43,12 @@ class Scores(Counts):
 
     @property
     def pose(self) -> PoseErrors:
-        """Errors on the people who have to be tracked."""
+        """Errors on people to be tracked."""
         return self.errors.select(~self.errors.occluded)
 
     @property
     def pose_parts(self) -> dict[str, PoseErrors]:
-        """Of these, errors of tracks with a measurement in the frame, and predicted ones.
-
-        Then errors on the people in view, but occluded.
-        """
+        """Errors of measured and of predicted tracks, and errors on occluded people in view."""
         occluded, predicted = self.errors.occluded, self.errors.predicted
         return {
             "measured": self.errors.select(~occluded & ~predicted),
@@ -61,7 +58,7 @@ class Scores(Counts):
 
     @property
     def id_switches_per_min(self) -> float:
-        """ID switches over the duration; 0 if nothing lasts."""
+        """ID switches over the duration [1/min]; 0 for a duration of 0."""
         return ratio(self.clear.id_switches, self.lifetimes.duration_s / 60.0)
 
     def row(self) -> Row:
@@ -86,7 +83,7 @@ def score(sequence: EvaluationSequence, similarity: Similarity, threshold: float
 
 
 def score_matching(matching: Matching) -> Scores:
-    """Score a sequence that is matched already."""
+    """Score a matched sequence."""
     return Scores(
         count_clear(matching),
         count_identity(matching),
@@ -114,7 +111,7 @@ class SummaryStatistics:
 
 
 def summarise(rows: Sequence[Row]) -> dict[str, SummaryStatistics | None]:
-    """Summarise each figure over the runs (a row of `Scores.row` each); None where none has it."""
+    """Summarise each figure over runs (rows of `Scores.row`); None if undefined in all."""
     summary: dict[str, SummaryStatistics | None] = {}
     for name in dict.fromkeys(name for row in rows for name in row):
         known = np.array([row[name] for row in rows if row.get(name) is not None], np.float64)

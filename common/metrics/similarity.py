@@ -27,8 +27,8 @@ def box_overlap(truth: GroundTruth, tracked: Hypotheses) -> F64:
 class GroundDistance:
     """Similarity by the distance on the ground plane: 1 - d / (2 max_m), at least 0.
 
-    A match may be max_m apart at most, where the similarity is 0.5; HOTA's thresholds 0.05 to 0.95
-    stand for 1.9 to 0.1 times max_m.
+    At the maximum distance max_m of a match the similarity is 0.5; HOTA's thresholds 0.05 to 0.95
+    are 1.9 to 0.1 times max_m.
     """
 
     max_m: float = 1.0  # [m] maximum distance of a match, usually 0.5 to 1

@@ -16,7 +16,7 @@ from people4d.messages.base import (
 )
 from people4d.validation import Magnitude, Shape
 
-AREAS_MAX = 1000  # areas of a site have numbers below it
+AREAS_MAX = 1000  # upper limit of area numbers, exclusive
 ID_MAX = 10**12
 PEOPLE_MAX = 256  # maximum number of people in a message
 UNIT_ERROR = 0.01  # maximum difference of the length of a view from 1
@@ -27,9 +27,9 @@ class AreaPerson(Record, frozen=True, kw_only=True):
 
     id: Annotated[int, Meta(ge=1, le=ID_MAX)]  # identity, unique over the site
     position_m: Vector3  # [m] frame: AreaPeople.frame_id, at the last match
-    unmatched_s: Annotated[float, Meta(ge=0, le=3600)]  # [s] since the last match
+    unmatched_s: Annotated[float, Meta(ge=0, le=3600)]  # [s] time since the last match
     matches: PositiveInt  # frames in which this tracker matched the person
-    # unit length, as different from each other as possible; cosine distance is 1 - a.b
+    # embeddings of unit length, chosen to differ; cosine distance is 1 - a.b
     views: Annotated[F32, Shape("V", "D"), Magnitude(1.1)]
 
     def __post_init__(self) -> None:
@@ -41,15 +41,15 @@ class AreaPerson(Record, frozen=True, kw_only=True):
 
 
 class AreaPeople(Message, frozen=True, kw_only=True):
-    """People of one area, with people who left it some seconds ago, several times a second.
+    """People known to the tracker of one area, sent several times a second.
 
     The tracker of a neighbouring area takes over the identity of an arriving person. `stamp_ns`
     is the time of the tracker when the message is sent.
     """
 
     area: Name  # name of the area: its robot name
-    number: Annotated[int, Meta(ge=1, lt=AREAS_MAX)]  # of the area, unique in the site
-    # random number of the process of the tracker, distinguishes two trackers of one name
+    number: Annotated[int, Meta(ge=1, lt=AREAS_MAX)]  # number of the area, unique in the site
+    # random number of the tracker's process, distinguishes trackers of one name
     run: Annotated[int, Meta(ge=0, lt=2**53)]
     frame_id: Name  # frame of the positions
     embedder: Text  # name of the model of the views

@@ -22,11 +22,12 @@ MAX_SIDE = 16384  # [px]
 MAX_PIXELS = 4096 * 4096  # maximum size of an image [px], a bound on allocated memory
 # Larger values are faults of their sender; their squares and sums would overflow downstream.
 MAX_STAMP_NS = 2**62  # [ns] the year 2116; sums and differences of two stamps fit 64 bits
-MAX_M = 1e7  # [m] from the origin, and [m/s]; coordinates of UTM stay below
-MAX_COVARIANCE = 1e14  # [m^2] square of that
+MAX_M = 1e7  # maximum coordinate [m] and velocity [m/s]; UTM coordinates stay below
+MAX_COVARIANCE = 1e14  # [m^2] square of MAX_M
 MAX_CAMERAS = 64  # maximum number of cameras of one robot, a bound against invented names
-MAX_PX = 1e6  # [px] a position in or beside an image
-MAX_SEQUENCE = 2**53 - 1  # exact in every language; sums of gaps stay below 64 bits
+MAX_PX = 1e6  # [px] maximum coordinate of a position in or beside an image
+# Maximum sequence number: exact in every language, sums of gaps fit 64 bits
+MAX_SEQUENCE = 2**53 - 1
 
 Positive = Annotated[float, Meta(gt=0)]
 NonNegative = Annotated[float, Meta(ge=0)]
@@ -73,7 +74,7 @@ PlainText = Annotated[str, Meta(max_length=256, pattern=r"^[^\x00-\x1f\x7f-\x9f\
 
 
 class Span(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One stage that a message passed, on the clock of the host named by its process."""
+    """One stage of processing of a message, on the clock of its process's host."""
 
     stage: PlainText  # "<service>.<stage>", for example "detector.inference"
     process: PlainText  # instance that did the work, "<instance>@<host>"
@@ -94,7 +95,7 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 class Message(Record, frozen=True, kw_only=True):
-    """Base of every message: acquisition time, sequence number and the stages passed."""
+    """Base of every message: acquisition time, sequence number and trace of stages."""
 
     VERSION: ClassVar[int] = 1
 
@@ -102,7 +103,7 @@ class Message(Record, frozen=True, kw_only=True):
     stamp_ns: Annotated[int, Meta(ge=-MAX_STAMP_NS, le=MAX_STAMP_NS)]
     # counts up by one per frame of a camera, else per message of its publisher
     sequence: Annotated[int, Meta(ge=0, le=MAX_SEQUENCE)]
-    # stages passed so far, oldest first
+    # stages of processing so far, oldest first
     trace: Annotated[tuple[Span, ...], Meta(max_length=MAX_TRACE)] = ()
 
 

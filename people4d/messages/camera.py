@@ -33,8 +33,8 @@ class CameraInfo(Message, frozen=True, kw_only=True):
 
     camera: Name  # name of the camera
     frame_id: Name  # name of its optical frame: x right, y down, z forward
-    width: ImageSide  # [px] of the images
-    height: ImageSide  # [px] of the images
+    width: ImageSide  # [px] width of the images
+    height: ImageSide  # [px] height of the images
     fx: FocalLength  # [px] focal length, horizontal
     fy: FocalLength  # [px] focal length, vertical
     cx: Pixel  # [px] principal point, horizontal
@@ -42,7 +42,7 @@ class CameraInfo(Message, frozen=True, kw_only=True):
     distortion_model: str = "none"  # "none", "plumb_bob" (4 or 5) or "rational_polynomial" (8)
     # coefficients in OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6
     distortion: tuple[Coefficient, ...] = ()
-    max_depth_m: Range = 5.0  # [m] readings beyond are invalid
+    max_depth_m: Range = 5.0  # [m] maximum depth of valid readings
 
     def __post_init__(self) -> None:
         """Check that the calibration can be used."""
@@ -109,7 +109,7 @@ class StaticTransform(Message, frozen=True, kw_only=True):
 
 
 class MovingTransform(Message, frozen=True, kw_only=True):
-    """A rigid transform at one time, of a camera that is turned or moved: parent_from_child."""
+    """A rigid transform at one time, for example of a pan-tilt head: parent_from_child."""
 
     parent: Name  # name of the target frame, for example "base_link"
     child: Name  # name of the source frame, for example "head"

@@ -23,7 +23,7 @@ from people4d.validation import Magnitude, Shape
 
 ZONES_MAX = 64
 CORNERS_MAX = 64
-PEOPLE_MAX = 1000  # maximum number of people that a zone counts
+PEOPLE_MAX = 1000  # upper limit of Zone.count
 AREA_MIN_M2 = 1e-4
 
 ZoneName = Annotated[Text, Meta(min_length=1, max_length=64)]
@@ -35,8 +35,9 @@ class Zone(Record, frozen=True, kw_only=True):
     name: ZoneName  # display name, unique among the zones
     # [m] x, y of the corners in order, frame: frame of Tracks; the polygon is closed
     corners_m: Annotated[F64, Shape("N", 2), Magnitude(MAX_M)]
-    dwell_s: Positive | None = None  # [s] stay that is an event; absent: no such event
-    # number of people in it that is an event; absent: no such event
+    # [s] duration of a stay that is an event; absent: no such event
+    dwell_s: Positive | None = None
+    # number of people in the zone that is an event; absent: no such event
     count: Annotated[int, Meta(ge=1, le=PEOPLE_MAX)] | None = None
 
     def __post_init__(self) -> None:
@@ -63,7 +64,7 @@ class Zones(Message, frozen=True, kw_only=True):
     """The zones in force, sent whenever they change; its sequence counts the changes."""
 
     zones: Annotated[tuple[Zone, ...], Meta(max_length=ZONES_MAX)] = ()  # each name once
-    problem: Text = ""  # reason of the refusal of the last edit; empty if it was accepted
+    problem: Text = ""  # reason why the last edit was refused; empty if it was accepted
 
     def __post_init__(self) -> None:
         """Check the fields, and that names are unique."""
@@ -75,7 +76,7 @@ class ZoneEdit(Message, frozen=True, kw_only=True):
     """Request to replace the zones."""
 
     base: Count  # sequence of the edited Zones; an outdated edit is refused
-    zones: Annotated[tuple[Zone, ...], Meta(max_length=ZONES_MAX)] = ()  # all of them
+    zones: Annotated[tuple[Zone, ...], Meta(max_length=ZONES_MAX)] = ()  # all zones
 
     def __post_init__(self) -> None:
         """Check the fields, and that names are unique."""
@@ -89,9 +90,9 @@ class Event(Message, frozen=True, kw_only=True):
     Its stamp is the stamp of its Tracks.
     """
 
-    # appeared, returned (under an earlier identity), disappeared: from what is tracked;
-    # identity_uncertain: see confidence; entered, left, dwelled, count_reached: of a zone;
-    # robot_near: a person comes closer to the robot than configured
+    # appeared, returned (under an earlier identity), disappeared: of tracks; identity_uncertain:
+    # see confidence; entered, left, dwelled, count_reached: of a zone; robot_near: a person comes
+    # closer to the robot than configured
     kind: Literal[
         "appeared",
         "returned",

@@ -19,12 +19,12 @@ class BodyPoint(Record, frozen=True, kw_only=True):
     """One point on the surface of a person's body."""
 
     name: Name  # head, left_hand, right_hand, left_foot, right_foot, or as configured
-    # measured: in this frame; predicted: hidden, extrapolated; lost: at its last position
+    # measured in this frame; predicted: hidden, extrapolated; lost: at its last position
     state: Literal["measured", "predicted", "lost"]
     position_m: Vector3  # [m] frame: Gait.frame_id
     velocity_mps: Vector3  # [m/s] frame: Gait.frame_id, of the point in that frame
     covariance: Matrix6  # [m, m/s] of position and velocity, frame: Gait.frame_id
-    confidence: Probability  # that it is this point of the body
+    confidence: Probability  # confidence that the position is on this point of the body
 
 
 class GaitMeasures(Record, frozen=True, kw_only=True):
@@ -44,7 +44,7 @@ class PersonGait(Record, frozen=True, kw_only=True):
     """One person's points and measures in one frame."""
 
     id: PositiveInt  # as in Tracks
-    measures: GaitMeasures  # of the last seconds, this frame included
+    measures: GaitMeasures  # measures of the last seconds, including this frame
     # [px] left, top, right, bottom; may reach beyond the image; absent if unknown
     box_xyxy_px: Box | None = None
     points: tuple[BodyPoint, ...] = ()  # each name once

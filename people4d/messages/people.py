@@ -73,19 +73,19 @@ class Detection(Record, frozen=True, kw_only=True):
     score: Probability  # detection confidence
     # [px] u, v, confidence (0 to 1), COCO order; absent if none
     keypoints: Keypoints | None = None
-    # [m] depth of the surface at each keypoint, 0 where none is read; absent if unknown
+    # [m] depth of the surface at each keypoint, 0 without a reading; absent if unknown
     keypoint_depths_m: Annotated[F32, Shape(17), Magnitude(MAX_M)] | None = None
     mask: Mask | None = None  # instance mask; absent if the model gives none
     position_m: Vector3 | None = None  # [m] frame: camera optical; absent if depth gave none
     # [m^2] covariance of position_m, frame: camera optical; absent if unknown
     position_covariance_m2: Matrix3 | None = None
-    # [m/s] relative to the camera, mean over Detections.velocity_interval_s: difference of the
-    # visible surface, 0.12 m in front of position_m, each in the optical frame of its time; absent
-    # if unknown
+    # [m/s] relative to the camera, mean over Detections.velocity_interval_s: displacement of the
+    # visible surface, 0.12 m in front of position_m, between both optical frames; absent if unknown
     velocity_mps: Vector3 | None = None
     # [m^2/s^2] covariance of velocity_mps, frame: camera optical; absent if unknown
     velocity_covariance_m2ps2: Matrix3 | None = None
-    heading: Vector3 | None = None  # unit vector of the chest, frame: camera optical; or absent
+    # unit vector in which the chest points, frame: camera optical; absent if unknown
+    heading: Vector3 | None = None
     # [rad] standard deviation about the vertical; absent if unknown
     heading_sigma_rad: Annotated[float, Meta(gt=0, le=100)] | None = None
 
@@ -127,7 +127,7 @@ def _is_symmetric_positive_definite(matrix: F64) -> bool:
     try:
         with np.errstate(all="ignore"):
             return bool(np.linalg.eigvalsh(matrix)[0] > 0)
-    except np.linalg.LinAlgError:  # numbers too large
+    except np.linalg.LinAlgError:  # overflow
         return False
 
 
@@ -144,9 +144,9 @@ class Detections(Message, frozen=True, kw_only=True):
     # in no particular order; other messages refer to them by index
     detections: Annotated[tuple[Detection, ...], Meta(max_length=DETECTIONS_MAX)] = ()
     detector: Text = ""  # instance of the detector; empty: unknown
-    # instances that share the frames, this one included
+    # instances that share the frames, including this one
     replicas: tuple[Text, ...] = ()
-    # [s] from the frame by which velocities are known to this one; absent if none is known
+    # [s] interval over which velocities are measured, up to this frame; absent without velocities
     velocity_interval_s: Annotated[float, Meta(gt=0, le=1)] | None = None
 
     def __post_init__(self) -> None:
@@ -169,7 +169,8 @@ class Crop(Record, frozen=True, kw_only=True):
     """The image of one detected person."""
 
     detection: Index  # index into Detections.detections of the same camera and stamp
-    rgb: RgbImage  # red first, the box within the image; HIDDEN_RGB where others occlude the person
+    # red first, part of the image in the box; HIDDEN_RGB where the person is occluded
+    rgb: RgbImage
     # non-zero = person; absent if the model gives none
     mask: Annotated[U8, Shape("H", "W")] | None = None
     keypoints: Keypoints | None = None  # [px] in the crop: u, v, confidence; absent if none
@@ -221,18 +222,18 @@ class Track(Record, frozen=True, kw_only=True):
     position_m: Vector3  # [m] frame: Tracks.frame_id
     velocity_mps: Vector3  # [m/s] frame: Tracks.frame_id
     covariance: Matrix6  # [m, m/s] of position and velocity, frame: Tracks.frame_id
-    # [rad] of the chest, 0 = +x, counter-clockwise, (-pi, pi]; absent if unknown
+    # [rad] yaw of the chest, 0 = +x, counter-clockwise, (-pi, pi]; absent if unknown
     yaw_rad: Radians | None
-    hits: Count  # frames in which the person was matched
-    age: Count  # frames since the track began
+    hits: Count  # number of frames with a match
+    age: Count  # number of frames since the track began
     time_since_update_s: float  # [s] since the last match, 0 if matched in this frame
     detection: Index | None  # index into Detections.detections of this stamp; absent if not matched
     score: Probability  # confidence of the last matched detection
-    # source of the id at the last match. new: first match; continued: from the frame before;
-    # reidentified: matched again after an absence. Absent if the tracker does not estimate it
+    # source of the id at the last match. new: first match; continued: from the previous frame;
+    # reidentified: matched after an absence. Absent if the tracker does not estimate it
     identity: Literal["new", "continued", "reidentified"] | None = None
-    identity_confidence: Probability | None = None  # of that decision; absent if unknown
-    identity_reason: Text = ""  # of that decision; empty if unknown
+    identity_confidence: Probability | None = None  # confidence of the identity; absent if unknown
+    identity_reason: Text = ""  # reason of the identity decision; empty if unknown
 
 
 class Tracks(Message, frozen=True, kw_only=True):
@@ -247,18 +248,19 @@ class Tracks(Message, frozen=True, kw_only=True):
     tracker: Text  # name of the tracking method
     camera: Name  # camera whose frame caused this message
     tracks: tuple[Track, ...] = ()  # confirmed and lost tracks, and tentative ones if configured
-    # made without a frame: stamps of later frames may be earlier; empty: people are unknown
+    # True: made without a frame, stamps of later frames may be earlier; without tracks: people are
+    # unknown
     predicted: bool = False
 
 
 class ImageTrack(Record, frozen=True, kw_only=True):
     """One person over time, in the image of one camera."""
 
-    id: PositiveInt  # identity; equals that in Tracks, where the position is known
+    id: PositiveInt  # identity, as in Tracks if the position is known
     state: Literal["tentative", "confirmed", "lost"]  # lost: predicted, not matched in this frame
     # [px] left, top, right, bottom, filtered; may reach beyond the image
     box_xyxy_px: Annotated[F64, Shape(4), Magnitude(MAX_PX)]
-    hits: Count  # frames in which the person was matched
+    hits: Count  # number of frames with a match
     time_since_update_s: float  # [s] since the last match, 0 if matched in this frame
     detection: Index | None  # index into Detections.detections of this stamp; absent if not matched
     score: Probability  # confidence of the last matched detection
@@ -285,7 +287,7 @@ class TruthPerson(Record, frozen=True, kw_only=True):
     id: Text  # identity in the motion-capture system
     position_m: Vector3  # [m] torso, frame: Truth.frame_id
     velocity_mps: Vector3 | None = None  # [m/s] frame: Truth.frame_id; absent if unknown
-    # [rad] of the chest, 0 = +x, counter-clockwise; absent if unknown
+    # [rad] yaw of the chest, 0 = +x, counter-clockwise; absent if unknown
     yaw_rad: Radians | None = None
     path_yaw_rad: Radians | None = None  # [rad] of the direction walked; absent if unknown
 

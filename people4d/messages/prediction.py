@@ -26,17 +26,18 @@ Horizon = Annotated[float, Meta(gt=0, le=3600)]
 class MotionProbabilities(Record, frozen=True, kw_only=True):
     """Probabilities of a person's next 3 seconds; they sum to 1."""
 
-    standing: Probability  # stays within 0.6 m
-    going_on: Probability  # leaves that circle within 25 deg of the present direction of walking
-    turning: Probability  # leaves it in another direction; a standing person starts to walk
+    standing: Probability  # probability of staying within 0.6 m
+    # probability of leaving that circle within 25 deg of the current direction of walking
+    going_on: Probability
+    turning: Probability  # probability of leaving it in another direction, or of starting to walk
 
 
 class RobotEncounter(Record, frozen=True, kw_only=True):
-    """Encounter of a person with the robot if the robot goes on as its odometry moves now."""
+    """Encounter of a person with the robot if the robot keeps its current velocity."""
 
-    # [s] from the stamp until the expected positions are closest, within the horizons
+    # [s] time from the stamp to the closest approach of the expected positions, within the horizons
     closest_approach_s: NonNegative
-    closest_distance_m: NonNegative  # [m] between the expected positions at that time
+    closest_distance_m: NonNegative  # [m] distance between the expected positions at that time
     # [m] minimum distance of the person's expected path to the robot's path, at any time
     path_distance_m: NonNegative
 
@@ -45,18 +46,18 @@ class PersonPrediction(Record, frozen=True, kw_only=True):
     """One person's future on the ground: a mean and a covariance at each horizon."""
 
     id: PositiveInt  # as in Tracks
-    state: Literal["tentative", "confirmed", "lost"]  # as in Tracks; lost: hidden
+    state: Literal["tentative", "confirmed", "lost"]  # as in Tracks; lost: occluded
     position_m: Vector3  # [m] at the stamp, frame: Predictions.frame_id
     velocity_mps: Vector2  # [m/s] x, y at the stamp, smoothed; frame: Predictions.frame_id
-    motion: MotionProbabilities  # of the next 3 s
+    motion: MotionProbabilities  # motion in the next 3 s
     # [m] x, y at each of Predictions.horizons_s; frame: Predictions.frame_id
     means_m: Annotated[F64, Shape("H", 2), Magnitude(MAX_M)]
     # [m^2] of x, y at each of Predictions.horizons_s; frame: Predictions.frame_id
     covariances_m2: Annotated[F64, Shape("H", 2, 2), Magnitude(MAX_COVARIANCE)]
-    # number of the group of people who walk or stand together, constant while two members stay;
-    # absent if alone
+    # number of the group that walks or stands together, constant while two members stay; absent if
+    # alone
     group: PositiveInt | None = None
-    robot: RobotEncounter | None = None  # absent if no motion of the robot is known
+    robot: RobotEncounter | None = None  # absent if the motion of the robot is unknown
 
     def __post_init__(self) -> None:
         """Check the fields, and that the covariances are symmetric and positive definite."""
@@ -75,12 +76,12 @@ class PersonPrediction(Record, frozen=True, kw_only=True):
 class Predictions(Message, frozen=True, kw_only=True):
     """Predicted paths of the people around the robot, hidden ones included."""
 
-    frame_id: Name  # frame of positions, that of Tracks
-    camera: Name  # camera of the Tracks that were predicted from; these have the same stamp
+    frame_id: Name  # frame of positions, as in Tracks
+    camera: Name  # camera of the Tracks of the same stamp, from which paths are predicted
     # [s] ahead of the stamp, increasing
     horizons_s: Annotated[tuple[Horizon, ...], Meta(min_length=1, max_length=HORIZONS_MAX)]
     people: tuple[PersonPrediction, ...] = ()  # each id once, in the order of Tracks
-    # [m] x, y of the robot's base at each horizon if it goes on as now; absent if unknown
+    # [m] x, y of the robot's base at each horizon if it keeps its velocity; absent if unknown
     robot_m: Annotated[F64, Shape("H", 2), Magnitude(MAX_M)] | None = None
 
     def __post_init__(self) -> None:

@@ -22,7 +22,7 @@ JOINTS = (
 
 
 class PersonSkeleton(Record, frozen=True, kw_only=True):
-    """One person's joints, 17 in COCO order: inside of the body, not on its surface."""
+    """One person's joints, 17 in COCO order, inside the body, not on its surface."""
 
     id: PositiveInt  # as in Tracks
     state: Literal["tentative", "confirmed", "lost"]  # as in Tracks; lost: all joints are predicted
@@ -30,7 +30,8 @@ class PersonSkeleton(Record, frozen=True, kw_only=True):
     positions_m: Annotated[F32, Shape(17, 3), Magnitude(MAX_M)]
     # [m^2] covariance of each joint, frame: Skeletons.frame_id
     covariances_m2: Annotated[F32, Shape(17, 3, 3), Magnitude(MAX_COVARIANCE)]
-    measured: tuple[bool, ...]  # of each joint: visible in this frame; else hidden and predicted
+    # True for each joint visible in this frame, False if hidden and predicted
+    measured: tuple[bool, ...]
 
     def __post_init__(self) -> None:
         """Check the fields, and that `measured` has one value per joint."""
@@ -40,8 +41,8 @@ class PersonSkeleton(Record, frozen=True, kw_only=True):
 
 
 class Skeletons(Message, frozen=True, kw_only=True):
-    """Skeletons of the people in one frame, of hidden people too."""
+    """Skeletons of the people in one frame, including hidden people."""
 
-    frame_id: Name  # frame of joints, that of Tracks
+    frame_id: Name  # frame of joints, as in Tracks
     camera: Name  # camera whose frame was measured
     people: tuple[PersonSkeleton, ...] = ()  # each id once, in the order of Tracks

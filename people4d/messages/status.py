@@ -19,8 +19,9 @@ class Health(Message, frozen=True, kw_only=True):
     # degraded: works with limits, or waits for another service; stalled: its own work makes no
     # progress
     state: State
-    reason: Text = ""  # why it is not ready, one sentence; empty when ready
-    release: Text = ""  # people4d release that runs there, for example "0.1.0"; empty: unknown
-    counters: dict[Text, int] = msgspec.field(default_factory=dict)  # events since start, by name
-    # of the last period, by name; the suffix is the unit: _hz, _ms, _percent, _mb
+    reason: Text = ""  # reason of a state other than ready, one sentence; empty if ready
+    release: Text = ""  # release of people4d, for example "0.1.0"; empty if unknown
+    # number of events since the start, by name
+    counters: dict[Text, int] = msgspec.field(default_factory=dict)
+    # values of the last period, by name; the suffix is the unit: _hz, _ms, _percent, _mb
     gauges: dict[Text, float] = msgspec.field(default_factory=dict)

@@ -1,1 +1,1 @@
-"""Ground truth brought to the clock and the frame of the tracks."""
+"""Alignment of ground truth to the clock and frame of the tracks."""

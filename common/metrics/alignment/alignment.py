@@ -1,8 +1,8 @@
-"""Bringing truth to the clock and the frame of the tracks.
+"""Alignment of truth to the clock and frame of the tracks.
 
 A known calibration is applied with `transform_truth`. An unknown one can be estimated from the
-tracks (`estimate_clock`, `estimate_motion`): it finds faults of the set-up, and is reported beside
-the errors, since an alignment that is fitted to the tracks removes errors of theirs.
+tracks (`estimate_clock`, `estimate_motion`) to find faults of the set-up. It is reported with the
+errors, since a fitted alignment also removes errors of the tracks.
 """
 
 import math
@@ -16,7 +16,7 @@ from common.geometry.transforms import apply, rotation_from_rpy, transform_from,
 from common.metrics.alignment.trajectories import Trajectories, TrajectoryPairs, cost, pair_up
 from people4d.messages import F64, Truth, TruthPerson
 
-COARSE_S = 0.1  # [s] step of the first search for the clock
+COARSE_S = 0.1  # [s] step of the first search for the clock offset
 MIN_SAMPLES = 20
 MIN_SPREAD_MPS = 0.15  # [m/s] minimum rms spread of velocities that separates time from position
 MIN_SPREAD_M = 0.1  # [m] minimum rms spread of people that separates rotation from shift
@@ -51,9 +51,9 @@ def transform_truth(truth: Truth, matrix: F64, frame_id: str) -> Truth:
 
 
 def fit_2d(source_m: F64, target_m: F64) -> F64:
-    """Return the turn about z and the shift (4x4) with the least sum of squared distances.
+    """Return the least-squares rotation about z and shift (4x4) from source to target points.
 
-    Points (Nx3 each) are at least one.
+    At least one pair of points (Nx3 each) is required.
 
     Source: docs/method.md section 24 [Umeyama 1991], in the plane and without scale.
     """
@@ -66,9 +66,9 @@ def fit_2d(source_m: F64, target_m: F64) -> F64:
 
 
 def fit_3d(source_m: F64, target_m: F64) -> F64:
-    """Return the rotation and the shift (4x4) with the least sum of squared distances.
+    """Return the least-squares rotation and shift (4x4) from source to target points.
 
-    Points (Nx3 each) are at least three that are not on one line.
+    At least three pairs of points (Nx3 each), not on one line, are required.
 
     Source: docs/method.md section 24 [Umeyama 1991], without scale.
     """
@@ -84,11 +84,11 @@ def estimate_clock(
 ) -> ClockOffset | None:
     """Estimate the constant offset between both clocks, with any constant error of positions.
 
-    A track is where its person was an offset ago, plus a shift: p(t) = q(t - d) + b. After a
+    A track is at the delayed position of its person plus a shift: p(t) = q(t - d) + b. After a
     search in steps of 0.1 s, d and b follow from least squares (Gauss-Newton).
 
-    None if the offset is larger than `widest_s`, there are too few samples, or all people walk
-    alike, so that a shift explains as much as an offset.
+    None if the offset exceeds `widest_s`, there are too few samples, or all velocities are similar,
+    which makes shift and offset indistinguishable.
     """
     steps = round(widest_s / COARSE_S)
     coarse = COARSE_S * np.arange(-steps, steps + 1)
@@ -109,10 +109,11 @@ def estimate_clock(
 def estimate_motion(
     truth: Trajectories, tracked: Trajectories, offset_s: float = 0.0, dimensions: Literal[2, 3] = 2
 ) -> SpaceAlignment | None:
-    """Estimate the motion of the truth to the frame of the tracks, of less than a metre.
+    """Estimate the rigid motion of the truth to the frame of the tracks, of less than a metre.
 
     Pairs and motion are found in turns, as in iterative closest points. None if there are too few
-    samples, or they do not fix the rotation: people hardly move, or (in 3D) all along one line.
+    samples, or they do not determine the rotation: people hardly move, or (in 3D) only along one
+    line.
 
     Args:
         truth: Trajectories of people.
@@ -151,7 +152,7 @@ def _clock_step(pairs: TrajectoryPairs) -> ClockOffset | None:
     distance = np.linalg.norm(residual - np.median(residual, axis=0), axis=1)
     inliers = distance <= OUTLIER * np.median(distance) + 1e-9
     residual, velocity = residual[inliers], velocity[inliers]
-    # r = b - v d; without the means, b is gone.
+    # r = b - v d; subtracting the means eliminates b.
     residual, velocity = residual - residual.mean(axis=0), velocity - velocity.mean(axis=0)
     information = float(np.sum(velocity**2))
     if math.sqrt(information / len(velocity)) < MIN_SPREAD_MPS:
@@ -174,7 +175,7 @@ def _moved_person(person: TruthPerson, matrix: F64) -> TruthPerson:
 
 
 def _turned(yaw_rad: float | None, matrix: F64) -> float | None:
-    """Return the direction, on the ground, of a level arrow after a rotation."""
+    """Return a yaw after a rotation (4x4), projected on the ground."""
     if yaw_rad is None:
         return None
     x, y = matrix[:2, :2] @ (math.cos(yaw_rad), math.sin(yaw_rad))

@@ -34,7 +34,8 @@ class Trajectory:
         return np.where(known[:, None], np.column_stack(columns), np.nan)
 
 
-Trajectories: TypeAlias = Mapping[Any, Trajectory]  # by identity, text or number
+# Trajectory by identity, which is text or number
+Trajectories: TypeAlias = Mapping[Any, Trajectory]
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ def trajectories_of(
 def pair_up(
     truth: Trajectories, tracked: Trajectories, offset_s: float, matrix: F64 | None = None
 ) -> TrajectoryPairs:
-    """Pair each position of a track with the nearest person, if that is near and clear.
+    """Pair each position of a track with the nearest person, if near and unambiguous.
 
     The offset is added to stamps of the truth. A motion (4x4) is applied to the truth before it is
     compared; the pairs have the truth unmoved.
@@ -108,7 +109,7 @@ def _nearest(true_m: F64, tracked_m: F64) -> _Near:
 
 
 def _pick(people: F64, index: I64) -> F64:
-    """Return the rows (Nx3) of one person each among PxNx3, NaN where there is none."""
+    """Return for each row the position (Nx3) of one person among PxNx3, NaN without a person."""
     padded = np.concatenate([people, np.full((2, *people.shape[1:]), np.nan)])
     return np.asarray(padded[index, np.arange(len(index))])
 

@@ -17,7 +17,7 @@ CAPACITY = 2048  # number of stored messages: 20 s at 100 Hz
 class TruthBuffer:
     """Truth of the last messages (`capacity`), interpolated to any stamp in between.
 
-    A person who is absent for a few samples is filled in, too, as long as the gap is short.
+    Short gaps of a person are interpolated, too.
     """
 
     def __init__(self, max_gap_ns: int = MAX_GAP_NS, capacity: int = CAPACITY) -> None:
@@ -25,7 +25,7 @@ class TruthBuffer:
         self.messages: list[Truth] = []  # oldest first
 
     def add(self, truth: Truth) -> None:
-        """Add a message; one that is older than the last clears the buffer."""
+        """Add a message; a message older than the last one clears the buffer."""
         if self.messages and truth.stamp_ns < self.messages[-1].stamp_ns:
             self.messages.clear()
         self.messages.append(truth)
@@ -40,7 +40,7 @@ class TruthBuffer:
     def at(self, stamp_ns: int) -> Truth | None:
         """Return all people captured shortly before and shortly after a stamp.
 
-        None where no message lies close enough on both sides.
+        None without a close message on both sides.
         """
         gap_ns = self._max_gap_ns
         before = self._between(stamp_ns - gap_ns, stamp_ns)
@@ -61,7 +61,7 @@ class TruthBuffer:
 
 
 def _share_of(start_ns: int, stamp_ns: int, end_ns: int) -> float:
-    """Return the share of an interval that has passed at a stamp, 0 to 1; 0 if it is empty."""
+    """Return the elapsed share of an interval at a stamp, 0 to 1; 0 if it is empty."""
     return (stamp_ns - start_ns) / (end_ns - start_ns) if end_ns > start_ns else 0.0
 
 
