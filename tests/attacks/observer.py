@@ -25,7 +25,7 @@ CAMERA = "front"
 PEOPLE = 3
 NEAR_M = 0.8  # a person who stands is found within this
 # Messages about everyone before an attack, in which the machine's own pauses are measured
-CALM = 12
+CALM = 6
 WAIT_S = 40.0
 ATTACK_S = 60.0
 TOKENS_S = 0.5  # between two looks for tokens of processes

@@ -60,7 +60,7 @@ def test_attack_changes_nothing_for_people(observer: Observer, name: str) -> Non
     with attacking(observer, name) as process:
         begun_s = begin_of(process)
         if name == "a_reader_that_stops":
-            observer.wait_for_people(30)
+            observer.wait_for_people(15)
         else:
             _, errors = process.communicate(timeout=ATTACK_S)
             assert process.returncode == 0, errors.decode()

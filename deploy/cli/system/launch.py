@@ -22,7 +22,6 @@ from deploy.launcher.plan import (
 from deploy.launcher.state import State
 from deploy.launcher.supervisor import SupervisorGoneError
 from people4d.errors import People4dError
-from services.report.statistics import RunSummary
 
 # Lock-step waits for every result: the same recording gives the same tracks on any machine.
 LOCKSTEP_WAITS = ("tracker.embedding_wait_s=4.0", "tracker.reorder_wait_s=4.0")
@@ -106,6 +105,8 @@ def _attend(launcher: Launcher, request: LaunchRequest) -> None:
 
 
 def _print_summary(folder: Path, state: State) -> None:
+    from services.report.statistics import RunSummary  # noqa: PLC0415 (loads SciPy)
+
     summary = folder / "summary.txt"
     if not (folder / "summary.json").is_file():  # written last
         raise LaunchError(state, f"{REPORT}-1", f"the report in {folder} is not complete")
