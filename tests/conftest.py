@@ -27,7 +27,6 @@ SCHEDULED = {
     "tests/people4d/test_install.py": "the start of a system beside the build of wheels",
     "tests/security/test_outward.py": "a demo under observation of its system calls",
     "tests/security/test_privacy.py": "links between network namespaces",
-    "tests/security/test_sockets.py": "the start of a system with all services",
 }
 
 

@@ -9,14 +9,20 @@ from contextlib import ExitStack
 import pytest
 
 from services.dashboard.config import DashboardConfig
-from services.dashboard.connection import HEADERS_S
 from services.dashboard.history import History
 from services.dashboard.hub import Hub
 from services.dashboard.server import WebServer
 from services.dashboard.web import LOGINS_MAX
 
-WAIT_S = 4 * HEADERS_S
+WAIT_S = 20.0
+IMPATIENT_S = 0.5  # of a server that waits for headers and bodies only briefly
 HALF = b"GET /login.html HTTP/1.1\r\nHost: 127."
+
+
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("services.dashboard.connection.HEADERS_S", IMPATIENT_S)
+    monkeypatch.setattr("services.dashboard.web.BODY_S", IMPATIENT_S)
 
 
 @pytest.fixture
@@ -68,12 +74,13 @@ def test_page_is_served_beside_many_connections_that_ask_nothing(
         assert asks_for_page(server[0]) == 200
 
 
+@pytest.mark.usefixtures("impatient")
 def test_connection_whose_headers_do_not_come_in_time_is_closed(
     server: tuple[WebServer, Hub],
 ) -> None:
     with connect(server[0], HALF) as connection:
-        connection.settimeout(0.2)
-        for _ in range(int(WAIT_S / 0.2)):  # a byte now and then does not help
+        connection.settimeout(0.1)
+        for _ in range(int(WAIT_S / 0.1)):  # a byte now and then does not help
             try:
                 connection.sendall(b"1")
                 if connection.recv(1) == b"":
@@ -86,6 +93,7 @@ def test_connection_whose_headers_do_not_come_in_time_is_closed(
             pytest.fail("it stays open")
 
 
+@pytest.mark.usefixtures("impatient")
 def test_body_after_an_answer_does_not_keep_a_connection_open(
     server: tuple[WebServer, Hub],
 ) -> None:
@@ -97,6 +105,7 @@ def test_body_after_an_answer_does_not_keep_a_connection_open(
             pass
 
 
+@pytest.mark.usefixtures("impatient")
 def test_login_whose_body_does_not_come_is_refused(server: tuple[WebServer, Hub]) -> None:
     assert status(server[0], login(b"token=", 99)) == 400
     assert server[1].counters["bad_requests"] == 1

@@ -29,6 +29,11 @@ from tests.events.test_node import see, start
 WAIT_S = 30
 
 
+@pytest.fixture(autouse=True)
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("services.events.delivery.WAITS_S", (0.0, 0.1))
+
+
 def until(condition: Callable[[], object]) -> None:
     end_s = time.monotonic() + WAIT_S
     while not condition():

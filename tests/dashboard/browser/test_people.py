@@ -116,10 +116,10 @@ def test_person_is_selected_in_image_map_and_table_at_once(open_page: Open) -> N
 
 
 def test_paused_page_goes_back_and_is_live_again(page: Page) -> None:
-    wait_past(page, stored(page, "atMs") + 6000)
+    wait_past(page, stored(page, "atMs") + 2500)
     now = pause(page)
-    page.locator("#time").fill("-5")
-    expect(page.locator("#when")).to_have_text("-5.0 s")
+    page.locator("#time").fill("-2")
+    expect(page.locator("#when")).to_have_text("-2.0 s")
     until(lambda: stored(page, "atMs") < now["at_ms"] - 500, page)
     then = {"people": stored(page, "people")}
     moved = [math.dist(position_of(then, n), position_of(now, n)) for n in range(1, PEOPLE + 1)]
@@ -162,12 +162,12 @@ def has_people(page: Page) -> bool:
 def test_cloud_goes_back_with_the_people(page: Page) -> None:
     page.locator(SPACE).scroll_into_view_if_needed()
     until(lambda: cloud_frame(page), page)
-    wait_past(page, stored(page, "atMs") + 6000)
+    wait_past(page, stored(page, "atMs") + 2500)
     before = pause(page)["frame"]
     until(lambda: cloud_frame(page) == before, page)
-    page.locator("#time").fill("-4")
+    page.locator("#time").fill("-2")
     frame = until(lambda: cloud_frame(page) not in ("", before) and cloud_frame(page), page)
-    assert int(before) - int(frame) > 2e9
+    assert int(before) - int(frame) > 1e9
     until(lambda: stored(page, "frames") == {"front": frame}, page)
 
 
