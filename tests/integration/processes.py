@@ -1,13 +1,19 @@
-"""Services as processes without a launcher, and cameras that play the demo from memory."""
+"""Services as processes or threads without a launcher, and cameras that play from memory."""
 
 import contextlib
+import importlib
 import os
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator, Sequence
 from itertools import count, islice
 
+from common.config import load
+from common.runtime.loop import Loop, LoopSettings
+from common.transport.trace import ProcessId
+from deploy.launcher.joined import config_record
 from people4d.messages import Health
 from services.camera.recording import RecordingOptions, RecordingSource
 from services.camera.source import Source, SourceFrame
@@ -108,4 +114,35 @@ def pipeline(
             run(name)
         wait_ready(watcher, set(first))
         run(camera)
+        yield
+
+
+@contextlib.contextmanager
+def threads(network: Network, robot: str, settings: dict[str, Sequence[str]]) -> Iterator[None]:
+    """Run services as `pipeline` does, each with a session of its own, in threads of this process.
+
+    Args:
+        network: Router that they connect to.
+        robot: Name of the robot.
+        settings: "field=value" of the configuration of each instance, the camera last.
+    """
+    *first, _ = settings
+    watcher = Watcher(network.open(robot), Health)
+    with contextlib.ExitStack() as stack:
+
+        def run(name: str) -> None:
+            service = name.partition("-")[0]
+            config = load(config_record(service), service, overrides=settings[name], environment={})
+            node = importlib.import_module(f"services.{service}.build").build(config)
+            bus = network.open(robot, "peer")
+            loop = Loop(node, bus, ProcessId(service, name, "host"), LoopSettings(node.workers))
+            thread = threading.Thread(target=loop.run)
+            thread.start()
+            stack.callback(thread.join)
+            stack.callback(loop.stop)
+
+        for number, name in enumerate(settings):
+            if number == len(first):
+                wait_ready(watcher, set(first))
+            run(name)
         yield

@@ -6,7 +6,6 @@ import subprocess
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 
 import msgspec
 import pytest
@@ -14,7 +13,7 @@ import pytest
 from people4d.codec import encode
 from people4d.messages import Embeddings, Health, Tracks
 from tests.contract.examples import BY_NAME
-from tests.integration.processes import StoredCamera, pipeline, start, wait_ready
+from tests.integration.processes import StoredCamera, start, threads, wait_ready
 from tests.network import Network, Watcher
 
 pytestmark = [pytest.mark.processes, pytest.mark.network]
@@ -119,11 +118,11 @@ def test_work_is_divided_among_replicas_and_taken_over_on_failure(reids: Reids) 
     assert sum(reids.answers.values()) - len(reids.answers) <= 1  # at most one twice, at the change
 
 
-def test_two_detectors_give_the_same_tracks_as_one(network: Network, tmp_path: Path) -> None:
+def test_two_detectors_give_the_same_tracks_as_one(network: Network) -> None:
     # Velocities are relative to the frame before that the same detector had.
     by_frame = "velocity=false"
     one, two, apart = (
-        tracks_of(network, count, tmp_path / f"{count}{len(settings)}", *settings)
+        tracks_of(network, count, *settings)
         for count, settings in ((1, [by_frame]), (2, [by_frame]), (2, []))
     )
     assert list(map(encode, one)) == list(map(encode, two))
@@ -133,7 +132,7 @@ def test_two_detectors_give_the_same_tracks_as_one(network: Network, tmp_path: P
             assert track.position_m == pytest.approx(other.position_m, abs=0.1)
 
 
-def tracks_of(network: Network, detectors: int, state: Path, *settings: str) -> list[Tracks]:
+def tracks_of(network: Network, detectors: int, *settings: str) -> list[Tracks]:
     """Return the tracks of every frame in lock-step, without their traces."""
     robot = network.robot()
     services: dict[str, Sequence[str]] = {
@@ -147,7 +146,7 @@ def tracks_of(network: Network, detectors: int, state: Path, *settings: str) -> 
     }
     watcher = Watcher(network.open(robot, "peer"), Tracks)  # a router may drop in a rush
     found = dict[int, Tracks]()  # a prediction has the number of the last frame
-    with pipeline(network, robot, services, str(state)):
+    with threads(network, robot, services):
         while len(found) < FRAMES:
             tracks = watcher.wait(Tracks)
             found.setdefault(tracks.sequence, msgspec.structs.replace(tracks, trace=()))
