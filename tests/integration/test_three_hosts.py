@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 
 from common.io.recording import RecordingWriter, open_recording
+from deploy.launcher.launcher import stop
+from deploy.launcher.state import State
 from people4d.messages import CompressedRgbdFrame, Tracks
 from scripts.namespaces import ADDRESSES, Hosts, hosts, missing
 from tests import DEMO, ROOT
@@ -44,10 +46,10 @@ def world(tmp_path: Path, state_folder: Path) -> Iterator[Hosts]:
         try:
             yield world
         finally:
-            for host, name in [*((host, "robot") for host in HOSTS), *CAMERA_HOSTS.items()]:
-                down = [sys.executable, "-m", "deploy.cli", "down", "--robot", name]
+            names = [*((host, "robot") for host in HOSTS), *CAMERA_HOSTS.items(), ("nuc", "hall")]
+            for host, name in names:  # their supervisord is reached by a file
                 if (state_folder / host / name).exists():
-                    world.run(host, down, env=environment(host, state_folder), cwd=ROOT)
+                    stop(State(state_folder / host / name))
 
 
 @pytest.mark.timeout(300)
@@ -97,21 +99,18 @@ def test_tracker_of_cameras_on_three_hosts_outlives_one(
     hosts_listed = ",".join(f'"{name}"' for name in CAMERA_HOSTS.values())
     area = f"export PEOPLE4D_CONNECT={connect}; people4d up --compose deploy/hosts/area.yaml -d "
     run("nuc", f"{area} --robot hall --set 'tracker.area.hosts=[{hosts_listed}]'")
-    try:
-        # One stream, through the router of another host than the tracker's.
-        router = f"--robot hall --connect tcp/{ADDRESSES['tracker']}:7447"
-        cameras = {f"c{number}" for number in range(1, 7)}
-        assert heard(run, tmp_path, router, cameras) == cameras
-        run("planner", "people4d down --robot cam3")
-        assert heard(run, tmp_path, router, cameras - {"c5", "c6"}) >= cameras - {"c5", "c6"}
-        printed = ""
-        for _ in range(5):  # on a busy machine another host may be late for a moment
-            printed = " ".join(run("tracker", f"people4d ps {router} || true").split())
-            if "no detections come of host cam3" in printed:
-                break
-        assert "no detections come of host cam3" in printed
-    finally:
-        run("nuc", "people4d down --robot hall")
+    # One stream, through the router of another host than the tracker's.
+    router = f"--robot hall --connect tcp/{ADDRESSES['tracker']}:7447"
+    cameras = {f"c{number}" for number in range(1, 7)}
+    assert heard(run, tmp_path, router, cameras) == cameras
+    run("planner", "people4d down --robot cam3")
+    assert heard(run, tmp_path, router, cameras - {"c5", "c6"}) >= cameras - {"c5", "c6"}
+    printed = ""
+    for _ in range(5):  # on a busy machine another host may be late for a moment
+        printed = " ".join(run("tracker", f"people4d ps {router} || true").split())
+        if "no detections come of host cam3" in printed:
+            break
+    assert "no detections come of host cam3" in printed
 
 
 def write_slow(path: Path) -> None:

@@ -66,8 +66,8 @@ def wheels(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 def environment(folder: Path, *wheels: Path) -> tuple[Path, Path]:
     """Create an environment with wheels alone; return its programs and its packages."""
     venv.create(folder, with_pip=False, symlinks=True)
-    flags: tuple[str | Path, ...] = ("install", "--no-deps", "--no-index", "-q", *wheels)
-    done = run(sys.executable, "-m", "pip", "--python", folder / "bin" / "python", *flags)
+    flags: tuple[str | Path, ...] = ("install", "--no-deps", "--no-index", "--no-compile", "-q")
+    done = run(sys.executable, "-m", "pip", "--python", folder / "bin" / "python", *flags, *wheels)
     assert done.returncode == 0, done.stderr
     (packages,) = folder.glob("lib/python*/site-packages")
     return folder / "bin", packages

@@ -30,14 +30,14 @@ import contextlib, subprocess
 from deploy.viewers.rerun_viewer import start_viewer
 viewer = start_viewer({free_port()}, headless=True)
 with contextlib.suppress(subprocess.TimeoutExpired):  # it looks for a newer version meanwhile
-    viewer.wait(5)
+    viewer.wait(3)
 viewer.kill()
 """
 
 
 def watched(home: Path, *arguments: str) -> tuple[int, list[str], list[str]]:
     """Return the exit code of a Python process, its outward contacts and its files."""
-    environment = homeless(home) | {"PYTHONPATH": str(ROOT)}
+    environment = homeless(home) | {"PYTHONPATH": str(ROOT), "PEOPLE4D_CAMERA_MAX_FRAMES": "20"}
     code, contacts = watch([sys.executable, *arguments], environment)
     return code, [str(c) for c in contacts if c.outward], left_files(home)
 

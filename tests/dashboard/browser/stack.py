@@ -90,6 +90,13 @@ class Stack:
             PEOPLE4D_STATE=str(self._folder),
         )
 
+    def restart(self, *services: str) -> None:
+        """End services at once, and start them."""
+        for service in services:
+            self.kill(service)
+        for service in services:
+            self.start(service)
+
     def kill(self, service: str) -> None:
         """End a service at once."""
         process = self._processes[service]

@@ -2,24 +2,26 @@
 
 import os
 import subprocess
+import sys
 
 import pytest
 from typer.testing import CliRunner
 
 from common.transport.ports import free_port
 from deploy.cli import app
-from deploy.cli.options import CONNECT_S
-from tests.deploy.launcher.test_alone import PEOPLE4D, TIMEOUT_S, ending, service
+from tests.deploy.launcher.test_alone import TIMEOUT_S, ending, service
 
 pytestmark = [pytest.mark.processes, pytest.mark.network]
 
 STARTED_S = 3.0  # of the command itself
+CONNECT_S = 0.2  # of one attempt
+HEALTH = f"from deploy.cli import app, options; options.CONNECT_S = {CONNECT_S}; app()"
 
 
 def test_health_waits_for_a_router_that_starts_later() -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     variables = {**os.environ, "PEOPLE4D_CONNECT": endpoint}
-    command = [*PEOPLE4D, "health", "router", "--timeout", str(TIMEOUT_S)]
+    command = [sys.executable, "-c", HEALTH, "health", "router", "--timeout", str(TIMEOUT_S)]
     with (
         subprocess.Popen(command, env=variables, stdout=subprocess.PIPE) as process,
         ending(process),

@@ -100,7 +100,10 @@ def test_the_only_robot_that_runs_here_is_taken(
     assert f"no page of {expected} is there" in result.stderr
 
 
-def test_robot_of_a_router_elsewhere_is_not_the_one_that_runs_here(running: Path) -> None:
+def test_robot_of_a_router_elsewhere_is_not_the_one_that_runs_here(
+    running: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("deploy.cli.system.doctor.CONNECT_S", 0.3)
     environment = {"PEOPLE4D_STATE": str(running)}
     command = ["doctor", "--connect", "tcp/127.0.0.1:2", "--json"]
     result = CliRunner().invoke(app, command, env=environment)
