@@ -4,6 +4,7 @@ import os
 import signal
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,16 +33,25 @@ services:
 """
 
 
-@pytest.fixture
-def state(tmp_path: Path) -> Iterator[State]:
-    """A running system of one process each."""
-    state, file = State(tmp_path / "robot"), tmp_path / "compose.yaml"
+@contextmanager
+def running(folder: Path) -> Iterator[State]:
+    """Run a system of one process each."""
+    state, file = State(folder / "robot"), folder / "compose.yaml"
     file.write_text(TOY)
     services = select(read(file, {}), set())
     launcher = Launcher(state, services, Heartbeats("", "robot"), lambda *_: None)
     launcher.start("robot", "tcp/127.0.0.1:1", TIMEOUT_S)
-    yield state
-    stop(state)
+    try:
+        yield state
+    finally:
+        stop(state)
+
+
+@pytest.fixture(scope="module")
+def state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[State]:
+    """A system that each test leaves as it was: a process of each service."""
+    with running(tmp_path_factory.mktemp("state")) as state:
+        yield state
 
 
 def progress_of(state: State, *requests: str, force: bool = True) -> list[tuple[str, str]]:
@@ -95,13 +105,14 @@ def test_more_replicas_than_memory_holds_are_refused(state: State) -> None:
         check_capacity(services, more, processes, cores=8, free_mb=1.0)
 
 
-def test_hung_processes_are_stopped_within_ten_seconds(state: State) -> None:
-    progress_of(state, "many=3")
-    hung = list(pids(state).values())
-    for pid in hung:
-        os.kill(pid, signal.SIGSTOP)
-    start_s = time.monotonic()
-    assert stop(state)
+def test_hung_processes_are_stopped_within_ten_seconds(tmp_path: Path) -> None:
+    with running(tmp_path) as state:
+        progress_of(state, "many=3")
+        hung = list(pids(state).values())
+        for pid in hung:
+            os.kill(pid, signal.SIGSTOP)
+        start_s = time.monotonic()
+        assert stop(state)
     assert time.monotonic() - start_s < 10.0
     assert not any(psutil.pid_exists(pid) for pid in hung)
 
@@ -109,9 +120,10 @@ def test_hung_processes_are_stopped_within_ten_seconds(state: State) -> None:
 def test_impossible_scale_is_rejected(state: State) -> None:
     with pytest.raises(ConfigError, match="there is no service 'singer'"):
         progress_of(state, "singer=2")
-    state.plan_file.unlink()
+    moved = state.plan_file.rename(state.folder / "elsewhere")
     with pytest.raises(People4dError, match="cannot be read"):
         progress_of(state, "many=2")
+    moved.rename(state.plan_file)
 
 
 @pytest.mark.parametrize("name", ["router", "camera", "tracker", "gt_bridge"])
