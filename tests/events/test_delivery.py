@@ -80,7 +80,7 @@ class RawConnection(socketserver.StreamRequestHandler):
 @contextmanager
 def raw_receiver(first: Iterable[bytes]) -> Iterator[RawReceiver]:
     server = RawReceiver(first)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
+    threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True).start()
     try:
         yield server
     finally:
@@ -234,7 +234,7 @@ def remaining_length(stream: BufferedIOBase) -> int:
 @contextmanager
 def broker(port: int = 0, **settings: Any) -> Iterator[Broker]:
     server = Broker(port, **settings)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
+    threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True).start()
     try:
         yield server
     finally:

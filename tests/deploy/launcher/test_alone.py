@@ -31,7 +31,7 @@ PEOPLE4D = (sys.executable, "-m", "deploy.cli")
 TIMEOUT_S = 120.0
 FRAMES = 15
 # Frames are live: on a busy machine any reader misses some of those played at full speed.
-SLOWLY = ("--rate", "0.2", "--hold", "1")
+SLOWLY = ("--rate", "0.4", "--hold", "1")
 
 
 @pytest.fixture(scope="module")
