@@ -1,4 +1,4 @@
-"""Text of messages to people."""
+"""Text of messages to users."""
 
 from collections.abc import Sequence
 

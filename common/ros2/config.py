@@ -14,12 +14,12 @@ class Ros2Config(Config, frozen=True, kw_only=True):
     # dds); or module:Class of your own
     transport: str = "zenoh"
     domain_id: Annotated[int, Meta(ge=0, le=232)] = 0  # ROS_DOMAIN_ID of the nodes
-    # ROS 2 release of the nodes; Humble has no hashes of types
+    # ROS 2 release of the nodes; Humble has no type hashes
     distribution: Literal["humble", "iron", "jazzy", "kilted"] = "jazzy"
     # endpoints of the nodes' router (rmw_zenohd), for example tcp/192.168.1.5:7447; empty: the
     # robot's own router. Not for dds
     endpoints: tuple[str, ...] = ()
-    # network interface or address of DDS, by default of this machine only
+    # network interface or address of DDS; default: loopback
     interface: str = "127.0.0.1"
     node: str = "people4d"  # name of the node
     namespace: str = ""  # namespace of the node and its relative topics, for example robot1

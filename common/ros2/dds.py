@@ -41,9 +41,10 @@ CLOSE_S = 2.0  # maximum wait for the end of a subscription [s]
 UNLIMITED = -1
 NEW = ViewState.Any | InstanceState.Alive | SampleState.NotRead
 MAX_PUBLISHERS = 1000  # maximum number of publishers read at once
-TYPE_HASH = re.compile(rb"typehash=(RIHS\d+_[0-9a-f]+);")  # in the user data of ROS 2's publishers
+# Type hash in the user data of ROS 2's publishers
+TYPE_HASH = re.compile(rb"typehash=(RIHS\d+_[0-9a-f]+);")
 TYPE_CONSISTENCY = 24  # number of the policy in DDS-XTypes
-# Unicast to the first participants of this machine, as in ROS 2 with local discovery.
+# Unicast to the first participants on this machine, as in ROS 2 with local discovery.
 LOCAL_DISCOVERY = (
     "<Discovery><ParticipantIndex>auto</ParticipantIndex>"
     "<MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>"
@@ -51,8 +52,8 @@ LOCAL_DISCOVERY = (
 )
 
 # The binding converts policies in buffers shared by all threads of the process. Without this lock
-# it crashes when two subscriptions read publishers at once. Other users of the binding in the same
-# process must hold it for every call with a QoS, too.
+# it crashes if two subscriptions read publishers at once. All other calls of the binding with a QoS
+# must hold it, too.
 BINDING_LOCK = threading.RLock()
 
 # Domains with their configuration, shared by all participants of the process.
@@ -164,7 +165,7 @@ class _DdsPublisher(Ros2Publisher):
         self._graph = graph
 
     def send(self, cdr: bytes) -> None:
-        """Publish a message; Cyclone DDS refuses bytes that are none of the type."""
+        """Publish a message; Cyclone DDS rejects payloads of another type."""
         try:
             if self._writer is not None:
                 self._writer.write(self._sample(cdr))
@@ -186,7 +187,7 @@ class _Subscription:
         self._reader = reader
         self._kind = kind
         self._depth = depth
-        self._of_type: dict[int, bool] = {}  # whether the type matches, by handle of the publisher
+        self._of_type: dict[int, bool] = {}  # True if the type matches, by handle of the publisher
 
     def run(self, participant: Any, stop: Any, receive: Receive) -> None:
         """Deliver messages until `stop` is set."""
@@ -209,7 +210,7 @@ class _Subscription:
                     self._counters["other_type"] += 1
 
     def _check(self, publishers: Any) -> None:
-        """Count publishers that Cyclone DDS does not connect: other type or lower quality."""
+        """Count publishers rejected by Cyclone DDS for their type or quality of service."""
         refused = self._reader.get_requested_incompatible_qos_status()
         cause = "other_type" if refused.last_policy_id == TYPE_CONSISTENCY else "other_qos"
         self._counters[cause] += refused.total_count_change

@@ -1,4 +1,4 @@
-"""The node of a DDS participant, as `ros2 node list` and `ros2 node info` find it."""
+"""The node of a DDS participant, for `ros2 node list` and `ros2 node info`."""
 
 from typing import Any
 
@@ -18,7 +18,7 @@ KIND = "rmw_dds_common/msg/ParticipantEntitiesInfo"
 class DdsGraph:
     """Announces a node with its publishers and subscriptions; not to Humble.
 
-    Humble has another definition of the message. It shows the topics, but no node.
+    Humble defines the message differently, and shows the topics without the node.
     """
 
     def __init__(self, participant: Any, config: Ros2Config) -> None:

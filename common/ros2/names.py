@@ -14,7 +14,7 @@ from people4d.errors import ConfigError
 TOKEN = r"[A-Za-z_][A-Za-z0-9_]*"
 NAME = re.compile(rf"/?{TOKEN}(/{TOKEN})*")
 MAX_NAME = 200
-NO_HASH = "TypeHashNotSupported"  # as rmw_zenoh writes for Humble
+NO_HASH = "TypeHashNotSupported"  # value in rmw_zenoh's tokens for Humble
 LIVELINESS = "@ros2_lv"
 
 
@@ -66,7 +66,7 @@ class NodeTokens:
 
     domain_id: int
     session: str  # identity of the Zenoh session
-    namespace: str  # of the node; empty for none
+    namespace: str  # namespace of the node; empty for none
     node: str
 
     def of_node(self) -> str:

@@ -51,7 +51,7 @@ class RmwZenoh(Ros2Transport):
     def subscribe(self, topic: str, kind: str, receive: Receive, qos: Qos = DEFAULT) -> None:
         """Receive a topic, see `Ros2Transport.subscribe`."""
         named = TopicType.of(self._config, topic, kind)
-        # All types, so that messages of other types are counted.
+        # All types: messages of other types are counted.
         key = f"{self._config.domain_id}{named.topic}/*/*"
         ending = f"/{types.dds_name(kind)}/{named.hash}"
 
@@ -82,7 +82,7 @@ class RmwZenohPublisher(Ros2Publisher):
         counters: Counter[str],
     ) -> None:
         self._publisher, self._withdraw, self._counters = publisher, withdraw, counters
-        # rmw_zenoh derives it from the token, too; it must only be the publisher's own.
+        # Derived from the token as in rmw_zenoh; only uniqueness is required.
         self._identity = hashlib.blake2b(token.encode(), digest_size=16).digest()
         self._numbers = itertools.count(1)
 
@@ -91,7 +91,7 @@ class RmwZenohPublisher(Ros2Publisher):
         attachment = ATTACHMENT.pack(next(self._numbers), time.time_ns(), 16, self._identity)
         try:
             self._publisher.put(cdr, attachment=attachment)
-        except Exception:  # for example of a closed session
+        except Exception:  # for example from a closed session
             self._counters["send_errors"] += 1
 
     def close(self) -> None:

@@ -50,7 +50,7 @@ def matrix_of(transform: Any) -> F64 | None:
     t, q = transform.translation, transform.rotation
     try:
         rotation = Rotation.from_quat((q.x, q.y, q.z, q.w)).as_matrix()
-    except ValueError:  # zero
+    except ValueError:  # zero quaternion
         return None
     matrix = transform_from((t.x, t.y, t.z), rotation)
     return matrix if np.all(np.isfinite(matrix)) else None

@@ -33,7 +33,7 @@ LATCHED = Qos("reliable", "transient_local", 1)
 class Ros2Sample:
     """One received message."""
 
-    cdr: bytes  # with its header of 4 bytes
+    cdr: bytes  # payload with its header of 4 bytes
     sent_ns: int  # wall clock of its publisher at sending [ns]; 0: unknown
 
 
@@ -56,10 +56,10 @@ class Ros2Transport(ABC):
     """Node of ROS 2 with its publishers and subscriptions.
 
     Attributes:
-        counters: Dropped messages by cause: bad_message (no CDR of its type), other_type (another
-            type or type hash on the topic; on DDS also a publisher with another type), other_qos
-            (publishers with a lower quality of service than requested, on DDS), no_attachment
-            (rmw_zenoh's is absent or cut), receive_errors and send_errors.
+        counters: Dropped messages by cause: bad_message (invalid CDR), other_type (another type or
+            type hash on the topic; on DDS also a publisher with another type), other_qos (on DDS,
+            publishers with a lower quality of service than requested), no_attachment (absent or
+            truncated, with rmw_zenoh), receive_errors and send_errors.
     """
 
     def __init__(self) -> None:
@@ -86,7 +86,7 @@ class Ros2Transport(ABC):
             topic: Name as in `publisher`.
             kind: Type; messages of other types are dropped and counted.
             receive: Called in a thread of the subscription. Its exceptions are counted, DecodeError
-                as bad_message, others as receive_errors. Meanwhile only the newest `depth`
+                as bad_message, others as receive_errors. During a call only the newest `depth`
                 messages wait.
             qos: Quality of service.
 
@@ -104,5 +104,5 @@ class Ros2Transport(ABC):
             receive(sample)
         except DecodeError:
             self.counters["bad_message"] += 1
-        except Exception:  # a receiver's bug must not end the subscription
+        except Exception:  # a fault of the receiver must not end the subscription
             self.counters["receive_errors"] += 1

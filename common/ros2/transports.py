@@ -7,7 +7,7 @@ from common.extras import need
 from common.ros2.config import Ros2Config
 from common.ros2.transport import Ros2Transport
 
-# Imported on use: each needs another library.
+# Modules are imported on use, since each needs another library.
 TRANSPORTS = {
     "zenoh": "common.ros2.rmw_zenoh:RmwZenoh",
     "dds": "common.ros2.dds:Dds",

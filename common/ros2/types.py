@@ -19,8 +19,8 @@ Fields: TypeAlias = Mapping[str, Any]
 RELEASE = Stores.ROS2_JAZZY
 
 ZEROS: Mapping[str, Any] = {"string": "", "bool": False}
-BYTES = {"char": "uint8", "byte": "uint8", "octet": "uint8"}  # numpy's name
-DEFAULTS: Mapping[str, Fields] = {"geometry_msgs/msg/Quaternion": {"w": 1.0}}  # no rotation
+BYTES = {"char": "uint8", "byte": "uint8", "octet": "uint8"}  # numpy's names of types
+DEFAULTS: Mapping[str, Fields] = {"geometry_msgs/msg/Quaternion": {"w": 1.0}}  # identity rotation
 
 
 @cache
@@ -75,7 +75,7 @@ def dds_name(kind: str) -> str:
 
 
 def make(kind: str, fields: Fields) -> Any:
-    """Return a message of rosbags, never changed; omitted fields are 0, empty or false.
+    """Return an immutable message of rosbags; omitted fields are 0, empty or false.
 
     Raises:
         KeyError: The type has no such field.
@@ -130,7 +130,7 @@ def _converter(node: Nodetype, detail: Any) -> Callable[[Any], Any] | None:
     kind = BYTES.get(inner_detail[0], inner_detail[0])
 
     def numbers(values: Any) -> Any:
-        with np.errstate(over="ignore"):  # float64 in float32
+        with np.errstate(over="ignore"):  # float64 may overflow float32
             return np.asarray(values, kind).ravel()
 
     return numbers

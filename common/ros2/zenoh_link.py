@@ -32,7 +32,7 @@ def read_config(config: Ros2Config) -> zenoh.Config:
                 "Run rmw_zenohd on another port, and set ros2.endpoints to it.",
             )
         return session.read_config(None, "peer")
-    # Peers on other hosts cannot reach a loopback address: a client lets the router forward.
+    # Peers on other hosts cannot reach a loopback address; the router forwards for a client.
     local = all(any(host in endpoint for host in LOCAL) for endpoint in config.endpoints)
     environment = {"PEOPLE4D_CONNECT": ",".join(config.endpoints)}
     return session.read_config(session.CONFIGS, "peer" if local else "client", environment)
@@ -52,7 +52,8 @@ class ZenohLink(ZenohSession):
 
     def publisher(self, key: str, qos: Qos) -> Any:
         """Declare a publisher; it caches messages for late joiners if it is transient local."""
-        drop: Any = zenoh.CongestionControl.DROP  # a blocked consumer must not delay others
+        # a blocked consumer must not delay other consumers
+        drop: Any = zenoh.CongestionControl.DROP
         if qos.durability == "volatile":
             return self._session.declare_publisher(key, congestion_control=drop, express=True)
         return zenoh.ext.declare_advanced_publisher(
@@ -80,7 +81,7 @@ class ZenohLink(ZenohSession):
         self._start(lambda: _pass_on(subscription, on_sample), f"receive {key}")
 
     def declare_token(self, key: str) -> Callable[[], None]:
-        """Declare a liveliness token, and return what withdraws it; closing does, too."""
+        """Declare a liveliness token, and return its withdrawal; `close` withdraws it, too."""
         token: Any = self._session.liveliness().declare_token(key)
         self._tokens.append(token)
 

@@ -1,7 +1,7 @@
 """Assignment of messages to the replicas of a service, and take-over from failed replicas.
 
-Every replica receives every message. Messages of another replica stay encoded and pending until
-their answer is received, so that the work of a failed replica is taken over without a repetition.
+Every replica receives every message. Messages of another replica stay encoded and pending until its
+answer is received, so the work of a failed replica is taken over without retransmission.
 """
 
 import threading
@@ -16,19 +16,19 @@ from common.runtime.node import Sharing
 from people4d.messages import Message
 from people4d.topics import BY_MESSAGE, Topic
 
-SILENT_S = 1.2  # silence after which a replica hangs; heartbeats come twice a second [s]
+SILENT_S = 1.2  # maximum silence of a live replica; heartbeats come twice a second [s]
 REPLICAS_MAX = 16  # maximum number of replicas, a bound against invented names
-# A replica that answers no message is excluded, whatever its heartbeats report
+# A replica that answers no message is excluded, even if its heartbeats continue
 UNANSWERED_MIN = 3  # minimum number of unanswered messages
-UNANSWERED_S = 5.0  # minimum time since the first of them [s]
+UNANSWERED_S = 5.0  # minimum time since the first unanswered message [s]
 EXCLUDED_S = 60.0  # duration of the exclusion [s]
-# Replicas without any answer yet are tried a few at a time, so that invented ones cost few frames
+# Replicas without any answer yet are tried a few at a time, so invented ones lose few frames
 TRIED_MAX = 2  # maximum number of replicas on trial
 TRIED_S = 3.0  # maximum time until their first answer [s]
 
 
 class MessageHeader(msgspec.Struct, frozen=True):
-    """Fields of a message by which it is assigned."""
+    """Fields of a message that determine its replica."""
 
     camera: str
     sequence: int
@@ -47,7 +47,7 @@ def read_header(payload: bytes) -> MessageHeader | None:
 
 
 def header_of(message: Message) -> MessageHeader:
-    """Return the header of a message; a camera that it does not name is empty."""
+    """Return the header of a message; the camera is empty if the message has none."""
     fields = msgspec.structs.asdict(message)
     return MessageHeader(
         camera=fields.get("camera", ""),
@@ -61,22 +61,22 @@ class PendingMessage:
     """A message that another replica handles."""
 
     key: str  # full key of the message
-    payload: bytes | Message  # its bytes; the message itself where this process published it
+    payload: bytes | Message  # encoded message; decoded if published by this process
     received_ns: int  # wall clock when it arrived
-    header: MessageHeader  # fields by which it is assigned
+    header: MessageHeader  # fields that determine its replica
 
 
 def assigned_replica(replicas: Sequence[str], camera: str, sequence: int) -> str | None:
     """Return the replica that handles a message, None if there is none.
 
-    Round-robin, not rendezvous hashing: hashing moves few messages when the replicas change, which
-    is worth nothing for stateless nodes, but gives one replica two frames in a row half of the
-    time. In turns, each gets its frames at even distances.
+    Round-robin gives each replica frames at equal intervals. Rendezvous hashing would often give
+    one replica two frames in a row; its stability under changes of replicas is no use to stateless
+    nodes.
 
     Args:
         replicas: Names of the live replicas, sorted.
-        camera: Name of the camera. Each camera begins with another replica, so that frames of
-            synchronised cameras are spread over the replicas.
+        camera: Name of the camera. Each camera begins with another replica, which spreads frames of
+            synchronised cameras.
         sequence: Number of the message.
     """
     if not replicas:
@@ -87,9 +87,9 @@ def assigned_replica(replicas: Sequence[str], camera: str, sequence: int) -> str
 class Membership:
     """Live replicas, by liveliness tokens and heartbeats.
 
-    A token vanishes with its process, in milliseconds. A process that hangs keeps its token for
-    seconds, but sends no heartbeats. A replica with both that answers nothing is excluded for a
-    while; only a few replicas without any answer yet are tried at a time. This process itself is
+    A token vanishes within milliseconds of the end of its process. A hanging process keeps its
+    token, but sends no heartbeats. A replica with both and without answers is excluded for
+    EXCLUDED_S; only TRIED_MAX replicas without any answer yet are tried at a time. This process is
     live while it has a token.
 
     Args:
@@ -97,17 +97,18 @@ class Membership:
     """
 
     def __init__(self, own_name: str) -> None:
-        self.replicas: tuple[str, ...] = ()  # live ones, sorted
+        self.replicas: tuple[str, ...] = ()  # names of live replicas, sorted
         self._own_name = own_name
         self._announced: set[str] = set()
-        self._heartbeats_s: dict[str, float] = {}  # time of the last
+        self._heartbeats_s: dict[str, float] = {}  # time of the last heartbeat, by name
         self._stalled: set[str] = set()
-        self._unanswered: dict[str, tuple[int, float]] = {}  # messages, time of the first
-        self._excluded_s: dict[str, float] = {}  # time since which
+        # Number of unanswered messages and time of the first, by name
+        self._unanswered: dict[str, tuple[int, float]] = {}
+        self._excluded_s: dict[str, float] = {}  # time of exclusion, by name
         self._proven: set[str] = set()  # replicas with an answer
 
     def add_replica(self, name: str, now_s: float) -> None:
-        """Note that a replica has a token."""
+        """Record the token of a replica."""
         if len(self._announced) >= REPLICAS_MAX and name not in {*self._announced, self._own_name}:
             return
         self._announced.add(name)
@@ -115,14 +116,14 @@ class Membership:
         self._stalled.discard(name)
 
     def remove_replica(self, name: str) -> None:
-        """Note that the token of a replica has vanished."""
+        """Record the loss of a replica's token."""
         self._announced.discard(name)
         self._proven.discard(name)
         for notes in (self._heartbeats_s, self._unanswered, self._excluded_s):
             notes.pop(name, None)
 
     def note_assigned(self, name: str, now_s: float) -> None:
-        """Note that a message is another replica's."""
+        """Record a message assigned to another replica."""
         count, first_s = self._unanswered.get(name, (0, now_s))
         self._unanswered[name] = count + 1, first_s
         unanswered, longest_s = (
@@ -133,13 +134,13 @@ class Membership:
             del self._unanswered[name]
 
     def note_answered(self, name: str) -> None:
-        """Note that a message of a replica was answered."""
+        """Record an answer of a replica."""
         self._unanswered.pop(name, None)
         if name in self._announced:
             self._proven.add(name)
 
     def note_heartbeat(self, name: str, stalled: bool, now_s: float) -> None:
-        """Note a heartbeat.
+        """Record a heartbeat.
 
         Args:
             name: Name of the replica.
@@ -152,7 +153,7 @@ class Membership:
         (self._stalled.add if stalled else self._stalled.discard)(name)
 
     def extend_deadlines(self, duration_s: float) -> None:
-        """Extend all deadlines by a time in which this process did not run."""
+        """Extend all deadlines by a suspension of this process."""
         self._heartbeats_s = {name: s + duration_s for name, s in self._heartbeats_s.items()}
 
     def update_replicas(self, now_s: float) -> bool:
@@ -174,11 +175,11 @@ class Membership:
 
 
 class Assignment:
-    """Divides messages into those of this replica and pending ones; safe for several threads.
+    """Divides messages between this and other replicas, whose messages are pending; thread-safe.
 
     Args:
         own_name: Name of this replica.
-        sharing: Types of messages that are shared.
+        sharing: Types of shared messages.
     """
 
     def __init__(self, own_name: str, sharing: Sharing) -> None:
@@ -187,7 +188,7 @@ class Assignment:
         self._own_name = own_name
         self._lock = threading.Lock()
         self._pending: dict[str, deque[PendingMessage]] = {}
-        self._newest: dict[str, int] = {}  # sequence of our last message, by key
+        self._newest: dict[str, int] = {}  # sequence of this replica's last message, by key
 
     @property
     def replicas(self) -> tuple[str, ...]:
@@ -195,7 +196,7 @@ class Assignment:
         return self._membership.replicas
 
     def is_ours(self, message: PendingMessage, now_s: float) -> bool:
-        """Assign an arrived message; it becomes pending if it is another replica's."""
+        """Assign a message; it becomes pending if it is assigned to another replica."""
         with self._lock:
             name = self._assigned(message)
             if name == self._own_name:
@@ -207,7 +208,7 @@ class Assignment:
             return name == self._own_name
 
     def answered(self, header: MessageHeader) -> None:
-        """Forget the pending message that another replica has answered."""
+        """Delete the pending message that another replica has answered."""
         with self._lock:
             name = assigned_replica(self._membership.replicas, header.camera, header.sequence)
             if name:
@@ -216,29 +217,29 @@ class Assignment:
                 self._pending[key] = deque(m for m in pending if not _same(m.header, header))
 
     def add_replica(self, name: str, now_s: float) -> list[PendingMessage]:
-        """Note the token of a replica; return pending messages that are ours by that."""
+        """Record the token of a replica; return pending messages now assigned to this one."""
         with self._lock:
             self._membership.add_replica(name, now_s)
             return self._reassigned(now_s)
 
     def remove_replica(self, name: str, now_s: float) -> list[PendingMessage]:
-        """Note that a token vanished; return pending messages that are ours by that."""
+        """Record the loss of a token; return pending messages now assigned to this replica."""
         with self._lock:
             self._membership.remove_replica(name)
             return self._reassigned(now_s)
 
     def note_heartbeat(self, name: str, stalled: bool, now_s: float) -> list[PendingMessage]:
-        """Note the heartbeat of a replica; return pending messages that are ours by that."""
+        """Record the heartbeat of a replica; return pending messages now assigned to this one."""
         with self._lock:
             self._membership.note_heartbeat(name, stalled, now_s)
             return self._reassigned(now_s)
 
     def reassign(self, now_s: float, paused_s: float = 0.0) -> list[PendingMessage]:
-        """Return pending messages that are ours because others have been silent too long.
+        """Return pending messages taken over from silent replicas.
 
         Args:
             now_s: Monotonic time in seconds.
-            paused_s: Recent time in which this process did not run and received no heartbeats.
+            paused_s: Duration of a recent suspension of this process, without heartbeats [s].
         """
         with self._lock:
             self._membership.extend_deadlines(paused_s)
@@ -255,7 +256,7 @@ class Assignment:
             pending.popleft()
 
     def _reassigned(self, now_s: float) -> list[PendingMessage]:
-        """Return the pending messages that are now ours."""
+        """Return the pending messages now assigned to this replica."""
         if not self._membership.update_replicas(now_s):
             return []
         ours = []
@@ -268,7 +269,7 @@ class Assignment:
     def _is_taken_over(self, message: PendingMessage) -> bool:
         if self._assigned(message) != self._own_name:
             return False
-        # A message that may be skipped is taken over only if it is newer than our last one.
+        # A replaceable message is taken over only if it is newer than this replica's last one.
         newest = self._newest.get(message.key, -1)
         return not self._may_skip(message) or message.header.sequence > newest
 

@@ -1,6 +1,6 @@
-"""Checkpoints: state of a node in files, from which the next process of its name continues.
+"""Checkpoints: state of a node in files, restored by the next process of its name.
 
-A checkpoint survives the end of a process, not of the machine: nothing is forced onto the disk.
+A checkpoint survives the end of a process, but not a power failure: files are not synced.
 """
 
 import errno
@@ -38,15 +38,15 @@ def state_folder(robot: str, environment: Mapping[str, str] = os.environ) -> Pat
 class SavedState:
     """Content of a checkpoint."""
 
-    state: bytes  # empty if there was none
-    next_number: int  # 0 if there was none
+    state: bytes  # empty if there is none
+    next_number: int  # next unused number; 0 if there is none
 
 
 class CheckpointStore:
     """Files of one process: its next number, and its state in two files, written alternately.
 
     A process that is killed while it writes leaves the other file intact. Files are written in
-    place, because replacing one by a new one waits for the disk, 4 ms on ext4.
+    place, since replacing a file takes 4 ms on ext4.
 
     Args:
         folder: Folder of the files, made if it does not exist.
@@ -57,10 +57,10 @@ class CheckpointStore:
         self.folder = folder
         self._number_file = folder / f"{instance}.next{SUFFIX}"
         self._state_files = [folder / f"{instance}.state{i}{SUFFIX}" for i in (0, 1)]
-        self._count = 0  # of states written
+        self._count = 0  # number of states written
 
     def read(self) -> SavedState:
-        """Return the newest state; a lost number is replaced by one that is certainly unused."""
+        """Return the newest state; a lost number is replaced by an unused one."""
         number, contents = _read(self._number_file), [_read(file) for file in self._state_files]
         states = [found for content in contents if content and (found := _unpack(content))]
         self._count, state = max(states, default=(0, b""))
@@ -68,7 +68,7 @@ class CheckpointStore:
             return SavedState(state, int(number))
         if number is None and all(content is None for content in contents):
             return SavedState(b"", 0)
-        # The time in seconds is above all numbers: people do not come at one a second for years.
+        # The time in seconds exceeds all numbers, which grow by less than one per second.
         return SavedState(state, int(time.time()))
 
     def write_number(self, number: int) -> None:
@@ -94,7 +94,7 @@ class CheckpointStore:
 class Checkpoint:
     """Saves the state of a node while it runs, and restores the state of its predecessor.
 
-    A number is saved before anything is published that holds it, the state four times a second.
+    A number is saved before it is published, the state four times a second.
 
     Args:
         node: The node.
@@ -113,7 +113,7 @@ class Checkpoint:
             node.restore(saved.state, saved.next_number)
         except DecodeError as error:
             log.warning("%s: it begins anew", error)
-        except Exception:  # damage that no check finds; a restart must not fail for ever
+        except Exception:  # undetected damage; a restart must not fail for ever
             log.exception("the saved state is damaged: it begins anew")
             node.restore(b"", saved.next_number)
         self.save_number()
@@ -126,7 +126,7 @@ class Checkpoint:
             self._try("number", lambda: self._store.write_number(number))
 
     def handled(self) -> None:
-        """Note that the node handled a message."""
+        """Record that the node handled a message."""
         self.save_number()
         self._changed = True
 
@@ -135,7 +135,7 @@ class Checkpoint:
 
         Args:
             now_ns: Monotonic time in nanoseconds.
-            has_outputs: Outputs are published first, unless there are always some.
+            has_outputs: True: outputs are published before the state is saved.
         """
         self.save_number()
         if self._changed and now_ns >= self._due_ns + (PERIOD_NS if has_outputs else 0):
@@ -152,7 +152,7 @@ class Checkpoint:
             self._try("state", lambda: self._store.write_state(state))
 
     def _try(self, what: str, write: Callable[[], None]) -> None:
-        self._problems.pop(what, None)  # a full disk may have room for a number, not for a state
+        self._problems.pop(what, None)  # on a full disk a number may fit, but no state
         try:
             write()
         except OSError as error:

@@ -8,7 +8,7 @@ from collections import Counter
 from pathlib import Path
 from traceback import extract_tb
 
-FRESH_S = 5.0  # time in which an exception degrades the process [s]
+FRESH_S = 5.0  # time for which an exception degrades the process [s]
 KINDS_MAX = 256  # maximum number of kinds that are counted separately
 TEXT_MAX = 200  # maximum length of the text of an exception [characters]
 
@@ -19,7 +19,7 @@ class ErrorLog:
     """Exceptions by their kind: type, file and line.
 
     The first exception of a kind is logged with its traceback, the 10th, 100th, ... in one line: an
-    exception in every message neither hides the log nor fills the disk. Safe for several threads.
+    exception in every message neither hides the log nor fills the disk. Thread-safe.
     """
 
     def __init__(self) -> None:
@@ -29,11 +29,11 @@ class ErrorLog:
         self._lock = threading.Lock()
 
     def add_error(self, error: Exception, what: str) -> None:
-        """Count an exception that was caught.
+        """Count a caught exception.
 
         Args:
             error: The exception.
-            what: What failed, for the log.
+            what: Failed operation, for the log.
         """
         kind = f"{type(error).__name__} in {_source_line(error)}"
         text = f"{what} ({kind}): {str(error)[:TEXT_MAX]}"

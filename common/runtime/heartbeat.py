@@ -26,7 +26,7 @@ from people4d.topics import BY_MESSAGE
 
 PERIOD_S = 0.5
 STALLED_AFTER_S = 2.0
-REASON_MAX = 1000  # characters
+REASON_MAX = 1000  # maximum length of a reason [characters]
 
 log = logging.getLogger("people4d")
 
@@ -38,18 +38,18 @@ def release() -> str:
 
 
 class Activity:
-    """Present work of the threads of a loop, and counters of their past work."""
+    """Current work of the threads of a loop, and counters of their past work."""
 
     def __init__(self) -> None:
         self.counters: Counter[str] = Counter()
-        self.problem = ""  # problem of the process, not of its node, one sentence
+        self.problem = ""  # problem of the process outside its node, one sentence
         self.errors = ErrorLog()
         self._since: dict[int, float] = {}
         self._lock = threading.Lock()
         self._received_ns: dict[str, int] = {}
 
     def note_taken(self, topic: str, received_ns: int) -> None:
-        """Note that a message was taken to work on.
+        """Record that work on a message begins.
 
         Args:
             topic: Name of its topic.
@@ -58,7 +58,7 @@ class Activity:
         self._received_ns[topic] = received_ns
 
     def ages(self) -> dict[str, float]:
-        """Return the ages of the newest taken messages of each topic [ms], by gauge."""
+        """Return the age of the newest handled message of each topic [ms], by gauge."""
         now_ns, received_ns = time.time_ns(), list(self._received_ns.items())
         return {f"age_{topic}_ms": (now_ns - ns) / 1e6 for topic, ns in received_ns}
 
@@ -68,13 +68,13 @@ class Activity:
             self.counters[name] += 1
 
     def note_error(self, error: Exception, what: str) -> None:
-        """Count an exception and keep it as a reason; see `ErrorLog.add_error`."""
+        """Count an exception, which becomes the reason; see `ErrorLog.add_error`."""
         self.count("errors")
         self.errors.add_error(error, what)
 
     @contextlib.contextmanager
     def busy(self) -> Iterator[None]:
-        """Mark this thread as at work inside the block."""
+        """Mark this thread as busy inside the block."""
         own_id, start = threading.get_ident(), time.monotonic()
         self._since[own_id] = start
         try:
@@ -83,7 +83,7 @@ class Activity:
             del self._since[own_id]
 
     def longest_busy_s(self) -> float:
-        """Return the duration of the slowest present work of a thread."""
+        """Return the longest duration of the threads' current work [s]."""
         started = list(self._since.values())
         return time.monotonic() - min(started) if started else 0.0
 
@@ -91,15 +91,15 @@ class Activity:
 class Heartbeat:
     """Publishes Health until closed.
 
-    A process is `ready`; `degraded` while it works with limits or lacks inputs; `stalled` while its
-    own work makes no progress. The reason is for a user.
+    A process is `ready`; `degraded` if it works with limits or lacks inputs; `stalled` if its own
+    work makes no progress. The reason is addressed to users.
 
     Args:
         node: Node of the process.
         bus: ZenohBus to publish on.
         process_id: Identity of the process.
-        inbox: Gives counters.
-        activity: Gives counters, and the duration of the present work.
+        inbox: Source of counters.
+        activity: Source of counters, and of the duration of the current work.
     """
 
     def __init__(
@@ -133,7 +133,7 @@ class Heartbeat:
     def _publish(self, state: State | None = None) -> None:
         try:
             self._bus.publish(self._health(state))
-        except Exception:  # the heartbeat must outlive the faults that it reports
+        except Exception:  # the heartbeat must survive the faults that it reports
             log.exception("no heartbeat")
 
     def _health(self, state: State | None) -> Health:
@@ -155,7 +155,7 @@ class Heartbeat:
             pid=os.getpid(),
             release=release(),
             state="stopping" if now == "finished" else now,
-            # It may quote an error of other code, with many lines and any length.
+            # The reason may quote errors of other code, of many lines and any length.
             reason="".join(c if c.isprintable() else " " for c in reason[:REASON_MAX]),
             counters=dict(counters),
             gauges=self._gauges(counters) | status.gauges,
@@ -166,7 +166,7 @@ class Heartbeat:
     ) -> tuple[State | Literal["finished"], str]:
         """Return state and reason: the node's own, and problems that only the process knows."""
         now_s, stuck_s = time.monotonic(), self._activity.longest_busy_s()
-        # Called every time: both compare with the previous counters.
+        # Both are called every time, since they compare with the previous counters.
         missing = self._throughput.missing(counters, now_s)
         losing = self._throughput.losing(counters, now_s)
         if stuck_s > STALLED_AFTER_S:

@@ -1,4 +1,4 @@
-"""Queue of messages for a busy node, without the messages of its replicas."""
+"""Queue of messages for a busy node, without messages of other replicas."""
 
 import threading
 import time
@@ -17,7 +17,7 @@ class Inbox(MessageQueue):
     Args:
         assignment: Divides messages between replicas; None: there is one replica.
         frames_waiting: Length of the queue of a "newest" topic.
-        admits: Checks that a payload is useful; None: all payloads are.
+        admits: Checks that a payload is useful; None: all payloads are useful.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class Inbox(MessageQueue):
         return self._assignment is not None and topic is self._assignment.topic
 
     def _is_left(self, topic: Topic, message: PendingMessage) -> bool:
-        """Check whether a message is assigned to another replica, and count it if so."""
+        """Check for a message assigned to another replica, and count it."""
         if not self._assignment or self._assignment.is_ours(message, time.monotonic()):
             return False
         with self._changed:
@@ -74,7 +74,7 @@ class Inbox(MessageQueue):
         return True
 
     def take_over(self, message: PendingMessage) -> None:
-        """Add a message that another replica should have handled."""
+        """Add a message taken over from another replica."""
         if self._assignment:
             topic = self._assignment.topic
             self.counters[f"taken_over_{topic.name}"] += 1
@@ -90,9 +90,8 @@ class Inbox(MessageQueue):
 class Turnstile:
     """Admits one thread at a time to the heavy part of a node, before it takes a message.
 
-    Without it, a second thread would take a frame while the first one runs the network, and the
-    frame would age meanwhile. Before the turnstile the frame waits in the inbox, where a newer one
-    replaces it.
+    Otherwise a second thread would take a frame, which would age while the first thread runs the
+    network. With the turnstile the frame waits in the inbox, where a newer one replaces it.
     """
 
     def __init__(self) -> None:

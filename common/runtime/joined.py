@@ -1,8 +1,8 @@
 """Several services in one process, joined in memory.
 
 Each service has its own loop, thread, heartbeat, replicas and checkpoint under its own name. All
-services share one Zenoh session. A message between two of them is handed over as it is, and encoded
-only if another process subscribes to it.
+services share one Zenoh session. A message between two services is passed without encoding; it is
+encoded only for other processes.
 """
 
 import logging
@@ -42,7 +42,7 @@ class ServiceBuild:
 
     service: str  # name of the service and of its table in the configuration file
     config: type[Any]  # record of its configuration
-    build: Callable[[Any], Node]  # makes the node from it
+    build: Callable[[Any], Node]  # builds the node from the configuration
 
 
 def main(
@@ -52,11 +52,11 @@ def main(
 ) -> int:
     """Run several services until one is finished or the process is stopped (SIGTERM, SIGINT).
 
-    Then all end, the producers first, so that their last messages are still handled.
+    Then all end, producers first, so their last messages are handled.
 
     Args:
         module: Module that the process runs.
-        find: Returns how services are built; raises ConfigError if they may not share a process.
+        find: Returns the builds of services; raises ConfigError if they may not share a process.
         arguments: Command line, None for the process's own.
 
     Returns:
@@ -113,7 +113,7 @@ def _rank(service: str) -> int:
 
 def _run(loops: dict[str, Loop]) -> int:
     """Run the loops, each in its thread, until one ends; return the exit code."""
-    ended: SimpleQueue[None] = SimpleQueue()  # a signal handler may put into it
+    ended: SimpleQueue[None] = SimpleQueue()  # reentrant: a signal handler puts into it
     failed: list[str] = []
 
     def run(instance: str, loop: Loop) -> None:

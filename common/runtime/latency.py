@@ -10,19 +10,19 @@ import numpy as np
 from common.transport.clock import NO_OFFSET, HostOffset
 from people4d.messages import Span
 
-ARRIVALS = ("queue", "capture")  # after these a message may wait for others, or for its time
+ARRIVALS = ("queue", "capture")  # stages after which a message may wait for others, or for its time
 
 
 @dataclass(frozen=True, slots=True)
 class TraceSegment:
-    """One segment of a message's path, on the reference clock where the clocks are known."""
+    """One segment of a message's path, on the reference clock if offsets are known."""
 
     service: str  # service of the work, or receiver of the message
-    process: str  # its process, "<instance>@<host>"
+    process: str  # process of the stage, "<instance>@<host>"
     stage: str  # one of `common.transport.trace.STAGES`, or a service's own
-    start_ns: int  # when it began
-    end_ns: int  # when it ended; before `start_ns` if the offset of the clocks is wrong
-    # bound of the clock error in the duration: 0 on one host; None: clocks were not compared
+    start_ns: int  # [ns] beginning
+    end_ns: int  # [ns] end; before `start_ns` if the offset of the clocks is wrong
+    # [ns] bound of the clock error in the duration: 0 on one host; None: clocks were not compared
     error_ns: float | None = 0.0
 
     @property
@@ -46,12 +46,12 @@ def segments(
 ) -> list[TraceSegment]:
     """Split the path of a message into its stages and the time between them.
 
-    Segments follow each other without a gap: time that no process measured is `transport` between
-    two processes, `wait` after an arrival, and `other` between the stages of a process.
+    Segments are contiguous: unmeasured time is `transport` between two processes, `wait` after an
+    arrival, and `other` between the stages of a process.
 
     Args:
-        trace: Stages passed, oldest first.
-        clocks: Offsets by host; hosts that are absent keep their own time.
+        trace: Stages, oldest first.
+        clocks: Offsets by host; absent hosts keep their own time.
     """
     known = clocks or {}
     found = [_segment(span, known) for span in trace[:1]]

@@ -64,16 +64,16 @@ class Loop:
         self._workers = settings.workers
         self._tracer = Tracer(process_id, settings.traced)
         self._checkpoint = self._restored(settings.state_folder)
-        self._stopped = False  # no Event: a signal may come while its lock is held
+        self._stopped = False  # no Event: a signal may arrive while its lock is held
         self._turnstile = Turnstile()
-        self._working = threading.local()  # ticket and spans of what this thread handles
+        self._working = threading.local()  # ticket and spans of the message handled by this thread
         self._turn = threading.Condition()
         self._published = 0
         self._readers: list[threading.Thread] = []
         self._state_folder = settings.state_folder
         self._demanded: dict[type[Message], ExitStack] = {}
         self._demanding = threading.Lock()
-        self.ready = threading.Event()  # it has subscribed to everything
+        self.ready = threading.Event()  # set after all subscriptions
 
     def run(self) -> None:
         """Handle messages until `stop` or the end of the node, then the waiting messages."""
@@ -81,7 +81,8 @@ class Loop:
             LoopCallbacks(
                 wake=self.inbox.wake,
                 release=self._turnstile.release,
-                # A receiver in this process would only contend for the interpreter.
+                # With receivers in this process early publication only adds contention for the
+                # interpreter.
                 publish=None if self._bus.exchange else self._send,
                 replicas=self._replica.names if self._replica else lambda: ("", ()),
                 demand=self._demand,
@@ -106,7 +107,7 @@ class Loop:
             self._demand(())
             for subscription in subscriptions:
                 subscription.close()
-            for reader in self._readers:  # their messages already count as received
+            for reader in self._readers:  # their messages are already counted as received
                 reader.join(READERS_S)
             self._drain()
             for helper in helpers:
@@ -137,7 +138,7 @@ class Loop:
             self._bus.announce(self._process_id.service, self._process_id.instance)
 
     def _leave(self) -> None:
-        """Leave the work to other replicas before the subscriptions end, to lose no message."""
+        """Hand the work to other replicas before the subscriptions end, so no message is lost."""
         if self._replica:
             self._replica.leave()
         else:
@@ -154,7 +155,7 @@ class Loop:
         return ends
 
     def _demand(self, kinds: Collection[type[Message]]) -> None:
-        """Subscribe to inputs on demand, and end the others."""
+        """Subscribe to requested inputs on demand, and end other subscriptions."""
         with self._demanding:
             for kind in set(self._demanded).difference(kinds):
                 self._demanded.pop(kind).close()
@@ -261,7 +262,7 @@ class Loop:
         messages = [self._tracer.worked(message, spans) for message in outputs]
         if self._bus.exchange:
             messages = [each for each in messages if self._attempt(self._bus.hand_over, each)]
-            time.sleep(0)  # services of this process begin before messages are encoded for others
+            time.sleep(0)  # services of this process start before messages are encoded for others
         for message in messages:
             if self._attempt(self._bus.send, message):
                 self._activity.count(f"sent_{BY_MESSAGE[type(message)].name}")
@@ -271,7 +272,7 @@ class Loop:
         publish: Callable[[Message, Callable[[], Span] | None], None],
         message: Message,
     ) -> bool:
-        """Publish a message in one way; return False, noted, if it cannot be."""
+        """Publish a message by a function; return False, recorded, if it fails."""
         try:
             publish(message, self._tracer.publishing(message))
         except Exception as error:  # one bad message must not end the thread that sends
@@ -281,7 +282,7 @@ class Loop:
 
 
 def _name(message: Message) -> str:
-    """Return the name of a message's topic, or of its type if a foreign topic brought it."""
+    """Return the name of a message's topic, or its type if it is from a foreign topic."""
     topic = BY_MESSAGE.get(type(message))
     return topic.name if topic else type(message).__name__
 

@@ -30,13 +30,13 @@ MAX_WAITING = 256  # maximum number of frames with detections and without tracks
 
 
 class Durations(msgspec.Struct, frozen=True, kw_only=True):
-    """Durations of one stage, over the last seconds."""
+    """Percentiles of the durations of one stage, over the last seconds."""
 
     stage: str  # see common.transport.trace.STAGES; "end_to_end": from the first stage to the last
     p50_ms: float  # [ms] median
     p95_ms: float  # [ms]
     p99_ms: float  # [ms]
-    count: int  # messages measured
+    count: int  # number of measured messages
     # [ms] bound of the clock error: 0 on one host; null: clocks of two hosts were not compared
     error_ms: float | None
     beside: bool = False  # parallel work for the same frames, which does not delay them
@@ -45,25 +45,25 @@ class Durations(msgspec.Struct, frozen=True, kw_only=True):
 class ProcessSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     """One process."""
 
-    service: str  # its service
-    instance: str  # its name
-    host: str  # machine
+    service: str  # service of the process
+    instance: str  # name of the process
+    host: str  # name of the machine
     state: str = ""  # state in its heartbeat; empty without a heartbeat
-    reason: str = ""  # why it is not ready
+    reason: str = ""  # reason of a state other than ready
     rates_hz: dict[str, float] = {}  # [Hz] messages received_ and sent_, by topic
-    ages_ms: dict[str, float] = {}  # [ms] since the newest input arrived, by topic
-    losses: dict[str, int] = {}  # messages lost and errors since its start, by cause
-    cpu_percent: float | None = None  # of one core
-    memory_mb: float | None = None  # resident
-    stages: list[Durations] = []  # in the order of the path
+    ages_ms: dict[str, float] = {}  # [ms] time since the newest input arrived, by topic
+    losses: dict[str, int] = {}  # number of lost messages and errors since the start, by cause
+    cpu_percent: float | None = None  # processor time, 100 is one core
+    memory_mb: float | None = None  # resident memory
+    stages: list[Durations] = []  # stages in the order of the path
 
 
 class ClockSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     """The clock of one host."""
 
-    host: str  # machine
-    offset_ms: float | None  # [ms] ahead of the router's clock; null: not known
-    error_ms: float | None  # [ms] bound of the error of that
+    host: str  # name of the machine
+    offset_ms: float | None  # [ms] offset ahead of the router's clock; null: unknown
+    error_ms: float | None  # [ms] bound of the error of the offset
 
 
 class SystemSnapshot(msgspec.Struct, frozen=True, kw_only=True):
@@ -107,7 +107,7 @@ class Monitor:
         self.clocks: dict[str, HostOffset] = {}
 
     def follow(self, client: Client) -> Iterator[tuple[Arrival, FramePath | None]]:
-        """Receive the messages of a system; yield each with the path that it ends."""
+        """Receive the messages of a system; yield each with the path of its frame, if complete."""
         clock = ClockMonitor(client.session)
         for arrival in client.arrivals(Health, Tracks, Detections):
             clock.query()
@@ -148,7 +148,7 @@ class Monitor:
         self.clocks = clocks if len(self.clocks) > MAX_PROCESSES else self.clocks | clocks
 
     def _forget(self, now_s: float) -> None:
-        """Forget silent processes and stages, at most once a second."""
+        """Delete silent processes and stages, at most once a second."""
         if now_s - self._forgot_s < FORGET_PERIOD_S:
             return
         self._forgot_s = now_s
@@ -243,7 +243,7 @@ class _Stage:
 
 
 def of_frame(trace: Sequence[Span]) -> bool:
-    """Return True for the trace of a frame; predictions are made without one."""
+    """Return True for the trace of a frame; predictions have none."""
     return bool(trace) and not any(span.stage.endswith(".prediction") for span in trace)
 
 

@@ -1,4 +1,4 @@
-"""Base class of every service's node: messages in, messages out, no input or output of its own."""
+"""Base class of the node of every service: messages in, messages out, without own I/O."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Sequence
@@ -17,8 +17,9 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
 
     state: Literal["starting", "ready", "degraded", "finished"] = "ready"
     reason: str = ""  # reason of a state other than ready, one sentence
-    counters: dict[str, int] = msgspec.field(default_factory=dict)  # events, drops by cause
-    # values of now by name; the suffix is the unit
+    # Number of events, and of drops by cause
+    counters: dict[str, int] = msgspec.field(default_factory=dict)
+    # current values by name; the suffix is the unit
     gauges: dict[str, float] = msgspec.field(default_factory=dict)
 
 
@@ -27,7 +28,7 @@ class Sharing:
     """Work that the replicas of a service share."""
 
     work: type[Message]  # type of the messages that are divided between the replicas
-    answer: type[Message]  # type that they publish for it, with the same camera and sequence
+    answer: type[Message]  # type of the answers, with the same camera and sequence
 
 
 @dataclass(frozen=True)
@@ -36,10 +37,9 @@ class LoopCallbacks:
 
     # makes `tick` due at once; may be called from any thread
     wake: Callable[[], None] = lambda: None
-    # lets another worker take the next message before `handle` returns
+    # admits another worker to the next message before `handle` returns
     release: Callable[[], None] = lambda: None
-    # publishes one output before the others that `handle` returns; None: only what `handle` returns
-    # is published
+    # publishes one output before the result of `handle`; None: only the result is published
     publish: Callable[[Message], None] | None = None
     # returns the name of this process and the names of all replicas
     replicas: Callable[[], tuple[str, tuple[str, ...]]] = lambda: ("", ())
@@ -54,24 +54,23 @@ NO_LOOP = LoopCallbacks()
 
 
 class Node(ABC):
-    """Messages in, messages out; no bus, no files, no clock of its own.
+    """Base of nodes: messages in, messages out; without bus, files or clock.
 
     A node raises nothing for bad data: it counts the drop and reports it in its status. `now_ns` is
-    a monotonic clock, good for waiting only; stamps come from the messages. Subclasses add no
-    public methods of their own, so that a misspelt hook is found by a test.
+    a monotonic clock, for waiting only; stamps are from messages. Subclasses add no public methods,
+    so a test detects a misspelt hook.
 
     Attributes:
         inputs: Types of messages that `handle` gets.
-        required_inputs: Inputs without which the node cannot work; the heartbeat reports their
+        required_inputs: Inputs that the node requires; the heartbeat reports their absence.
+        periodic_outputs: Types that the node publishes without inputs; the heartbeat reports their
             absence.
-        periodic_outputs: Types that the node publishes by itself; the heartbeat reports their
-            absence.
-        sharing: Work that replicas share, None if the node can have none.
-        inputs_on_demand: Types that `handle` gets once `LoopCallbacks.demand` asked for them.
+        sharing: Work that replicas share; None if the node cannot have replicas.
+        inputs_on_demand: Types that `handle` gets after a request by `LoopCallbacks.demand`.
         foreign_inputs: Topics of other programs that `handle` gets, too.
         frames_waiting: Length of the queue of a "newest" topic.
-        workers: Threads that call `handle` at once; more than one needs a thread-safe node. Outputs
-            have the order of the inputs.
+        workers: Number of threads that call `handle`; more than one requires a thread-safe node.
+            Outputs are in the order of the inputs.
     """
 
     inputs: tuple[type[Message], ...] = ()
@@ -107,17 +106,17 @@ class Node(ABC):
         return ()
 
     def flush(self, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
-        """Return outputs that still wait for more input; called at the end of the input."""
+        """Return outputs that wait for more input; called at the end of the input."""
         return ()
 
     def wake_ns(self) -> int | None:
-        """Return the monotonic time in nanoseconds at which `tick` is wanted, None if at none."""
+        """Return the monotonic time of the next `tick` [ns]; None if none is required."""
         return None
 
     def is_finished(self) -> bool:
-        """Check that all work is done and the process may end; asked after each message.
+        """Check that all work is done and the process may end; called after each message.
 
-        The status is "finished" then, with the reason.
+        The status is then "finished", with the reason.
         """
         return False
 
@@ -142,12 +141,12 @@ class StatefulNode(Node):
 
     @abstractmethod
     def restore(self, saved: bytes, next_number: int) -> None:
-        """Continue from the state that another process saved.
+        """Continue from the saved state of another process.
 
         Args:
-            saved: From `save`; empty if it is lost.
+            saved: Result of `save`; empty if it is lost.
             next_number: All numbers below it are used.
 
         Raises:
-            DecodeError: `saved` is damaged; only the number was restored then.
+            DecodeError: `saved` is damaged; only the number is restored.
         """

@@ -1,4 +1,4 @@
-"""The one way to run a node as a process: flags, configuration, bus, signals, exit code."""
+"""Run of a node as a process: flags, configuration, bus, signals, exit code."""
 
 import argparse
 import ctypes
@@ -49,7 +49,7 @@ def main(
         service: Name of the service and of its table in the configuration file.
         kind: Record of its configuration.
         build: Makes the node from the configuration.
-        mode: Shipped Zenoh configuration that is used when none is given.
+        mode: Shipped Zenoh configuration used by default.
         arguments: Command line, None for the process's own.
 
     Returns:
@@ -65,7 +65,7 @@ def main(
         try:
             node = build(config)
             release_memory()
-            if mode == "router":  # all processes reach it
+            if mode == "router":  # all processes connect to it
                 serve_time(bus)
             loop = Loop(node, bus, process_id, loop_settings(node, flags))
             on_stop_signals(loop.stop)
@@ -95,7 +95,7 @@ def prepare(name: str, debug: bool) -> None:
     cv2.setNumThreads(1)
     sys.setswitchinterval(SWITCH_S)
     faulthandler.register(signal.SIGUSR2, all_threads=True)  # dumps all stacks
-    on_stop_signals(lambda: sys.exit(THREADS.exit_code))  # until there is a loop to stop
+    on_stop_signals(lambda: sys.exit(THREADS.exit_code))  # until a loop runs
     THREADS.watch()
 
 
@@ -118,7 +118,7 @@ def process_ids(services: Sequence[str], instance: str | None) -> list[ProcessId
 
 def loop_settings(node: Node, flags: argparse.Namespace) -> LoopSettings:
     """Return the settings of a node's loop."""
-    # No later process has a generated name, except in a container.
+    # Generated names are not reused, except in a container.
     resumable = flags.instance or os.environ.get(FOLDER)
     return LoopSettings(
         workers=node.workers,
@@ -130,7 +130,7 @@ def loop_settings(node: Node, flags: argparse.Namespace) -> LoopSettings:
 def release_memory() -> None:
     """Release the memory of loading, and exclude loaded objects from garbage collection.
 
-    A full collection over the objects of all modules takes 60 ms, in the middle of a frame.
+    A full collection of the objects of all modules takes 60 ms, during a frame.
     """
     gc.collect()
     gc.freeze()
@@ -145,7 +145,7 @@ def on_stop_signals(stop: Callable[[], None]) -> None:
 
 
 def _instance(service: str, host: str) -> str:
-    """Return a unique name: in containers all processes have the same number."""
+    """Return a unique name; process numbers are the same in all containers."""
     return f"{service}-{re.sub(r'[^A-Za-z0-9.-]', '-', host)[:32]}-{os.getpid()}"
 
 
@@ -154,7 +154,7 @@ def parser(module: str, description: str) -> argparse.ArgumentParser:
 
     Args:
         module: Module that the process runs.
-        description: What it does.
+        description: Description of the program.
     """
     parser = argparse.ArgumentParser(prog=f"python -m {module}", description=description)
     environment = os.environ

@@ -17,10 +17,12 @@ from people4d.messages import Health
 from people4d.subscription import ZenohSubscription
 from people4d.topics import BY_MESSAGE, Topic
 
-SETTLE_S = 0.2  # pause between subscribing and joining: others must not count on us too early [s]
+# Pause between subscribing and joining: messages must not be assigned to this replica earlier [s]
+SETTLE_S = 0.2
 CHECK_PERIOD_S = 0.1  # period of the checks for silent replicas [s]
 STUCK_S = 1.0  # minimum time with one message after which a replica withdraws [s]
-STUCK_FACTOR = 2.0  # minimum multiple of the longest recent duration after which it withdraws
+# Minimum multiple of the longest recent duration after which a replica withdraws
+STUCK_FACTOR = 2.0
 LONGEST_DECAY = 0.95  # decay of the longest duration per message
 
 
@@ -35,13 +37,13 @@ _LIVENESS = msgspec.msgpack.Decoder(Liveness)
 
 
 class Replica:
-    """Joins the replicas of a service, and takes over the work of failed replicas.
+    """Member of the replicas of a service; takes over the work of failed replicas.
 
     Args:
-        bus: Bus to the others.
+        bus: Bus to the other replicas.
         process_id: Identity of this process.
         sharing: Types of messages that are shared.
-        activity: Gives the duration of the present work.
+        activity: Source of the duration of the current work.
     """
 
     def __init__(
@@ -60,7 +62,7 @@ class Replica:
         """Join the other replicas; called when the work is subscribed.
 
         Args:
-            inbox: Gets the messages that are taken over.
+            inbox: Receives the messages that are taken over.
         """
         self._inbox = inbox
         health = replace(BY_MESSAGE[Health], key=f"health/{self._service}/{{instance}}")
@@ -78,11 +80,11 @@ class Replica:
         return self._name, self.assignment.replicas
 
     def note_duration(self, duration_s: float) -> None:
-        """Note how long a message took."""
+        """Record the duration of a message's handling."""
         self._longest_s = max(duration_s, LONGEST_DECAY * self._longest_s)
 
     def leave(self) -> None:
-        """Leave the work to the others for good; messages already received are still handled."""
+        """Hand the work to other replicas for good; received messages are still handled."""
         self._left.set()
         self._withdraw()
         for subscription in self._subscriptions:
@@ -93,7 +95,7 @@ class Replica:
             if self._joined or self._left.is_set():
                 return
             self._joined = True
-            # First here, then at the others: a lost message is worse than one handled twice.
+            # First here, then at the others: duplicate handling is better than a lost message.
             self._take_over(self.assignment.add_replica(self._name, time.monotonic()))
             self._bus.announce(self._service, self._name)
 
@@ -150,7 +152,7 @@ class Replica:
         def receive() -> None:
             for _, payload in subscription:
                 take(payload)
-                del payload  # it would hold memory until the next one arrives
+                del payload  # frees memory before the next payload
 
         _start(receive)
 

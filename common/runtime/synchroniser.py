@@ -1,4 +1,4 @@
-"""Frames, detections and tracks of one stamp, brought together."""
+"""Frames, detections and tracks, joined by stamp."""
 
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -28,7 +28,7 @@ class SynchronisedFrame:
 class Synchroniser:
     """Joins frames, detections and tracks by camera and stamp, in bounded memory.
 
-    The streams of a camera are in order, so older frames than a complete one stay incomplete.
+    Streams of a camera are in order, so frames older than a complete one stay incomplete.
 
     Args:
         capacity: Maximum number of waiting frames; the oldest is released for a new one.

@@ -1,4 +1,4 @@
-"""Threads that fail: the process ends and is restarted, since it must not work in part."""
+"""Failed threads: the process ends and is restarted, since partial work is unsafe."""
 
 import logging
 import os
@@ -36,4 +36,4 @@ class ThreadFailures:
         os.kill(os.getpid(), signal.SIGTERM)
 
 
-THREADS = ThreadFailures()  # of this process
+THREADS = ThreadFailures()  # failures in this process

@@ -10,7 +10,7 @@ WINDOW_S = 3.0  # period of the losses [s]
 LOST_RATIO = 0.1  # minimum share of lost messages that is reported
 LOST_MIN = 3  # minimum number of lost messages that is reported
 
-# Counters of progress; every other one names a drop or another event by its cause.
+# Counters of progress; all others count drops or other events by their cause.
 PROGRESS = {
     "frames",
     "people",
@@ -32,8 +32,8 @@ class Throughput:
     """Finds missing streams and losses in the periodic counters of a process.
 
     Args:
-        inputs: Streams without which the process cannot work.
-        outputs: Streams that it publishes by itself.
+        inputs: Streams that the process requires.
+        outputs: Streams that the process publishes without inputs.
         now_s: Monotonic time in seconds.
     """
 

@@ -1,8 +1,8 @@
 """Zenoh's access rules, derived from the table of streams.
 
-A process that proves a role (by certificate or password) may publish the topics whose producer it
-is and receive those whose readers name it; nothing else passes. Rules are written from the side of
-the process that enforces them: "ingress" comes from the other, "egress" goes to it.
+A process with a proven role (by certificate or password) may publish the topics of which the role
+is a producer, and receive the topics of which it is a reader; nothing else passes. Rules are from
+the side of the enforcing process: "ingress" comes from the other process, "egress" goes to it.
 """
 
 import re
@@ -12,7 +12,7 @@ from typing import Any, Literal
 from common.transport.clock import CLOCK
 from people4d.topics import EVERY_SERVICE, TOPICS, Topic, prefix, query_key
 
-WATCHDOG = "watchdog"  # reader of health only
+WATCHDOG = "watchdog"  # role of the reader of health only
 ROUTER = "router"
 CLIENT_ROLES = ("planner", "operator")  # roles of programs outside the pipeline
 PIXELS = "raw/"  # key prefix of topics with images
@@ -48,7 +48,7 @@ def may_read(role: str, topic: Topic) -> bool:
 def access_control(
     proof: Proof, local: Sequence[str] = LOCAL_INTERFACES, privacy: bool = False
 ) -> dict[str, Any]:
-    """Return Zenoh's `access_control` for a router or a peer that others connect to.
+    """Return Zenoh's `access_control` for a router or peer that accepts connections.
 
     Args:
         proof: Proof of the other's role: its certificate's name or its user name.
@@ -81,12 +81,12 @@ def has_pixels(topic: Topic) -> bool:
 def privacy_control(local: Sequence[str] = LOCAL_INTERFACES) -> dict[str, Any]:
     """Return Zenoh's `access_control` without roles: pixels pass on interfaces of the host only.
 
-    On other interfaces only the topics in the table pass that hold no pixels, with tokens of
-    processes and queries of the time; a topic that is not in the table might hold any. Any
-    subscription may come, so that programs that subscribe to everything hear the rest.
+    On other interfaces only topics of the table without pixels pass, with tokens of processes and
+    queries of the time; other topics might contain pixels. All subscriptions pass, so programs that
+    subscribe to everything receive the rest.
 
     Args:
-        local: Interfaces on which everything passes.
+        local: Interfaces without restriction.
     """
     keys = [key for topic in TOPICS if not has_pixels(topic) for key in _keys(topic, "")]
     keys += [f"{prefix('*')}/alive/**", query_key("*", CLOCK)]
@@ -114,7 +114,7 @@ def _topic_rules(role: str, topic: Topic, privacy: bool) -> Iterator[Rule]:
     keys = _keys(topic, "")
     own = _keys(topic, role) if topic.producer == EVERY_SERVICE and role != ROUTER else keys
     if may_publish(role, topic) or role == ROUTER:
-        # A publisher of some keys receives the subscriptions to all keys of a topic.
+        # A publisher of some keys receives subscriptions to all keys of a topic.
         yield from _rules(f"{name}: publish {topic.name}", (PUBLISHER, own), (SUBSCRIBER, keys))
     if may_read(role, topic) or role == ROUTER:
         yield from _rules(f"{name}: read {topic.name}", (SUBSCRIBER, keys), (PUBLISHER, keys))

@@ -48,13 +48,13 @@ class TimeExchange:
 
     @property
     def offset_ns(self) -> float:
-        """Own clock minus the other's, if query and reply took the same time."""
+        """Own clock minus the other's [ns], assuming equal delays of query and reply."""
         query_ns = self.query_sent_ns - self.query_received_ns
         return (query_ns + self.reply_received_ns - self.reply_sent_ns) / 2
 
     @property
     def error_ns(self) -> float:
-        """Bound of the error: the whole delay was in the query, or in the reply."""
+        """Bound of the error [ns], if the whole delay is in the query or in the reply."""
         served_ns = self.reply_sent_ns - self.query_received_ns
         return (self.reply_received_ns - self.query_sent_ns - served_ns) / 2
 
@@ -66,7 +66,7 @@ class TimeExchange:
 
 
 class ClockFilter:
-    """Offset of two clocks from many exchanges; the quickest exchange is the most accurate."""
+    """Offset of two clocks from many exchanges; the fastest exchange is the most accurate."""
 
     def __init__(self) -> None:
         self.steps = 0  # number of clock steps
@@ -78,7 +78,7 @@ class ClockFilter:
             exchange.at(exchange.reply_received_ns),
             self.offset(exchange.reply_received_ns),
         )
-        if new.error_ns < 0:  # the clock was set while the query was under way
+        if new.error_ns < 0:  # the clock was set during the query
             return
         if known:
             apart_ns = abs(new.offset_ns - known.offset_ns)
@@ -151,8 +151,8 @@ class ClockMonitor:
 
     Args:
         bus: Bus of the queries.
-        clock: Identity of this clock, empty for this machine's; with that of the reference there
-            is nothing to compare.
+        clock: Identity of this clock, empty for this machine's; not compared if equal to the
+            reference's.
         now_ns: The clock.
     """
 

@@ -1,4 +1,4 @@
-"""Messages between the services of one process, handed over without encoding."""
+"""Messages between the services of one process, passed without encoding."""
 
 import threading
 from collections.abc import Callable
@@ -12,11 +12,11 @@ from people4d.messages import Message
 from people4d.topics import Topic
 
 M = TypeVar("M", bound=Message)
-Taker = Callable[[Topic, str, Message], None]  # gets topic, full key and message
+Taker = Callable[[Topic, str, Message], None]  # receiver of topic, full key and message
 
 
 class Exchange:
-    """Hands each message to all services of this process that subscribe to its topic.
+    """Passes each message to all services of this process that subscribe to its topic.
 
     All services get the same object, with read-only arrays. A late subscriber of a latched topic
     gets the last message of each key first, as through Zenoh.
@@ -24,11 +24,12 @@ class Exchange:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._takers: dict[str, tuple[Taker, ...]] = {}  # by topic
-        self._last: dict[str, dict[str, tuple[Topic, Message]]] = {}  # by topic and key
+        self._takers: dict[str, tuple[Taker, ...]] = {}  # receivers by topic
+        # Last message by topic and key
+        self._last: dict[str, dict[str, tuple[Topic, Message]]] = {}
 
     def subscribe(self, topic: Topic, take: Taker) -> ExitStack:
-        """Hand the messages of a topic to `take` until the result is closed."""
+        """Pass the messages of a topic to `take` until the result is closed."""
         with self._lock:
             self._takers[topic.name] = (*self._takers.get(topic.name, ()), take)
             latched = list(self._last.get(topic.name, {}).items())
@@ -39,7 +40,7 @@ class Exchange:
         return subscription
 
     def publish(self, topic: Topic, key: str, message: Message) -> None:
-        """Hand over a message; it returns when all subscribers have it in their queues.
+        """Pass a message to the queues of all subscribers.
 
         Args:
             topic: Its topic.
@@ -90,7 +91,7 @@ def _plain(value: Any) -> Any:
         changed = {
             name: plain
             for name, field in msgspec.structs.asdict(value).items()
-            # The trace comes from the tracer, and is long.
+            # The trace is from the tracer, valid and long.
             if name != "trace" and (plain := _plain(field)) is not field
         }
         return msgspec.structs.replace(value, **changed) if changed else value

@@ -1,7 +1,7 @@
 """Wall times of the stamps of a stream: a recording or simulation is mapped to its playback.
 
-Stamps near the wall clock are wall times. All others get an offset, from the time of sending in the
-trace of the message, else from its arrival. The offset is constant until a recording jumps or is
+Stamps near the wall clock are wall times. Others get an offset, from the time of sending in the
+trace of the message, or else from its arrival. The offset is constant until a recording jumps or is
 played too slowly.
 """
 
@@ -17,7 +17,7 @@ LATE_MAX_NS = 10_000_000_000  # maximum delay of a live stamp behind the wall cl
 JITTER_NS = 100_000_000  # jitter of the times of sending [ns]
 UNTRACED_NS = 1_000_000_000  # jitter of the arrivals of messages without a trace [ns]
 OF_CAMERAS = (Tracks, Predictions, Detections)
-SENDING = (".capture", ".release")  # stages of a source
+SENDING = (".capture", ".release")  # stages of a source, at which a message is sent
 
 
 class StreamClock:

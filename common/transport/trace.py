@@ -1,4 +1,4 @@
-"""Times of the stages that a message passes."""
+"""Times of the stages of processing of a message."""
 
 import contextvars
 import time
@@ -14,9 +14,9 @@ from people4d.messages.base import MAX_TRACE
 
 M = TypeVar("M", bound=Message)
 
-JOINED = "+"  # between the instances of one process
+JOINED = "+"  # separator of the instances of one process
 
-# Stages in the order of a frame, "<service>.<stage>"; stages with * lie between two measured ones,
+# Stages in the order of a frame, "<service>.<stage>"; stages with * are between two measured ones,
 # see common.runtime.latency.
 STAGES = {
     "capture": "a live camera's frame: from its acquisition until it is in memory",
@@ -74,7 +74,7 @@ _collection: contextvars.ContextVar[_Collection | None] = contextvars.ContextVar
 
 
 class _Measurement:
-    """Measures a block; a class because a generator takes twice the time."""
+    """Measures a block; a class, since a generator takes twice the time."""
 
     __slots__ = ("_stage", "_start_ns")
 
@@ -94,7 +94,7 @@ def span(stage: str) -> _Measurement:
         with span("inference"):
             outputs = session.run(image)
 
-    Blocks follow each other; one inside the other would count twice.
+    Blocks must not be nested, or time would count twice.
 
     Args:
         stage: One of STAGES, or a stage of your own.
@@ -107,8 +107,8 @@ def record(stage: str, start_ns: int, end_ns: int) -> None:
 
     Args:
         stage: One of STAGES, or a stage of your own.
-        start_ns: Wall clock when it began.
-        end_ns: Wall clock when it ended.
+        start_ns: Wall clock at its beginning [ns].
+        end_ns: Wall clock at its end [ns].
     """
     collection = _collection.get()
     if collection is not None:
@@ -135,7 +135,7 @@ class Tracer:
 
     Args:
         process_id: The process.
-        on: False: traces do not change, and spans are almost free.
+        on: False: traces do not change, and spans cost almost nothing.
     """
 
     def __init__(self, process_id: ProcessId, on: bool = True) -> None:
@@ -154,13 +154,13 @@ class Tracer:
     def taken(self, message: M, received_ns: int, decoded_ns: int, taken_ns: int) -> M:
         """Return a message with the times of its arrival.
 
-        The node copies the trace of this message, even if another message triggers the answer.
+        The node copies this trace, even if another message triggers the answer.
 
         Args:
             message: The message.
-            received_ns: Wall clock when its bytes were there.
-            decoded_ns: Wall clock when it was decoded.
-            taken_ns: Wall clock when the process began with it.
+            received_ns: Wall clock at its reception [ns].
+            decoded_ns: Wall clock after decoding [ns].
+            taken_ns: Wall clock at the beginning of its handling [ns].
         """
         return self._extended(
             message,

@@ -40,7 +40,7 @@ def read_config(
             shipped ones.
         default: Mode: "peer", which $PEOPLE4D_MODE overrides, "router" or "client".
         environment: Variables as in docs/launch/hosts.md; None for the process's own environment.
-        role: Service that it is for; empty: $PEOPLE4D_ROLE.
+        role: Role of the service; empty: $PEOPLE4D_ROLE.
 
     Raises:
         ConfigError: The file cannot be read or Zenoh refuses it.
@@ -56,7 +56,7 @@ def read_config(
 
 
 def is_private(environment: Mapping[str, str]) -> bool:
-    """Check that $PEOPLE4D_PRIVACY asks for no pixel to leave the host.
+    """Check that $PEOPLE4D_PRIVACY forbids pixels to leave the host.
 
     Raises:
         ConfigError: Its value is neither on nor off.
@@ -73,7 +73,7 @@ def _access_rules(mode: str, environment: Mapping[str, str]) -> dict[str, Any] |
     local = [name for name in names if name] or list(LOCAL_INTERFACES)
     private, keys = is_private(environment), environment.get("PEOPLE4D_KEYS")
     if keys and uses_certificates(Path(keys)) and mode != "client":
-        # Both ends prove their role, so peers admit only roles that may use their topics.
+        # Both ends prove their role, so peers admit only roles with access to their topics.
         return access_control("cert_common_names", local, private)
     if keys and not uses_certificates(Path(keys)) and mode == "router":
         # Only the connecting end proves its role by a password, so only the router enforces rules.
@@ -110,10 +110,11 @@ class ZenohBus(ZenohSession):
         self._lock = threading.Lock()
         self._closing = threading.Event()
         self._guarded: list[Topic] = []
-        self.counters: Counter[str] = Counter()  # forged messages in the name of this session
+        # Number of forged messages in the name of this session
+        self.counters: Counter[str] = Counter()
 
     def publish(self, message: Message, publishing: Callable[[], Span] | None = None) -> None:
-        """Send a message on the key that the topic table gives it.
+        """Send a message on its key in the topic table.
 
         Args:
             message: The message.
@@ -123,7 +124,7 @@ class ZenohBus(ZenohSession):
         self.send(message, publishing)
 
     def hand_over(self, message: Message, publishing: Callable[[], Span] | None) -> None:
-        """Hand a message to the subscribers of this process, if services share it."""
+        """Pass a message to the subscribers in this process, if services share it."""
         if not self.exchange:
             return
         topic = BY_MESSAGE[type(message)]

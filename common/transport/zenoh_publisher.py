@@ -18,7 +18,7 @@ class Publisher:
         session: Session of Zenoh.
         topic: Topic of the key.
         key: Full key.
-        lossless: A slow subscriber holds up the publisher.
+        lossless: True: a slow subscriber delays the publisher.
         to: Locality of the subscribers.
     """
 
@@ -31,10 +31,10 @@ class Publisher:
         self._since_s = time.monotonic()
         self._sent = 0
         self._last = b""  # last message of a latched topic
-        self.is_copied = False  # another session sends in the name of this publisher
+        self.is_copied = False  # True if another session sends in the name of this publisher
 
     def is_wanted(self) -> bool:
-        """Check whether another session subscribes to the key, as far as that is known."""
+        """Check that another session may subscribe to the key."""
         # Late joiners get the last message of a latched topic.
         if self.topic.delivery == "latched" or time.monotonic() - self._since_s < UNSURE_S:
             return True
@@ -56,8 +56,8 @@ class Publisher:
     def repeat(self) -> None:
         """Repeat the last message of a latched topic.
 
-        After a forged message in its name the publisher takes a new name: subscribers skip lower
-        numbers of the old name.
+        After a forged message in its name the publisher changes its name, since subscribers skip
+        lower numbers of the old one.
         """
         if self.is_copied:
             self.is_copied = False
@@ -67,8 +67,8 @@ class Publisher:
             self._declared.put(self._last)
 
     def _declare(self) -> Any:
-        # A slow link must not hold up live frames, nor a hung subscriber the heartbeat; latched
-        # messages are repeated; all others are small enough to wait for.
+        # A slow link must not delay live frames, nor a hung subscriber the heartbeat. Latched
+        # messages are repeated. All others are small, so the publisher waits.
         topic = self.topic
         wait = self._lossless or (topic.delivery == "queue" and topic.waits)
         control = zenoh.CongestionControl.BLOCK if wait else zenoh.CongestionControl.DROP
@@ -80,7 +80,7 @@ class Publisher:
                 allowed_destination=self._to,
                 cache=zenoh.ext.CacheConfig(max_samples=1),
                 publisher_detection=True,
-                # Numbers its messages, since sessions do not stamp them.
+                # Messages are numbered, since sessions do not stamp them.
                 sample_miss_detection=zenoh.ext.MissDetectionConfig(
                     heartbeat=None, sporadic_heartbeat=None
                 ),

@@ -11,10 +11,10 @@ from people4d.messages.base import Positive, PositiveInt, Ratio
 from people4d.messages.people import DETECTIONS_MAX
 from people4d.validation import Rule
 
-SIDE_STEP = 32  # step of the sides of a network's input, which is halved five times [px]
+SIDE_STEP = 32  # divisor of the sides of a network's input, which is halved five times [px]
 CONFIDENCE_MIN = 0.6  # minimum confidence of a keypoint [PIC4SeR]
-# The same for MoveNet: two thirds of its keypoints on real images lie below 0.6, and down to 0.3
-# they still agree with YOLOv8's
+# Name and minimum confidence of MoveNet: on real images two thirds of its keypoints are below 0.6,
+# and agree with YOLOv8's down to 0.3
 MOVENET, MOVENET_CONFIDENCE_MIN = "movenet", 0.3
 
 Confidence = Annotated[float, Meta(ge=0, lt=1)]
@@ -24,7 +24,7 @@ InputSide = Annotated[
 
 
 def shipped_model() -> str:
-    """Return the shipped model that suits this processor: int8 if that is fast."""
+    """Return the shipped model for this processor: int8 if it has fast instructions for it."""
     return "movenet-multipose-int8" if has_integer_dot_products() else "movenet-multipose"
 
 
@@ -33,18 +33,20 @@ class ModelSettings(Config, frozen=True, kw_only=True):
 
     # Name in models/models.toml, or path of an .onnx file; absent: see `shipped_model`
     model: str = field(default_factory=shipped_model)
-    kind: str = ""  # one of MODELS or "module:Class"; empty: as the manifest or the file says
+    kind: str = ""  # one of MODELS or "module:Class"; empty: by the manifest or the file
     folder: str = ""  # folder that is searched first for named models; empty: none
-    input_height: InputSide = 0  # [px] of the network; 0: as the model is made
-    input_width: InputSide = 0  # [px] of the network; 0: as the model is made
-    score_min: Ratio | None = None  # minimum of the network's own scores; absent: kind's default
-    score_scale: Positive = 1.0  # ratio of the network's scores to the usual ones of its kind
+    input_height: InputSide = 0  # [px] height of the network's input; 0: of the file
+    input_width: InputSide = 0  # [px] width of the network's input; 0: of the file
+    score_min: Ratio | None = None  # minimum score of the network; absent: default of the kind
+    # Factor of the network's scores relative to other models of its kind
+    score_scale: Positive = 1.0
     # Published scores: "probability" that the detection is a person, or the network's own scores
     scores: Literal["probability", "network"] = "probability"
-    iou_max: Ratio | None = None  # overlap above which two boxes are one person; absent: default
-    engine: Engine = "onnxruntime"  # "openvino": faster on Intel's processors, an extra
-    threads: PositiveInt = 1  # threads that one inference may use
-    max_people: Annotated[int, Meta(ge=1, le=DETECTIONS_MAX)] = 20  # maximum number in one image
+    iou_max: Ratio | None = None  # maximum overlap of two people; absent: default
+    engine: Engine = "onnxruntime"  # "openvino": faster on Intel processors; requires an extra
+    threads: PositiveInt = 1  # maximum number of threads of one inference
+    # Maximum number of people in one image
+    max_people: Annotated[int, Meta(ge=1, le=DETECTIONS_MAX)] = 20
 
     def __post_init__(self) -> None:
         """Check that height and width are given together."""
@@ -56,8 +58,8 @@ class ModelSettings(Config, frozen=True, kw_only=True):
 class OrientationConfig(Config, frozen=True, kw_only=True):
     """Yaw of the chest."""
 
-    # "joint": the most likely yaw given all cues at once (docs/method.md section 11); "separate":
-    # circular mean of psi_1 and psi_2 (section 6 [PIC4SeR])
+    # "joint": the most likely yaw given all cues (docs/method.md section 11); "separate": circular
+    # mean of psi_1 and psi_2 (section 6 [PIC4SeR])
     method: Literal["joint", "separate"] = "joint"
     # Network of "joint": name in the manifest of models, or path of an .onnx file; empty: none
     network: str = "orientation-lab"
@@ -72,15 +74,17 @@ class DetectorConfig(ModelSettings, frozen=True, kw_only=True):
     # (section 2); "grown": centroid of a mask that is grown in depth from the keypoints and
     # published as the person's mask (section 8.2)
     position: Literal["mask", "keypoints", "grown", "torso"] = "torso"
-    to_axis: bool = True  # positions are moved from the surface to the body's axis
-    covariance: bool = True  # publish the covariance of each position
-    velocity: bool = True  # publish the velocity of each person
+    to_axis: bool = True  # True: positions are moved from the surface to the body's axis
+    covariance: bool = True  # True: covariances of positions are published
+    velocity: bool = True  # True: velocities of people are published
     # [1/m] error of one depth reading, over z^2; default: 0.07 px, 385 px, 50 mm (D435i)
     depth_error_per_m: Positive = 0.0036
-    keypoint_confidence_min: Confidence | None = None  # for positions; absent: by the model
+    # Minimum confidence of keypoints for positions; absent: by the model
+    keypoint_confidence_min: Confidence | None = None
     orientation: OrientationConfig = OrientationConfig()
-    crops: bool = True  # publish the crops that re-identification needs
-    crop_height_max_px: Annotated[int, Meta(ge=16, le=4096)] = 256  # [px] higher: scaled down
+    crops: bool = True  # True: crops for re-identification are published
+    # [px] maximum height of a crop; higher ones are scaled down
+    crop_height_max_px: Annotated[int, Meta(ge=16, le=4096)] = 256
 
     @property
     def orientation_network(self) -> str:
@@ -88,7 +92,7 @@ class DetectorConfig(ModelSettings, frozen=True, kw_only=True):
         return self.orientation.network if self.orientation.method == "joint" else ""
 
     def confidence_for(self, model: str) -> float:
-        """Return the confidence that keypoints must exceed: as set, else as suits the model."""
+        """Return the minimum confidence of keypoints: the setting, or else the model's."""
         if self.keypoint_confidence_min is not None:
             return self.keypoint_confidence_min
         return MOVENET_CONFIDENCE_MIN if model.startswith(MOVENET) else CONFIDENCE_MIN

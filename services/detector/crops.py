@@ -1,8 +1,8 @@
 """Crops of the people of a frame, small enough to publish.
 
-Occluders in front of a person are blanked, so that their appearance is not confused with the
-person's. The background is not: networks for re-identification learned people with one, and
-recognised fewer without it (docs/method.md section 21).
+Occluders in front of a person are blanked, so their appearance is not confused with the person's.
+The background stays: networks for re-identification are trained with it, and recognise fewer people
+without it (docs/method.md section 21).
 """
 
 import math
@@ -16,7 +16,7 @@ from services.detector.models.base import DetectedPerson
 
 Flags = npt.NDArray[np.bool_]
 FRONT_M = 0.4  # minimum distance of blanked pixels in front of the person's layer [m]
-HIDDEN_MAX = 0.7  # maximum blanked share of a crop; above, the depth is wrong
+HIDDEN_MAX = 0.7  # maximum blanked share of a crop; above it the depth is wrong
 
 
 def cut_box(box_xyxy_px: F32, shape: tuple[int, ...]) -> tuple[int, int, int, int]:
@@ -32,9 +32,9 @@ def cut_box(box_xyxy_px: F32, shape: tuple[int, ...]) -> tuple[int, int, int, in
 
 
 def hidden_pixels(box_xyxy_px: F32, depth_mm: U16, nearest_m: float) -> Flags | None:
-    """Return flags of the pixels in a box that are nearer than a depth; None without such pixels.
+    """Return a mask of the pixels in a box nearer than a depth; None without such pixels.
 
-    Pixels without a reading are not nearer. None if too many are nearer, since the depth is wrong.
+    Pixels without a reading do not count. None if too many are nearer: the depth is wrong.
     """
     left, top, right, bottom = cut_box(box_xyxy_px, depth_mm.shape)
     if left >= right or top >= bottom or not 0 < nearest_m < math.inf:

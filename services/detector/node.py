@@ -39,14 +39,15 @@ from services.detector.position.torso import LayeredTorso
 
 log = logging.getLogger("people4d")
 
-PEOPLE_MIN = 10  # detected people, none with a position, that degrade the service
+# Minimum number of detected people, all without a position, that degrades the service
+PEOPLE_MIN = 10
 
 
 class DetectorNode(Node):
     """Detects people in each frame and estimates their positions and headings from depth.
 
-    Each frame needs the CameraInfo of its camera before it. Several threads may call `handle` at
-    once if the model allows that.
+    Each frame requires an earlier CameraInfo of its camera. `handle` is thread-safe if the model
+    is.
 
     Args:
         model: Finds people in each image.
@@ -57,7 +58,7 @@ class DetectorNode(Node):
     inputs: tuple[type[Message], ...] = (CameraInfo, RgbdFrame)
     sharing: ClassVar[Sharing] = Sharing(RgbdFrame, Detections)
     required_inputs: ClassVar[tuple[type[Message], ...]] = (RgbdFrame,)
-    workers = 2  # so that one prepares a frame while the other infers
+    workers = 2  # one prepares a frame while the other infers
 
     def __init__(
         self,
@@ -108,7 +109,7 @@ class DetectorNode(Node):
         return Status(state="degraded" if reason else "ready", reason=reason, counters=counters)
 
     def _calibration(self, frame: RgbdFrame) -> CameraInfo | None:
-        """Return the calibration of a frame; None, counted, if none fits."""
+        """Return the calibration of a frame; None, counted, without a matching one."""
         with self._lock:
             self._counters["frames"] += 1
             info = self._calibrations.get(frame.camera)
@@ -123,7 +124,7 @@ class DetectorNode(Node):
         return info
 
     def _detect(self, frame: RgbdFrame, info: CameraInfo) -> Sequence[Message]:
-        # Before the model, so that frames are stored in their order.
+        # Before the model runs, so frames are stored in order.
         before = self._history.swap_frame(frame) if self._config.velocity else None
         people, image = self._find_people(frame), DepthImage(frame.depth_mm, info)
         with span("hand_over"):
@@ -168,7 +169,7 @@ class DetectorNode(Node):
         """Return the people in the colour image; none, counted, if the model fails."""
         try:
             people = self._model.detect(frame.rgb)
-        except Exception as error:  # a model from outside may raise anything
+        except Exception as error:  # a plug-in model may raise any exception
             log.debug("the model failed", exc_info=True)
             self._fault(frame, "model_errors", f"the model failed: {error!r:.200}")
             return []

@@ -66,7 +66,7 @@ def transforms(edges: Iterable[tuple[str, str, F64]], stamp_ns: int) -> Fields:
 
 
 def odometry(message: Odometry, frame_id: str = "", child_frame_id: str = "") -> Fields:
-    """Return a nav_msgs/Odometry, with 0 for unknown numbers as in ROS, and names of frames."""
+    """Return a nav_msgs/Odometry between two frames, with 0 for unknown values as in ROS."""
     covariance = np.zeros((6, 6))
     if message.covariance is not None:
         covariance[PLANAR] = message.covariance

@@ -13,7 +13,7 @@ LEVELS = {"ready": OK, "starting": WARN, "degraded": WARN, "stopping": WARN, "st
 
 
 def diagnostics(healths: Iterable[tuple[Health, bool]], stamp_ns: int) -> Fields:
-    """Return a DiagnosticArray of the last message of each process and whether it is recent."""
+    """Return a DiagnosticArray from the last message of each process, stale if not recent."""
     status = [_status(health, recent) for health, recent in healths]
     return {"header": {"stamp": time(stamp_ns)}, "status": status}
 

@@ -12,7 +12,7 @@ REGION = "hri_msgs/msg/NormalizedRegionOfInterest2D"
 SKELETON = "hri_msgs/msg/Skeleton2D"
 TEXT = "std_msgs/msg/String"
 
-# Of hri_msgs/Skeleton2D in its order, the COCO keypoint; its neck is the middle of the shoulders.
+# COCO keypoint by joint of hri_msgs/Skeleton2D; None: the neck, the middle of the shoulders.
 COCO = (0, None, 6, 8, 10, 5, 7, 9, 12, 14, 16, 11, 13, 15, 1, 2, 3, 4)
 SHOULDERS = (5, 6)
 

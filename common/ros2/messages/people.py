@@ -1,6 +1,6 @@
 """People as messages of planners: people_msgs, social_nav_msgs, cohan_msgs, spencer_tracking_msgs.
 
-Each follows the conventions of its readers, see tests/ros2_bridge/test_consumers.py.
+Conventions of their readers are in tests/ros2_bridge/test_consumers.py.
 """
 
 import numpy as np
@@ -24,7 +24,7 @@ YAW_VARIANCE = 0.12  # variance of a yaw, (20 deg)^2 [rad^2]
 def people(message: RosPeople, convention: str = "nav2") -> Fields:
     """Return a people_msgs/People.
 
-    Tags begin with id and group as text, since readers index them.
+    Tags begin with id and group as text, at the indices expected by readers.
 
     Args:
         message: The people.

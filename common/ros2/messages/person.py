@@ -11,13 +11,13 @@ from common.transport.stream_clock import EXTRAPOLATION_MAX_NS
 from people4d.messages import F64, Track, Tracks, Truth, TruthPerson
 
 MOVING_MPS = 0.1  # minimum speed of a moving person, as in nav2_social_costmap_plugin [m/s]
-FORGOTTEN_S = 5.0  # time after which an absent person is forgotten [s]
+FORGOTTEN_S = 5.0  # maximum absence of a remembered person [s]
 RATE_S = 0.4  # time constant of the yaw rate [s]
 RATE_MAX_RADPS = 3.0
 ALONE = -1  # group of a person without a group
 
 
-@dataclass(slots=True)  # frozen ones take three times as long to make
+@dataclass(slots=True)  # not frozen: frozen ones take three times as long to create
 class RosPerson:
     """One person at the stamp of `RosPeople`, never changed."""
 
@@ -105,7 +105,7 @@ class RosPeopleView:
 
     def __init__(self) -> None:
         self._memories: dict[str, _Memory] = {}
-        self._numbers = 0  # count of identities that are not numbers
+        self._numbers = 0  # number of identities that are not numbers
 
     def tracks(
         self, message: Tracks, groups: Mapping[int, int], states: Sequence[str] = ()
@@ -174,7 +174,7 @@ class RosPeopleView:
         return memories
 
     def _forget(self, stamp_ns: int, present: Collection[str]) -> None:
-        """Delete people who were absent for long, or belong to another run of a recording."""
+        """Delete people after a long absence, or a restart of the recording."""
         old_ns, next_ns = stamp_ns - round(FORGOTTEN_S * 1e9), stamp_ns + EXTRAPOLATION_MAX_NS
         self._memories = {
             name: memory
@@ -184,8 +184,8 @@ class RosPeopleView:
 
     def _remember(self, name: str, stamp_ns: int, yaw_rad: float | None) -> _Memory:
         memory = self._memories.get(name)
-        # A frame may be slightly older than a frame of another camera or a prediction. If it is
-        # much older, a recording restarted.
+        # A frame may be slightly older than a frame of another camera or a prediction. A much older
+        # one shows a restarted recording.
         if memory is None or memory.stamp_ns - stamp_ns > EXTRAPOLATION_MAX_NS:
             number = memory.number if memory else self._number(name)
             memory = _Memory(number, 0, stamp_ns, stamp_ns, yaw_rad)

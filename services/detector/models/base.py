@@ -38,11 +38,11 @@ class DetectedPerson:
     score: float  # 0 to 1
     box_xyxy_px: F32  # [px] 4: left, top, right, bottom edge; may reach beyond the image
     keypoints: F32 | None = None  # [px] 17x3: u, v, confidence 0 to 1, COCO order; absent if none
-    mask: InstanceMask | None = None  # absent without one
+    mask: InstanceMask | None = None  # pixels of the person; absent if the model has no masks
 
 
 class PersonModel(Protocol):
-    """Finds people in a colour image; may be called from several threads at once."""
+    """Finds people in a colour image; thread-safe."""
 
     name: str  # name of the model in results
 
@@ -53,7 +53,7 @@ class PersonModel(Protocol):
 
 @dataclass(frozen=True)
 class Limits:
-    """Thresholds of detections, and of two boxes on one person."""
+    """Thresholds of scores and overlaps."""
 
     score_min: float  # minimum score of the network
     iou_max: float  # maximum overlap of the boxes of two people

@@ -19,19 +19,19 @@ from services.detector.models.network import NetworkModel, Outputs
 from services.detector.models.scores import ScoreCalibration
 
 STRIDE = 4  # [px] of the input per cell of the heads
-PEAK_CELLS = 5  # side of the window whose highest cell is a centre [cells]
-CENTRES_PER_PERSON = 3  # number of peaks read per person of `max_people`
+PEAK_CELLS = 5  # side of the window of a local maximum [cells]
+CENTRES_PER_PERSON = 3  # number of decoded peaks per person of `max_people`
 KEYPOINT_MIN = 0.127  # minimum confidence of a keypoint, as in the original
 AT_CENTRES = ("box_offset", "box_scale", "kpt_regress")  # heads that are read at the centres
 SPREAD = 0.3  # ratio of twice the variance of the keypoint search to the grid's shorter side
 
-# Minimum score of a person. Of 228 annotated people in real frames, 256x320 finds 207 at 0.05, with
-# 6 wrong boxes, 4 of them on heads of annotated people; 208 at 0.03 (8), 195 at 0.10 (1). At
-# 320x416 false boxes appear earlier: 0.15 finds 194 (none)
+# Minimum score of a person. Of 228 annotated people in real frames, 256x320 finds 207 at 0.05 with
+# 6 false boxes (4 on heads of annotated people), 208 at 0.03 (8 false), 195 at 0.10 (1 false);
+# 320x416 finds 194 at 0.15 (none false)
 SCORE_MIN = 0.05
 CALIBRATION = ScoreCalibration(midpoint=0.059, slope=4.7)
 IOU_MAX = 0.6
-SIMILARITY_MAX = 0.5  # maximum similarity of two people: below 0.4 side by side, above for one body
+SIMILARITY_MAX = 0.5  # maximum similarity of two people: people side by side are below 0.4
 # Standard deviation of annotations by COCO keypoint, relative to the person's size [1/1000]
 LABEL_MM = [26, 25, 25, 35, 35, 79, 79, 72, 72, 62, 62, 107, 107, 87, 87, 89, 89]
 LABEL_SPREAD = np.array(LABEL_MM) / 1e3
@@ -67,10 +67,10 @@ class MoveNet(NetworkModel):
 
 
 def decode(heads: Heads, limits: Limits) -> MoveNetCandidates:
-    """Read the people from the heads, some possibly twice.
+    """Read the people from the heads, possibly with duplicates.
 
-    A person's score is the centre's score times the mean of the confident keypoints, so centres
-    below the minimum score need not be read.
+    A person's score is the centre's score times the mean confidence of its confident keypoints, so
+    centres below the minimum score are not read.
     """
     rows, columns, scores = find_centres(heads.center, limits.score_min)
     best = np.argsort(-scores, kind="stable")[: CENTRES_PER_PERSON * limits.max_people]
@@ -106,8 +106,8 @@ def boxes_at(rows: Cells, columns: Cells, offset: F32, size: F32, grid: tuple[in
 def read_keypoints(heads: Heads, guesses: F64, boxes: F64) -> F64:
     """Return Nx17x3 (x, y in cells, confidence) of people with guesses (Nx17x2 row and column).
 
-    Each keypoint is the cell inside the box with the largest product of heat and nearness to the
-    regressed guess; the product is its confidence. It is 0 in a box without a cell.
+    Each keypoint is the cell in the box with the largest product of heat and nearness to the
+    regressed guess; the product is its confidence, 0 in a box without a cell.
     """
     keypoints = np.zeros((len(boxes), 17, 3))
     bounds = np.ceil(boxes).astype(int)
@@ -160,9 +160,9 @@ def select_people(candidates: MoveNetCandidates, limits: Limits) -> list[int]:
 
 
 def similarities(boxes: F64, keypoints: F64) -> F64:
-    """Return the similarity of the keypoints of N people, NxN: 1 the same, 0 apart (COCO's OKS).
+    """Return the similarity of the keypoints of N people, NxN, 0 to 1 (COCO's OKS).
 
-    Two centres on one body give boxes that overlap little but the same keypoints.
+    Two centres on one body give boxes with little overlap but the same keypoints.
     """
     confident = keypoints[:, :, 2] > KEYPOINT_MIN
     both = confident[:, None] & confident

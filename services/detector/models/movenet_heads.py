@@ -1,8 +1,8 @@
 """Heads of MoveNet: maps of the whole image, and values at the cells of people.
 
-Four of the six heads are needed at a few cells only. The shipped file has their weights and input
-features as outputs, and these heads are computed at those cells alone, to the same values. Files
-that compute all heads everywhere are read, too.
+Four of the six heads are needed at a few cells only. The shipped file outputs their weights and
+input features, and these heads are computed at those cells only, with the same values. Files with
+all heads are supported, too.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,9 +15,10 @@ from common.inference.session import Array
 from people4d.messages import F32
 from services.detector.models.network import Outputs, check_output
 
-MAPS = {"center": 1, "kpt_heatmap": 17}  # channels
+MAPS = {"center": 1, "kpt_heatmap": 17}  # number of channels by head
 LOCAL = {"box_scale": 2, "box_offset": 2, "kpt_regress": 34, "kpt_offset": 34}
-REACH = np.array([(row, column) for row in (-1, 0, 1) for column in (-1, 0, 1)])  # 3x3 kernel
+# Offsets of a 3x3 kernel
+REACH = np.array([(row, column) for row in (-1, 0, 1) for column in (-1, 0, 1)])
 FEATURES = 24
 
 Cells: TypeAlias = npt.NDArray[np.intp]
@@ -50,7 +51,7 @@ class DenseHeads:
 
 
 class LocalHeads:
-    """Heads computed only at the cells that are read."""
+    """Heads computed only at the cells in use."""
 
     def __init__(self, outputs: Outputs, layers: Mapping[str, Sequence[Layer]]) -> None:
         self.center = np.asarray(outputs["center_map"][0, 0], np.float32)
@@ -72,7 +73,7 @@ class LocalHeads:
 
 
 def _computed(values: F32, *layers: Layer) -> F32:
-    """Return a matrix product of values, ReLU, and another matrix product."""
+    """Return a matrix product of values, ReLU, and a second matrix product."""
     (weights, bias), (last_weights, last_bias) = layers
     computed: F32 = np.maximum(values @ weights + bias, 0) @ last_weights + last_bias
     return computed
@@ -114,7 +115,7 @@ class HeadReader:
 
 
 def _local_layers(outputs: Outputs) -> dict[str, Sequence[Layer]]:
-    """Return the layers of each local head: a matrix product from 3x3 features, ReLU, another.
+    """Return the layers of each local head: matrix product from 3x3 features, ReLU, second one.
 
     The first is the product of the depthwise and the pointwise convolution, which have no
     activation between them.

@@ -25,16 +25,16 @@ class ImageInput:
     height: int  # [px]
     width: int  # [px]
     channels_first: bool  # 1x3xHxW, else 1xHxWx3
-    dtype: np.dtype[np.generic]  # uint8: bytes as they are; else a float type
+    dtype: np.dtype[np.generic]  # type of the elements: uint8 or a float type
 
     @classmethod
     def from_session(
         cls, session: Session, settings: ModelSettings, default_size: tuple[int, int]
     ) -> "ImageInput":
-        """Read the input of a network; if it takes any size, settings or the default decide.
+        """Read the input of a network; for one of any size, settings or the default apply.
 
         Raises:
-            ModelError: The network takes no single colour image, or not of that size.
+            ModelError: The input is not a single colour image of that size.
         """
         shape = session.input_shape
         channels_first = len(shape) == 4 and shape[1] == 3
@@ -65,16 +65,16 @@ class ImageInput:
     def prepare(self, rgb: U8, grey: int, highest: float) -> tuple[Letterbox, Array]:
         """Fit an image (HxWx3) of any size into the network's input.
 
-        Bars beside the image are `grey`; if the network takes floats, the byte 255 is `highest`.
+        Bars around the image are `grey`; if the network takes floats, the byte 255 is `highest`.
 
         Returns:
-            Position of the image, and the array that the network takes.
+            Position of the image in the input, and the input array.
         """
         letterbox = Letterbox.fit((rgb.shape[0], rgb.shape[1]), self.size)
         return letterbox, self.tensor(letterbox.fill(rgb, grey), highest)
 
     def tensor(self, image: U8, highest: float) -> Array:
-        """Return the array that the network takes, of an image (HxWx3) of this size."""
+        """Return the input array of an image (HxWx3) of this size."""
         planes = image.transpose(2, 0, 1) if self.channels_first else image
         if self.dtype == np.uint8:
             return np.ascontiguousarray(planes)[None]
@@ -83,7 +83,7 @@ class ImageInput:
         return out.astype(self.dtype, copy=False)
 
     def try_out(self, session: Session, name: str) -> Mapping[str, Array]:
-        """Run a network once on a black image: its first run is slow, and shows its outputs.
+        """Run a network once on a black image, since the first run is slow; return its outputs.
 
         Raises:
             ModelError: The network cannot be run on one image.
@@ -91,7 +91,7 @@ class ImageInput:
         black = np.zeros((self.height, self.width, 3), np.uint8)
         try:
             return session.run(self.tensor(black, highest=1.0))
-        except Exception as error:  # inference libraries raise types of their own
+        except Exception as error:  # inference libraries raise their own types
             reason = (str(error).splitlines() or [""])[0][:200]
             raise ModelError(f"{name}: cannot be run on an image: {reason}") from error
 
@@ -111,7 +111,7 @@ class NetworkModel:
     kind: ClassVar[str]
     default_size: ClassVar[tuple[int, int]]  # [px] height, width
     default_limits: ClassVar[tuple[float, float]]  # minimum score, maximum overlap
-    grey: ClassVar[int]  # value of the bars beside an image, as in the network's training
+    grey: ClassVar[int]  # value of the bars around an image, as in the network's training
     highest: ClassVar[float]  # value of the byte 255 if the network takes floats
     calibration: ClassVar[ScoreCalibration]  # calibration of scores
 

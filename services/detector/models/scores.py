@@ -1,8 +1,7 @@
 """Scores of detections as probabilities (docs/method.md section 21).
 
-Each network's scores have another meaning: nearly all detections with MoveNet's 0.15 are people,
-but every third with YOLOv8's 0.15. A calibrated score is the probability of a person, and one
-threshold suits all models.
+Scores of networks differ: at 0.15, nearly all detections of MoveNet are people, but only a third of
+YOLOv8's. A calibrated score is the probability of a person, so one threshold suits all models.
 """
 
 from dataclasses import dataclass

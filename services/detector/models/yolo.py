@@ -1,4 +1,4 @@
-"""YOLOv8 in the layout that Ultralytics exports: picking people from the boxes, and the pose model.
+"""YOLOv8 in the layout of Ultralytics' exports: selection of people from boxes, and the pose model.
 
 One column per box, in pixels of the network's input: centre x, y, width, height, the classes'
 scores, then 17 keypoints (x, y, confidence) or 32 mask coefficients. Networks with NMS inside
@@ -20,7 +20,8 @@ from services.detector.models.scores import ScoreCalibration
 GREY = 114  # value of the bars in the networks' training
 DEFAULT_SIZE = (480, 640)
 SCORE_MIN = 0.25
-IOU_MAX = 0.6  # in crowded frames, pairs of boxes above it shared their keypoints: one person
+# Maximum overlap of two people: in crowded frames, boxes with more have the same keypoints
+IOU_MAX = 0.6
 POSE_CALIBRATION = ScoreCalibration(midpoint=0.212, slope=2.7)
 BOXES_PER_PERSON = 30  # maximum number of boxes to compare, for each person
 
@@ -28,12 +29,12 @@ BOX_ROWS = 4
 KEYPOINT_ROWS = 17 * 3
 POSE_ROWS = BOX_ROWS + 1 + KEYPOINT_ROWS
 SELECTED_COLUMNS = BOX_ROWS + 2  # before keypoints or coefficients of networks with NMS inside
-PERSON = 0  # class
+PERSON = 0  # index of the class "person"
 
 
 @dataclass(frozen=True)
 class YoloCandidates:
-    """People in pixels of the network's input, best first, each once."""
+    """People in pixels of the network's input, best first, without duplicates."""
 
     scores: F32  # N
     boxes: F32  # Nx4 xyxy
@@ -68,7 +69,7 @@ def is_selected(output: Array | None, extras: int) -> bool:
 
 
 def columns_of(rows: Array) -> F32:
-    """Return rows of a network with NMS inside as columns of one without, of one class."""
+    """Return rows of a network with NMS inside in the column layout, with one class."""
     numbers = rows.astype(np.float32)
     first, last, extras = numbers[:, :2], numbers[:, 2:BOX_ROWS], numbers[:, SELECTED_COLUMNS:]
     score = numbers[:, BOX_ROWS] * (numbers[:, BOX_ROWS + 1] == PERSON)

@@ -1,7 +1,7 @@
 """YOLOv8-seg: a box and a mask per person.
 
-A mask is 32 coefficients; the sum of 32 prototype images with them is its logit, at a quarter of
-the input's size. Only the part under the box is computed, then drawn at the image's own size.
+The logit of a mask is the sum of 32 prototype images weighted by 32 coefficients, at a quarter of
+the input's size. Only the part in the box is computed, then scaled to the image's size.
 """
 
 from collections.abc import Sequence
@@ -32,13 +32,13 @@ from services.detector.models.yolo import (
 SEG_CALIBRATION = ScoreCalibration(midpoint=0.119, slope=3.1)
 MASK_ROWS = 32
 # Maximum shared part of the masks of two people, relative to the smaller mask. Two people share
-# blurred edges, at most 0.55 on 640x480 frames of up to five people. Two boxes on one body share
-# at least 0.91; their overlap may be as low as 0.4 if the body is half hidden
+# blurred edges, at most 0.55 in 640x480 frames of up to five people. Two boxes on one body share at
+# least 0.91, even if their overlap is only 0.4
 SHARED_MAX = 0.75
 
 
 class YoloSeg(NetworkModel):
-    """YOLOv8-seg: classes with "person" as the first, and a mask per box."""
+    """YOLOv8-seg: class "person" first, and a mask per box."""
 
     kind = "yolov8-seg"
     default_size = DEFAULT_SIZE
@@ -97,7 +97,7 @@ def mask_person(found: YoloCandidates, index: int, view: MaskView) -> DetectedPe
 
 
 def drop_duplicates(people: Sequence[DetectedPerson]) -> list[DetectedPerson]:
-    """Drop people, best first, whose mask is part of a better one's."""
+    """Drop people whose mask is part of the mask of a better one; people are sorted, best first."""
     selected: list[DetectedPerson] = []
     for person in people:
         if all(shared_part(person.mask, other.mask) <= SHARED_MAX for other in selected):
@@ -116,7 +116,7 @@ def shared_part(a: InstanceMask | None, b: InstanceMask | None) -> float:
 
 
 def draw_mask(box: F64, coefficients: F32, view: MaskView) -> InstanceMask | None:
-    """Return the pixels inside a box that are more likely on the mask than not.
+    """Return the pixels inside a box with a mask probability above one half.
 
     The interpolated logit is 0 exactly if its sigmoid is one half. None if the box (xyxy in pixels
     of the image) contains no pixel of the image.
@@ -153,7 +153,7 @@ def logits_around(
 def grid_mapping(view: MaskView) -> tuple[F64, F64]:
     """Return factor and offset (x, y) from a pixel's index in the image to the prototypes' index.
 
-    Indices are positions of pixel centres less one half, on either side.
+    Indices are positions of pixel centres minus one half, in both.
     """
     letterbox = view.letterbox
     height, width = view.prototypes.shape[1:]

@@ -2,8 +2,8 @@
 
 Angles are taken in the camera's body frame: x forward along the optical axis, y left, z up. 0 is
 facing away along the axis, pi facing the camera, +pi/2 facing image-left. Its unit vector in the
-optical frame is published, because any transform rotates a vector, but only one about the same axis
-an angle.
+optical frame is published, since any transform rotates a vector, but an angle requires the same
+axis.
 """
 
 import math
@@ -34,7 +34,7 @@ def confident_pixels(keypoints: F32, confidence_min: float) -> F64:
 
 
 def bearings(pixels: F64, info: CameraInfo) -> F64:
-    """Return the directions of the lines of sight to N torsos, 0 = optical axis, + to the left.
+    """Return the bearings of N torsos [rad], 0 = optical axis, + to the left.
 
     Pixels (Nx17x2) are NaN where unknown.
     """

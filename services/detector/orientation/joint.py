@@ -1,13 +1,13 @@
 """Yaw by the joint likelihood of all cues of one frame (docs/method.md section 11).
 
 At every angle a body has a known appearance: the distances of shoulders and hips across the line of
-sight and along it, and the nose between the ears. The yaw is the angle under which the observation
-is most likely. Angles count from the line of sight: 0 is facing away, pi facing the camera, + is to
-the left.
+sight and along it, and the nose between the ears. The yaw is the angle with the highest likelihood
+of the observation. Angles count from the line of sight: 0 is facing away, pi facing the camera, +
+is to the left.
 
-Each measurement is informative at different angles: distances across the line of sight are exact in
-profile, differences in depth from the front or from behind, and the face separates the sides. No
-choice between them is needed: an uninformative likelihood is flat.
+Each measurement is informative at different angles: distances across the line of sight from the
+front or from behind, differences in depth in profile, and the face between sides. An uninformative
+likelihood is flat, so no selection is needed.
 """
 
 import math
