@@ -13,7 +13,7 @@ from common.transport.clock import HostOffset
 from people4d.messages import Detections, Embeddings, Health, Message, Span, Tracks
 
 KINDS = (Detections, Embeddings, Tracks, Health)
-PATH_LANE, WORK = 100, 1  # first lanes (threads) of a process: what comes to it, what it does
+PATH_LANE, WORK = 100, 1  # first lanes (threads) of a process: paths to it, its work
 
 Event = dict[str, Any]
 Frame = tuple[str, int, int]  # camera, sequence, stamp
@@ -21,14 +21,14 @@ Clocks = Mapping[str, HostOffset]
 
 
 class FrameTraces:
-    """Gathers the traces of frames from messages; those of one frame are merged."""
+    """Collects the traces of frames from messages, merged by frame."""
 
     def __init__(self) -> None:
         self.traces: dict[Frame, list[tuple[Span, ...]]] = defaultdict(list)
         self._healths: dict[str, Health] = {}
 
     def add(self, message: Message) -> None:
-        """Take a message; those of other kinds than `KINDS` are passed over."""
+        """Add a message; kinds other than `KINDS` are ignored."""
         if isinstance(message, Health):
             self._healths[message.instance] = message
         elif isinstance(message, Detections | Embeddings | Tracks) and of_frame(message.trace):
@@ -36,7 +36,7 @@ class FrameTraces:
             self.traces[frame].append(message.trace)
 
     def chrome(self) -> dict[str, Any]:
-        """Return the trace, to be written as JSON: processes first, then frame by frame."""
+        """Return the trace for a JSON file: processes first, then frames."""
         clocks = clocks_of(self._healths.values())
         paths = [(frame, _frame_path(found, clocks)) for frame, found in self.traces.items()]
         paths.sort(key=lambda item: item[1][0].start_ns)
@@ -56,22 +56,22 @@ class FrameTraces:
 
 
 def _frame_path(traces: Iterable[tuple[Span, ...]], clocks: Clocks) -> list[TraceSegment]:
-    """Return the pieces of a frame's path by their start; messages share those they have in common.
+    """Return the segments of a frame's path by their start, without duplicates.
 
-    `other` is left out: it is the gap that one sees.
+    `other` is omitted: it shows as a gap.
     """
     found = {part for trace in traces for part in segments(trace, clocks) if part.stage != "other"}
     return sorted(found, key=lambda part: (part.start_ns, part.end_ns))
 
 
 class _Writer:
-    """Makes events, at times from the begin of the trace."""
+    """Creates events, with times from the beginning of the trace."""
 
     def __init__(self, zero_ns: int) -> None:
         self._zero_ns = zero_ns
         self._pids: dict[str, int] = {}
-        # Ends of what was put into each lane, by process and first lane: what happens at the same
-        # time lies in different ones.
+        # End of the last event in each lane, by process and first lane: simultaneous events are in
+        # different lanes.
         self._lanes: dict[tuple[int, int], list[int]] = defaultdict(list)
         self._arrows = 0
 
@@ -90,7 +90,7 @@ class _Writer:
                     yield _meta("thread_name", pid, name=name) | {"tid": tid}
 
     def frame(self, frame: Frame, path: list[TraceSegment]) -> Iterator[Event]:
-        """Yield the events of one frame: a slice in each process, its stages in it, arrows."""
+        """Yield the events of one frame: a slice in each process with its stages, and arrows."""
         fields = {"camera": frame[0], "sequence": frame[1], "stamp_ns": frame[2]}
         by_process: dict[str, list[TraceSegment]] = defaultdict(list)
         transports = [part for part in path if part.stage == "transport"]
@@ -112,7 +112,7 @@ class _Writer:
     def _work(
         self, process: str, work: list[TraceSegment], fields: Event, lanes: dict[TraceSegment, int]
     ) -> Iterator[Event]:
-        """Yield what one process did for a frame; what overlaps goes to lanes of its own."""
+        """Yield the work of one process for a frame; overlapping work is in separate lanes."""
         groups: list[list[TraceSegment]] = []
         for part in work:
             fits = (g for g in groups if g[-1].end_ns <= part.start_ns <= part.end_ns)
@@ -132,7 +132,7 @@ class _Writer:
                 yield self._slice(part, tid, fields)
 
     def _arrow(self, transport: TraceSegment, lanes: Mapping[TraceSegment, int]) -> Iterator[Event]:
-        """Yield an arrow from what the sender did last to what the receiver did first."""
+        """Yield an arrow from the sender's last stage to the receiver's first one."""
         process, start_ns, end_ns = transport.process, transport.start_ns, transport.end_ns
         sent = [p for p in lanes if p.end_ns == start_ns and p.process != process]
         received = [p for p in lanes if p.start_ns == end_ns and p.process == process]
@@ -144,7 +144,7 @@ class _Writer:
             yield event | {"pid": self._pid(part.process), "ts": self._us(part.start_ns)} | ends
 
     def _slice(self, part: TraceSegment, tid: int, fields: Event) -> Event:
-        """Return a slice; one that ends before it begins becomes a mark."""
+        """Return a slice, or a mark if its end is before its beginning."""
         pid = self._pid(part.process)
         event = {"name": part.stage, "cat": part.service, "pid": pid, "tid": tid, "args": fields}
         event["ts"] = self._us(part.start_ns)
@@ -154,7 +154,7 @@ class _Writer:
         return event | {"ph": "X", "dur": (part.end_ns - part.start_ns) / 1e3}
 
     def _lane(self, process: str, first: int, start_ns: int, end_ns: int) -> int:
-        """Take the first lane that is free then."""
+        """Return the first free lane, and occupy it."""
         ends_ns = self._lanes[self._pid(process), first]
         free = (lane for lane, busy_until_ns in enumerate(ends_ns) if busy_until_ns <= start_ns)
         lane = next(free, len(ends_ns))

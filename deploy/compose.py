@@ -58,10 +58,10 @@ class Dependency:
 class Service:
     """One service of the system."""
 
-    name: str  # its name
+    name: str  # name of the service
     command: tuple[str, ...]  # command, one string per argument
     environment: Mapping[str, str]  # environment variables, added to the caller's environment
-    depends_on: tuple[Dependency, ...]  # dependencies
+    depends_on: tuple[Dependency, ...]  # services that have to start earlier
     has_healthcheck: bool  # health by its heartbeat; False: it is healthy while it runs
     restart: str  # one of RESTARTS
     retries: int  # maximum number of failed starts in a row
@@ -70,12 +70,12 @@ class Service:
     profiles: frozenset[str]  # profiles with this service; empty: all
     # facts of deploy/compose.yaml, for example `people4d.scalable`
     labels: Mapping[str, str] = field(default_factory=dict)
-    # services that share its first process, itself included; empty: it has its own process
+    # services that share its first process, including itself; empty: it has its own process
     partners: tuple[str, ...] = ()
 
     @property
     def module(self) -> str:
-        """Python module that it runs; empty if it is another program."""
+        """Python module of the service; empty if it is another program."""
         program, *arguments = self.command
         is_module = program.startswith("python") and "-m" in arguments
         return arguments[arguments.index("-m") + 1] if is_module else ""
@@ -92,7 +92,7 @@ class Service:
 
     @property
     def instances(self) -> tuple[str, ...]:
-        """Names of its processes: detector-1, detector-2."""
+        """Names of the processes: detector-1, detector-2."""
         return tuple(f"{self.name}-{n}" for n in range(1, self.replicas + 1))
 
 
@@ -113,7 +113,7 @@ def read(file: Path, variables: Mapping[str, str]) -> tuple[Service, ...]:
 
 
 def select(services: Sequence[Service], profiles: Set[str]) -> tuple[Service, ...]:
-    """Return the services of a run, in an order in which they can be started.
+    """Return the services of a run in start order.
 
     Raises:
         ConfigError: A dependency is unknown, or services wait for each other.
@@ -186,7 +186,7 @@ def _has_healthcheck(value: Any, path: str) -> bool:
 
 
 def _environment(value: Any, path: str) -> dict[str, str]:
-    # A name without a value stands for the caller's own, which a local process inherits anyway.
+    # A name without a value is inherited from the caller, as all variables of a local process.
     return {
         key: str(item).lower() if isinstance(item, bool) else str(item)
         for key, item in _table(value, path).items()
@@ -214,6 +214,6 @@ def _table(value: Any, path: str) -> Table:
     if not isinstance(value, dict):
         raise ValueError(f"{path}: expected a map of names, got {type(value).__name__}")
     for name in value:
-        if not isinstance(name, str):  # YAML reads off, on, yes and no as truth values
+        if not isinstance(name, str):  # YAML reads off, on, yes and no as booleans
             raise ValueError(f"{path}: expected text as a name, got {name!r}; put it in quotes")
     return value

@@ -50,7 +50,7 @@ def load(file: Path) -> Any:
 
     Raises:
         ConfigError: A file cannot be read or is not YAML.
-        ValueError: A service extends one that does not exist, or itself.
+        ValueError: A service extends itself or an unknown service.
     """
     parse = cache(_parse)
     document = parse(file)

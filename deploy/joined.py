@@ -13,10 +13,10 @@ from deploy.launcher.plan import COMPOSE_FILE
 
 
 def find(services: Sequence[str]) -> list[ServiceBuild]:
-    """Return how services that may share a process are built.
+    """Return the builds of services that may share a process.
 
     Raises:
-        ConfigError: They may not.
+        ConfigError: The services may not share a process.
     """
     check_joinable(services, compose.read(COMPOSE_FILE, {}))
     return [_find(service) for service in services]

@@ -1,8 +1,8 @@
 """A small certificate authority, and the credentials of each host.
 
-A root key that never leaves the folder signs one certificate for each role. The name in a
-certificate is the role, by which access rules are chosen. Only processes that accept connections
-have server certificates, and only the router has one for the names of its host.
+A root key, which never leaves the folder, signs one certificate for each role. The name in a
+certificate is the role, which determines access rules. Only processes that accept connections have
+server certificates, and only the router has one for the names of its host.
 """
 
 import ipaddress
@@ -46,7 +46,7 @@ class CredentialCheck:
     """State of one certificate or password."""
 
     file: Path  # the file
-    role: str  # role that it proves
+    role: str  # role proven by the file
     ends: datetime | None  # end of validity; None for a password
     problem: str  # fault; empty if there is none
 
@@ -63,7 +63,7 @@ def write_certificates(folder: Path, hosts: Hosts, addresses: Sequence[str], day
         days: Validity of the certificates.
 
     Raises:
-        ConfigError: A role is not known, or the authority in the folder cannot be read.
+        ConfigError: A role is unknown, or the authority in the folder cannot be read.
     """
     _check(hosts)
     authority = _read_authority(folder) or _new_authority(folder)
@@ -77,10 +77,10 @@ def write_certificates(folder: Path, hosts: Hosts, addresses: Sequence[str], day
 
 
 def write_passwords(folder: Path, hosts: Hosts) -> None:
-    """Write a folder of passwords for each host, and all of them where the router runs.
+    """Write a folder of passwords for each host; the router's host has all passwords.
 
     Raises:
-        ConfigError: A role is not known.
+        ConfigError: A role is unknown.
     """
     _check(hosts)
     known = {role: secrets.token_urlsafe(PASSWORD_BYTES) for role in roles()}

@@ -1,4 +1,4 @@
-"""Rectangles that cover heads, also between detections."""
+"""Rectangles that cover heads, including frames between detections."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,13 +12,13 @@ from people4d.messages import F32, F64
 
 FACE = slice(0, 5)  # COCO: nose, eyes, ears
 SHOULDERS = slice(5, 7)
-CONFIDENT = 0.1  # confidence from which a keypoint widens the cover
-HEADS_TALL = 6.0  # heads in the height of a person, fewer than the usual 7.5: the cover is larger
-SHOULDER_SHARE = 0.6  # size of a head as a share of the distance of the shoulders
+CONFIDENT = 0.1  # minimum confidence of a keypoint that widens the cover
+HEADS_TALL = 6.0  # height of a person [heads], below the usual 7.5 for a larger cover
+SHOULDER_SHARE = 0.6  # size of a head, relative to the distance of the shoulders
 SIDE, ABOVE, BELOW = 0.8, 0.4, 1.2  # margins of the cover, in sizes of a head
-LINK_IOU = 0.2  # overlap from which two boxes of successive frames are one person
+LINK_IOU = 0.2  # minimum overlap of boxes of one person in successive frames
 GAP_S = 2.0  # [s] maximum gap over which the cover is interpolated
-HOLD_S = 0.5  # [s] time of the cover before the first detection and after the last
+HOLD_S = 0.5  # [s] duration of the cover before the first detection and after the last
 GROWTH = 0.5  # growth of the cover's sides within HOLD_S
 
 
@@ -27,7 +27,7 @@ class Cover:
     """Cover of a head in one frame."""
 
     box_xyxy_px: F64  # 4, box of the person
-    head_xyxy_px: F64  # 4, area that is blacked out
+    head_xyxy_px: F64  # 4, blacked out rectangle
 
 
 def cover_of(box_xyxy_px: F32, keypoints: F32 | None) -> Cover:
@@ -75,9 +75,8 @@ Tracklet: TypeAlias = dict[int, Cover]  # covers of one person by index of the f
 def cover_frames(detected: Sequence[Sequence[Cover]], times_s: Sequence[float]) -> list[list[F64]]:
     """Return the rectangles that cover heads in each frame of a camera.
 
-    Boxes that overlap from frame to frame are one person. Where a person is not detected for a
-    while, the cover is interpolated; before the first detection and after the last it stays, and
-    grows.
+    Boxes that overlap from frame to frame are one person. The cover is interpolated between
+    detections; before the first and after the last one it stays and grows.
 
     Args:
         detected: Covers of the detections, by frame.
@@ -126,7 +125,7 @@ def _link(detected: Sequence[Sequence[Cover]], times_s: Sequence[float]) -> list
 
 
 def _grown(rectangle: F64, share: float) -> F64:
-    """Return a rectangle that is larger by a share of its sides, half on each side."""
+    """Return a rectangle enlarged by a share of its sides, half of it on each side."""
     sides = np.tile(rectangle[2:] - rectangle[:2], 2) / 2
     grown: F64 = rectangle + np.array([-1, -1, 1, 1]) * share * sides
     return grown

@@ -23,7 +23,7 @@ from services.detector.config import ModelSettings
 from services.detector.models.base import PersonModel
 from services.detector.models.registry import load_model
 
-# Below the detector's own threshold: a false cover costs less than a visible face
+# Minimum score, below the detector's threshold: a false cover costs less than a visible face
 SCORE_MIN = 0.02
 PEOPLE_MAX = 30
 QUALITY = 90  # JPEG quality
@@ -32,12 +32,12 @@ OnProgress = Callable[[float], object]
 
 @dataclass
 class AnonymisedCounts:
-    """Numbers of what was written and left out."""
+    """Numbers of written frames and covers, and of omitted messages."""
 
-    frames: int = 0  # written
-    covers: int = 0  # rectangles blacked out
-    bad_images: int = 0  # frames left out since they could not be decoded
-    left_out: int = 0  # crops and embeddings
+    frames: int = 0  # number of written frames
+    covers: int = 0  # number of blacked out rectangles
+    bad_images: int = 0  # number of frames omitted since they could not be decoded
+    left_out: int = 0  # number of omitted crops and embeddings
 
 
 def model() -> PersonModel:
@@ -48,8 +48,8 @@ def model() -> PersonModel:
 def detect(rgb: U8, network: PersonModel) -> list[Cover]:
     """Return the covers of the people in an image, HxWx3.
 
-    The model runs on the whole image and on two overlapping parts, which raise the recall of people
-    who are small or cut by the border.
+    The model runs on the whole image and on two overlapping parts, which raise the recall of small
+    and cut-off people.
     """
     found = [cover_of(p.box_xyxy_px, p.keypoints) for p in network.detect(rgb)]
     width = rgb.shape[1]
@@ -79,15 +79,15 @@ def black_out(rgb: U8, rectangles: list[F64]) -> U8:
 def anonymise(
     source: Path, target: Path, colour: bool, on_progress: OnProgress
 ) -> AnonymisedCounts:
-    """Write a copy of a recording in which heads are black, or which has no colour.
+    """Write a copy of a recording with black heads, or without colour.
 
-    Depth stays as it is. Crops and embeddings are left out.
+    Depth is unchanged. Crops and embeddings are omitted.
 
     Args:
-        source: A recording of ours.
+        source: Recording to copy.
         target: The recording to write.
         colour: False: grey images in place of colour.
-        on_progress: Called with the share that is done, 0 to 1.
+        on_progress: Called with the progress, 0 to 1.
 
     Raises:
         SourceError: A file cannot be read or written.

@@ -19,10 +19,10 @@ STYLE = (
 
 
 def write_page(path: Path, found: CalibrationResult) -> None:
-    """Write the page; it loads nothing.
+    """Write the page, which loads no other files.
 
     Raises:
-        SourceError: It cannot be written.
+        SourceError: The file cannot be written.
     """
     parts = [
         "<!doctype html><meta charset=utf-8><title>Calibration</title>",

@@ -12,7 +12,7 @@ from common.runtime.threads import THREADS
 from deploy.cli.terminal import Command, CommandGroup, shown
 from people4d.errors import People4dError
 
-# Command, its module below this package, its line in the help. A module is imported on use, which
+# Command, its module in this package, its line in the help. Modules are imported on use, which
 # keeps help and completion fast.
 COMMANDS = (
     ("up", "system.up", "Start the system and supervise it; Ctrl-C stops it."),

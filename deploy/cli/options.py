@@ -99,9 +99,9 @@ Jobs = Annotated[
 
 
 def open_client(connect: str, robot: str) -> Client:
-    """Connect to the named router, else to the router that people4d up started here.
+    """Connect to the named router, or else to the router of people4d up on this host.
 
-    Silence is explained on the terminal: another robot is there, or no service runs.
+    Silence is explained on the terminal by the robots and services found.
 
     Raises:
         People4dError: No router answers.
@@ -128,7 +128,7 @@ def kinds_of(topics: str) -> tuple[type[Message], ...]:
 
 @contextmanager
 def _router(connect: str, robot: str) -> Iterator[str]:
-    """Yield the endpoint of the router to connect to; empty for the usual one of this machine."""
+    """Yield the endpoint of the router; empty for the default one of this machine."""
     running = None if connect else State.of_robot(robot).read()
     endpoint = running.connect if running else connect
     try:

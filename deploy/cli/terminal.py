@@ -40,7 +40,7 @@ class Command(_UntypedFlags, typer.core.TyperCommand):
 
 
 class CommandGroup(_UntypedFlags, typer.core.TyperGroup):
-    """A command with commands of its own."""
+    """A command with sub-commands."""
 
 
 def plain_table(*titles: str, title: str | None = None, **column: Any) -> Table:

@@ -1,1 +1,1 @@
-"""Diagnosis of a system without output: evidence gathered, diagnostics concluded."""
+"""Diagnosis of a system without output: evidence and diagnostics."""

@@ -19,7 +19,7 @@ ENDPOINT = re.compile(r"(?P<scheme>tcp|tls)/(?P<host>.+):(?P<port>\d+)")
 
 
 def router(endpoint: str, error: People4dError) -> Diagnostic:
-    """Explain the error with which a session with a router failed."""
+    """Return the diagnostic of a failed session with a router."""
     match = ENDPOINT.fullmatch(endpoint.partition(",")[0])
     if not match:
         hint = "Write it as tcp/192.168.1.7:7447."

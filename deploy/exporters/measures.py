@@ -10,8 +10,8 @@ from common.runtime.throughput import losses
 from people4d.messages import Health
 from people4d.messages.status import State
 
-# Labels come from messages, which any process may send without keys, and libraries store every set
-# of labels. A robot has about a thousand sets.
+# Maximum numbers of label sets, stages and cameras. Without authentication any process can send
+# labels, and libraries store every set; a robot has about 1000 sets.
 SAMPLES_MAX, STAGES_MAX, CAMERAS_MAX = 4096, 512, 64
 LENGTH_MAX = 128  # maximum length of a label [characters]
 # Upper bounds of the buckets of durations [s]
@@ -24,7 +24,7 @@ LATENCY_TEXT = "Time from the first stage of a frame to the arrival of its peopl
 class Measure:
     """Measured quantity."""
 
-    kind: Literal["counter", "gauge"]  # a counter only grows
+    kind: Literal["counter", "gauge"]  # counters never decrease
     unit: str  # "s", "By" (bytes), or "1"
     text: str  # description
 

@@ -70,7 +70,7 @@ class OtelExporter(Exporter):
             piece = tracer.start_span(
                 part.name, inside, start_time=part.start_ns, attributes=_clock(part)
             )
-            # A span cannot end before its start; an attribute has the negative duration.
+            # A span cannot end before its start; a negative duration is an attribute.
             piece.end(max(part.end_ns, part.start_ns))
         frame.end(max(end_to_end.end_ns, end_to_end.start_ns))
         for part in path.stages:

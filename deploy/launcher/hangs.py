@@ -1,4 +1,4 @@
-"""Processes that hang, found by their heartbeats."""
+"""Detection of hanging processes by their heartbeats."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,13 +9,14 @@ from people4d.messages import Health
 from people4d.messages.base import Positive, PositiveInt
 
 ROUTER = "router"
-PERIOD_NS = 250_000_000  # supervisord, too, sees what ended when it is asked
+# Period of the checks [ns]; supervisord, too, detects ended processes on request
+PERIOD_NS = 250_000_000
 HEARD_MAX = 1024  # maximum number of processes, a bound against invented names
-FORGET_S = 2.0  # age at which heartbeats of another process number are forgotten [s]
+FORGET_S = 2.0  # maximum age of stored heartbeats of another process number [s]
 
 
 class WatchdogConfig(Config, frozen=True, kw_only=True):
-    """Limits above which a process hangs. All values are chosen by this project."""
+    """Limits above which a process hangs; values are this project's."""
 
     silent_s: Positive = 2.25  # [s] maximum silence; heartbeats come twice a second
     # [s] maximum time in state stalled, which begins after 2 s with one message
@@ -23,7 +24,7 @@ class WatchdogConfig(Config, frozen=True, kw_only=True):
     # [s] maximum time from a restart to the first heartbeat, with the loading of a model; the first
     # start has the limit of `people4d up --timeout`
     start_s: Positive = 120.0
-    restarts_max: PositiveInt = 5  # restarts of one process in restarts_window_s
+    restarts_max: PositiveInt = 5  # maximum number of restarts of one process in restarts_window_s
     restarts_window_s: Positive = 300.0  # [s] period of restarts_max
 
 
@@ -31,22 +32,22 @@ class WatchdogConfig(Config, frozen=True, kw_only=True):
 class _Heard:
     """Last heartbeat of one process."""
 
-    last_s: float  # monotonic, of the last one
+    last_s: float  # [s] monotonic time of the last heartbeat
     state: str
-    stalled_s: float | None = None  # monotonic, of the first one of this stall
+    stalled_s: float | None = None  # [s] monotonic time of the first heartbeat in state stalled
 
 
 class HangDetector:
-    """Processes that hang, found by their heartbeats; without a clock or side effects.
+    """Detects hanging processes by their heartbeats, without a clock or side effects.
 
     Heartbeats with the name of a process, but another process number, are ignored.
     """
 
     def __init__(self, config: WatchdogConfig) -> None:
         self._config = config
-        self._heard: dict[tuple[str, int], _Heard] = {}  # by name and process number
-        self.names: set[str] = set()  # processes that sent a heartbeat
-        self.unannounced = 0  # number of heartbeats of processes that are not supervised here
+        self._heard: dict[tuple[str, int], _Heard] = {}  # last heartbeat by name and process number
+        self.names: set[str] = set()  # names of processes with a heartbeat
+        self.unannounced = 0  # number of heartbeats of unsupervised processes
         self._checked_s: float | None = None
 
     def add_heartbeat(self, health: Health, now_s: float) -> None:
@@ -62,20 +63,20 @@ class HangDetector:
         self._heard[key] = _Heard(now_s, health.state, stalled_s)
 
     def hung(self, processes: Mapping[str, Process], now_s: float) -> dict[str, str]:
-        """Return the running processes that hang, by name, each with the reason."""
+        """Return the reason of each hanging process by its name."""
         self._excuse(now_s)
         self._forget(processes, now_s)
         running = [p for p in processes.values() if p.state == "RUNNING"]
         watched = [p for p in running if p.name in self.names]
         found = {p.name: why for p in watched if (why := self._why(p, now_s))}
         silent = [p.name for p in watched if p.name in found and self._is_silent(p, now_s)]
-        # A watchdog that hears no process at all may itself be cut off.
+        # A watchdog without any heartbeats may itself be disconnected.
         if len(silent) == len(watched) > 1:
             return {name: why for name, why in found.items() if name.startswith(f"{ROUTER}-")}
         return found
 
     def _forget(self, processes: Mapping[str, Process], now_s: float) -> None:
-        """Forget heartbeats of processes that this system did not start."""
+        """Delete heartbeats of processes not started by this system."""
         pids = {p.name: p.pid for p in processes.values()}
         self.names |= {name for name, pid in self._heard if pids.get(name) == pid}
         self.unannounced += len({name for name, _ in self._heard} - pids.keys())
@@ -87,7 +88,7 @@ class HangDetector:
         }
 
     def _excuse(self, now_s: float) -> None:
-        """Excuse processes for a time in which this process itself did not run."""
+        """Extend all limits by a suspension of this process."""
         asleep_s = 0.0 if self._checked_s is None else now_s - self._checked_s - 4 * PERIOD_NS / 1e9
         self._checked_s = now_s
         if asleep_s > 0:
@@ -96,7 +97,7 @@ class HangDetector:
 
     def _why(self, process: Process, now_s: float) -> str:
         heard, config = self._heard.get((process.name, process.pid)), self._config
-        if heard is None:  # restarted, without a heartbeat since
+        if heard is None:  # no heartbeat since the restart
             late = process.uptime_s > config.start_s
             return f"no heartbeat within {config.start_s:.0f} s of its start" if late else ""
         if self._is_silent(process, now_s):
@@ -106,13 +107,13 @@ class HangDetector:
         return ""
 
     def was_heard(self, process: Process) -> bool:
-        """Check that this process, not a predecessor of its name, sent a heartbeat."""
+        """Check for a heartbeat of this process, not of a predecessor of its name."""
         return (process.name, process.pid) in self._heard
 
     def _is_silent(self, process: Process, now_s: float) -> bool:
         heard = self._heard.get((process.name, process.pid))
         if heard is None:
             return False
-        # A process that stops may close files for a while.
+        # A stopping process may take long to close files.
         limit_s = self._config.start_s if heard.state == "stopping" else self._config.silent_s
         return now_s - heard.last_s > limit_s

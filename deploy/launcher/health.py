@@ -1,4 +1,4 @@
-"""Heartbeats of the processes of a robot, and the health of services by them."""
+"""Heartbeats of the processes of a robot, and the derived health of services."""
 
 import socket
 import threading
@@ -22,7 +22,8 @@ class Heartbeats:
         self._connect = connect
         self._robot = robot
         self._client: Client | None = None
-        self._last: dict[tuple[str, str], tuple[float, Health]] = {}  # by host and instance
+        # Time and last heartbeat, by host and instance
+        self._last: dict[tuple[str, str], tuple[float, Health]] = {}
         self._arrived = threading.Condition()
 
     def connect(self, timeout_s: float = CONNECT_TIMEOUT_S) -> None:
@@ -46,7 +47,7 @@ class Heartbeats:
             self._arrived.wait(timeout_s)
 
     def healthy(self, service: Service, processes: Sequence[Process]) -> bool:
-        """Check that all processes of a service work; without a health check, that they run."""
+        """Check that all processes of a service work, or run if it has no health check."""
         if not service.has_healthcheck:
             return all(process.state == "RUNNING" for process in processes)
         try:
@@ -71,8 +72,8 @@ class Heartbeats:
 def of_instance(healths: Sequence[Health], instance: str, pid: int = 0) -> Health | None:
     """Return the heartbeat of a process, preferably on this host; None if there is none.
 
-    Each host has a watchdog-1, and a container has another host name: a process of another host
-    counts only if no process of its name runs here. A process number excludes other processes.
+    Each host has a watchdog-1, and a container has another host name, so a process of another host
+    counts only if none of its name runs here. A process number excludes other processes.
     """
     found = [h for h in healths if h.instance == instance and pid in (0, h.pid)]
     here = socket.gethostname()

@@ -1,4 +1,4 @@
-"""Plans in which several services share a process."""
+"""Plans with several services in one process."""
 
 import importlib
 import os
@@ -30,7 +30,7 @@ def check_joinable(
     """Check that some of the services may share a process.
 
     Raises:
-        ConfigError: A service may not, is named twice, is alone, or has to prove its role.
+        ConfigError: A service may not share, is named twice, is alone, or has to prove its role.
     """
     joinable = [service.name for service in services if service.has("joinable")]
     can = f"Those that can are {', '.join(joinable)}."
@@ -49,7 +49,7 @@ def check_joinable(
 
 
 def join(services: Sequence[Service], names: Sequence[str]) -> tuple[Service, ...]:
-    """Return services with partners; the shared process has the dependencies of all partners."""
+    """Return services with partners set; the shared process has the dependencies of all."""
     waits: dict[str, Dependency] = {}
     for service in services:
         for dependency in service.depends_on if service.name in names else ():
@@ -69,7 +69,7 @@ def join(services: Sequence[Service], names: Sequence[str]) -> tuple[Service, ..
 
 
 def joined_command(names: Sequence[str], services: Sequence[Service]) -> tuple[str, ...]:
-    """Return the command of the process that services share, with their settings.
+    """Return the command of a shared process, with the settings of its services.
 
     Raises:
         ConfigError: A service does not run its module, or two services need different values of an
@@ -92,7 +92,7 @@ def joined_command(names: Sequence[str], services: Sequence[Service]) -> tuple[s
 
 
 def joined_service(service: Service, services: Sequence[Service]) -> tuple[Service, str]:
-    """Return the service by which supervisord runs a shared process, and the process name."""
+    """Return supervisord's service of a shared process, and the process name."""
     by_name = {one.name: one for one in services}
     all_of = [by_name[name] for name in service.partners]
     program = replace(

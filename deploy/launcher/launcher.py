@@ -18,9 +18,9 @@ from people4d.errors import People4dError
 
 POLL_S = 0.1
 STOP_TIMEOUT_S = 120.0
-STOP_S = 5.0  # time until a process that does not stop is killed [s]
+STOP_S = 5.0  # time after which a process that does not stop is killed [s]
 LONGEST_GRACE_S = 10.0  # maximum stop grace period of a service without files [s]
-QUIET_S = 2.0  # time without a message after which all frames are processed [s]
+QUIET_S = 2.0  # silence after which all frames are processed [s]
 # Counters of messages from frames. Health and predictions continue after the last frame.
 FROM_FRAMES = ("received_frames", "received_detections", "received_crops", "received_embeddings")
 TAIL_LINES = 12
@@ -67,7 +67,7 @@ class Launcher:
     def start(self, robot: str, connect: str, timeout_s: float) -> None:
         """Start every service once its dependencies are healthy.
 
-        Each service has `timeout_s` from its start until it is healthy; `connect`, the endpoint of
+        Each service has to be healthy within `timeout_s` from its start; `connect`, the endpoint of
         the router, is written to the state.
 
         Raises:
@@ -136,7 +136,7 @@ class Launcher:
         """Follow a service from its start until it is healthy or finished."""
         starting = service.name not in self._reached
         for process in processes if starting else ():
-            # A process that ends before it was ready is misconfigured: give up.
+            # A process that ends before it is ready is misconfigured: no retry.
             if process.state == "BACKOFF" or process.name in self._restarted:
                 raise self._failure(process.name, "ended before it was ready")
         elapsed_s = time.monotonic() - self._started_s[service.name]
@@ -229,7 +229,7 @@ def check_stopped(state: State, robot: str) -> None:
     """Check that no system of a robot runs here.
 
     Raises:
-        People4dError: One does.
+        People4dError: A system runs.
     """
     running = state.read()
     if running:
@@ -257,8 +257,8 @@ def read_plan(state: State) -> tuple[Service, ...]:
 def stop(state: State) -> bool:
     """Stop a system, the last started service first; return False if nothing ran.
 
-    Supervisord waits for one process after the other; processes that do not end are killed together
-    after STOP_S. A process that writes files has the stop grace period of its service.
+    Supervisord waits for processes in turn; processes that do not end are killed together after
+    STOP_S. A process that writes files has the stop grace period of its service.
     """
     with state.locked(STOP_TIMEOUT_S):
         running = state.read()
@@ -266,7 +266,7 @@ def stop(state: State) -> bool:
             writing = _writing(state)
             spared = {running.pid, *writing}
             timeout_s = max([STOP_TIMEOUT_S, *writing.values()])
-            with contextlib.suppress(SupervisorGoneError):  # it stops already
+            with contextlib.suppress(SupervisorGoneError):  # it is already stopping
                 Supervisor(state).shutdown()
             start_s = time.monotonic()
             while state.read() and (elapsed_s := time.monotonic() - start_s) < timeout_s:
@@ -279,7 +279,7 @@ def stop(state: State) -> bool:
 
 
 def _writing(state: State) -> dict[int, float]:
-    """Return the stop grace period [s] of processes that have longer than STOP_S."""
+    """Return the stop grace periods longer than STOP_S [s], by process."""
     with contextlib.suppress(People4dError):
         slow = [s for s in read_plan(state) if s.stop_grace_s > LONGEST_GRACE_S]
         processes = Supervisor(state).processes()

@@ -1,4 +1,4 @@
-"""Plan of a run: from the options of the user to the services that are started."""
+"""Plan of a run: services to start, from the options of the user."""
 
 import importlib
 import os
@@ -19,7 +19,7 @@ from people4d.errors import ConfigError
 COMPOSE_FILE = Path(__file__).resolve().parents[1] / "compose.yaml"
 CONFIG_FILE = COMPOSE_FILE.parent / "config" / "people4d.toml"
 REPORT = "report"  # profile and service of the report
-PROCESSES = "processes"  # profile of services that containers do not need
+PROCESSES = "processes"  # profile of services for local processes only
 CAMERA = "camera"
 ROUTER = "router"
 HOST = "127.0.0.1"
@@ -52,10 +52,10 @@ class LaunchRequest:
 
 
 def plan(request: LaunchRequest) -> tuple[Service, ...]:
-    """Return the services of a request, in an order in which they can be started.
+    """Return the services of a request in start order.
 
     Raises:
-        ConfigError: The request names services that do not run, or files that cannot be read.
+        ConfigError: The request names unknown services, or files that cannot be read.
     """
     settings = list(request.settings)
     profiles = {PROCESSES, *request.profiles}
@@ -77,16 +77,17 @@ def plan(request: LaunchRequest) -> tuple[Service, ...]:
         command = (*service.command, *chain.from_iterable(overrides))
         planned.append(replace(service, command=command, replicas=replicas[name]))
         if request.report and name == CAMERA:
-            # A report is on one pass over the recording: a camera started again would spoil it.
+            # A report covers one pass of the recording, so the camera is not restarted.
             planned[-1] = replace(planned[-1], restart="no", retries=0)
     for service in planned:
         if service.partners:
-            joined_command(service.partners, planned)  # raises what cannot be joined
+            # Raises ConfigError for services that cannot be joined
+            joined_command(service.partners, planned)
     return tuple(planned)
 
 
 def router_of(services: Sequence[Service], request: LaunchRequest) -> str:
-    """Return the endpoint of the router: their own, or the router of another host."""
+    """Return the endpoint of the router of these services, or of another host."""
     if any(service.name == ROUTER for service in services):
         return request.connect
     return request.environment.get("PEOPLE4D_CONNECT") or request.connect
@@ -107,7 +108,7 @@ def variables(request: LaunchRequest) -> dict[str, str]:
         "PEOPLE4D_CONNECT_INSIDE": request.connect,
     }
     keys = request.environment.get("PEOPLE4D_KEYS")
-    if keys:  # the path differs in a container
+    if keys:  # path on this host; it differs in a container
         fixed["PEOPLE4D_KEYS_INSIDE"] = str(Path(keys).absolute())
     return local | dict(request.environment) | fixed
 
@@ -131,7 +132,7 @@ def check_settings(services: Sequence[Service], request: LaunchRequest) -> None:
 def read_settings(
     service: Service, file: Path, environment: Mapping[str, str], overrides: Sequence[str] = ()
 ) -> msgspec.Struct | None:
-    """Read the settings of a service as its process will read them.
+    """Read the settings of a service exactly as its process does.
 
     The configuration is None for a program that is not a service of this project. Overrides,
     "field=value", win over the environment of the process, and the environment over the TOML file.
@@ -181,10 +182,10 @@ def replicas_of(
 ) -> dict[str, int]:
     """Return the number of processes of each service.
 
-    The last "service=number" of a service wins; the default is its present number.
+    The last "service=number" of a service wins; the default is the number in the plan.
 
     Raises:
-        ConfigError: A request names no service, or several processes of one that runs once.
+        ConfigError: A request names no service, or several processes of a single-process service.
     """
     by_name = {service.name: service for service in services}
     replicas = {service.name: service.replicas for service in services}

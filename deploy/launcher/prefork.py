@@ -1,8 +1,8 @@
 """Supervisord that forks services with their modules loaded: `python -m deploy.launcher.prefork`.
 
-Libraries of the services (numpy, OpenCV, scipy, Zenoh, ...) are loaded once and shared: a process
-needs less memory and restarts sooner. The fork of supervisord runs the module of `python -m MODULE`
-if it is loaded; all other commands are executed. The end of a process is also detected sooner.
+Libraries of the services (numpy, OpenCV, scipy, Zenoh, ...) are loaded once and shared, which saves
+memory and start time. The fork of supervisord runs the module of `python -m MODULE` if it is
+loaded; all other commands are executed. Ends of processes are also detected sooner.
 """
 
 import atexit
@@ -75,11 +75,11 @@ def load(modules: Sequence[str]) -> frozenset[str]:
     """Import modules as far as possible; return the modules that may run in a fork.
 
     For a service its module `build` is imported, since `__main__` would run. If an import starts a
-    thread, no module may run in a fork: forks lack that thread.
+    thread, no module may run in a fork, which lacks the thread.
     """
     loaded = set()
     for module in modules:
-        with suppress(Exception):  # its own process logs the reason
+        with suppress(Exception):  # the process itself logs the reason
             importlib.import_module(module if module in OWN else f"{module}.build")
             loaded.add(module)
     gc.collect()
@@ -111,10 +111,10 @@ def become(command: Sequence[str], variables: Mapping[str, str]) -> NoReturn:
         status = end.code if isinstance(end.code, int) else int(end.code is not None)
         if not isinstance(end.code, int | None):
             print(end.code, file=sys.stderr)
-    except BaseException:  # as an interpreter would
+    except BaseException:  # as the interpreter does
         sys.excepthook(*sys.exc_info())
     finally:
-        # The end of an interpreter, without the code of supervisord below on the stack.
+        # Ends like an interpreter, without returning to supervisord's code on the stack.
         with suppress(Exception):
             threading._shutdown()  # type: ignore[attr-defined]  # as multiprocessing does
             atexit._run_exitfuncs()
@@ -125,7 +125,7 @@ def become(command: Sequence[str], variables: Mapping[str, str]) -> NoReturn:
 
 def main() -> None:
     """Run supervisord."""
-    getproctitle()  # locates the title in memory, which later changes of the environment prevent
+    getproctitle()  # locates the title in memory before changes of the environment
     supervisord.ServerOptions = PreforkOptions
     supervisord.main()
 

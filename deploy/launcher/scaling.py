@@ -30,20 +30,20 @@ def scale(
     progress: Progress,
     force: bool = False,
 ) -> None:
-    """Start or stop processes of a running system, one new process after the other.
+    """Start or stop processes of a running system, one at a time.
 
-    Each has `timeout_s` until it is ready. If one does not get ready, all new ones are stopped.
+    If a process is not ready after `timeout_s`, all new ones are stopped.
 
     Args:
         state: State of the system.
         requests: Numbers of replicas, "service=number".
         heartbeats: Heartbeats of the system.
-        timeout_s: Longest wait for each new process in seconds.
+        timeout_s: Maximum wait for each new process [s].
         progress: Reports events.
         force: Start more replicas than this host has cores or free memory for.
 
     Raises:
-        ConfigError: A request, "service=number", names no service, one that runs only once, or
+        ConfigError: A request, "service=number", names no service, a single-process service, or
             more replicas than this machine can run.
         LaunchError: A new process does not get ready.
     """
@@ -78,14 +78,14 @@ def check_capacity(
     """Check that a host can run added replicas.
 
     Args:
-        before: Services with their present number of replicas.
-        after: The same services with the number wanted.
-        processes: Present processes by name; a new replica has the size of a present one.
+        before: Services with their current number of replicas.
+        after: Services with the requested number of replicas.
+        processes: Running processes by name; a new replica needs the memory of a running one.
         cores: Processor cores; None: cores of this host.
         free_mb: Free memory in MiB; None: free memory of this host.
 
     Raises:
-        ConfigError: A service would have more replicas than cores, or all too little memory.
+        ConfigError: A service would have more replicas than cores, or memory is insufficient.
     """
     cores = cores or len(os.sched_getaffinity(0))
     free_mb = psutil.virtual_memory().available / 2**20 if free_mb is None else free_mb

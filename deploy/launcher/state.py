@@ -27,7 +27,7 @@ LONGEST_SOCKET_PATH = 108 - 1 - len(".4194304")
 MARK = "PEOPLE4D_RUN"
 LOCK = "start.lock"  # file that a start or stop locks
 POLL_S = 0.05
-GRACE_S = 3.0  # between SIGTERM and SIGKILL
+GRACE_S = 3.0  # time between SIGTERM and SIGKILL [s]
 
 
 class Run(msgspec.Struct, frozen=True, kw_only=True):
@@ -38,7 +38,7 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class State:
-    """Folder of one robot's system on this machine; `prepare` makes it."""
+    """Folder of one robot's system on this machine; `prepare` creates it."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -97,7 +97,7 @@ class State:
         """Remove files of the previous run.
 
         Raises:
-            People4dError: It cannot be removed.
+            People4dError: A file cannot be removed.
         """
         stale = ("*.log*", f"*{CHECKPOINT}", ADDRESS_FILE)
         try:
@@ -126,7 +126,7 @@ class State:
         """Replace a file of the folder.
 
         Raises:
-            People4dError: It cannot be written; the previous file remains.
+            People4dError: The file cannot be written; the previous one remains.
         """
         try:
             replace_file(file, content, 0o600)

@@ -28,7 +28,7 @@ FILES_MIN = 1024  # minimum number of open files of supervisord
 TRACE_S = 0.1  # time for a hung process to write its stack [s]
 
 PREFORK = {
-    "OMP_NUM_THREADS": "1",  # a library with threads cannot be shared by forks
+    "OMP_NUM_THREADS": "1",  # forks cannot share libraries with threads
     "SPT_NOENV": "1",  # process titles must not overwrite the environment, which marks processes
 }
 
@@ -67,7 +67,7 @@ stdout_logfile_maxbytes=10MB
 stdout_logfile_backups=1
 """
 
-AUTORESTART = {"no": "false", "on-failure": "unexpected"}  # else "true"
+AUTORESTART = {"no": "false", "on-failure": "unexpected"}  # restart policies; others are "true"
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ def _program(state: State, service: Service, instance: str, priority: int) -> st
         STATE: str(state.folder.parent),
         INSTANCE: instance,
     }
-    # env(1) sets the variables: the syntax of supervisord cannot express every value.
+    # Variables are set by env(1), since supervisord's syntax cannot express every value.
     env = [shutil.which("env") or "/usr/bin/env", *(f"{k}={v}" for k, v in variables.items())]
     return PROGRAM.format(
         instance=instance,
@@ -197,7 +197,7 @@ class Supervisor:
             People4dError: It does not start.
         """
         self.state.write(self.state.config, render(self.state, services).encode())
-        # It detaches from this process and its terminal once its socket is open.
+        # Supervisord detaches from this process and its terminal once its socket is open.
         done = subprocess.run(
             # -P: modules of the working directory must not replace ours.
             [sys.executable, "-P", "-m", "deploy.launcher.prefork", "-c", str(self.state.config)],
@@ -212,24 +212,24 @@ class Supervisor:
         return int(self._call("supervisor.getPID"))
 
     def start(self, instance: str) -> None:
-        """Start one process without waiting; no effect if it runs, for a partner service."""
-        with contextlib.suppress(xmlrpc.client.Fault):  # its state shows what went wrong
+        """Start one process without waiting; no effect on a running one."""
+        with contextlib.suppress(xmlrpc.client.Fault):  # its state shows the failure
             self._call("supervisor.startProcess", self._name_of(instance), False)
 
     def kill(self, instance: str, trace: bool = True) -> None:
         """Kill a process; with `trace` it first writes its stack to its log.
 
-        The request for the stack would end a process that has no handler yet.
+        The request for the stack would end a process without a handler.
         """
         program = self._name_of(instance)
-        with contextlib.suppress(xmlrpc.client.Fault):  # it did not run
+        with contextlib.suppress(xmlrpc.client.Fault):  # not running
             if trace:
                 self._call("supervisor.signalProcess", program, "USR2")
                 time.sleep(TRACE_S)
             self._call("supervisor.signalProcess", program, "KILL")
 
     def rescale(self, services: Sequence[Service]) -> tuple[list[str], list[str]]:
-        """Apply other numbers of processes; surplus processes are stopped, none is started.
+        """Apply other numbers of processes: surplus processes are stopped, new ones not started.
 
         Returns:
             Names of the new and of the stopped processes.
@@ -238,7 +238,7 @@ class Supervisor:
         ((added, _, removed),) = self._call("supervisor.reloadConfig")
         added, removed = (sorted(names, key=lambda n: (len(n), n)) for names in (added, removed))
         for instance in removed:
-            with contextlib.suppress(xmlrpc.client.Fault):  # it did not run
+            with contextlib.suppress(xmlrpc.client.Fault):  # not running
                 self._call("supervisor.stopProcess", instance, True)
             self._call("supervisor.removeProcessGroup", instance)
         for instance in added:
@@ -270,7 +270,7 @@ class Supervisor:
         return next((name for name in every if instance in name.split(JOINED)), instance)
 
     def shutdown(self) -> None:
-        """Ask supervisord to stop all processes, the last started first, and to exit."""
+        """Make supervisord stop all processes, the last started first, and exit."""
         self._call("supervisor.shutdown")
 
     def _call(self, method: str, *arguments: str | bool) -> Any:

@@ -1,4 +1,4 @@
-"""Watchdog that restarts processes that hang: `python -m deploy.launcher.watchdog`.
+"""Watchdog that restarts hanging processes: `python -m deploy.launcher.watchdog`.
 
 supervisord restarts processes that end; only heartbeats show that a process hangs.
 """
@@ -23,21 +23,21 @@ from people4d.messages import Health, Message
 SERVICE = "watchdog"
 REPORT_S = 60.0
 DEAD_S = 10.0
-ROOM_BYTES = 2**20  # minimum room on the disk of the state folder
+ROOM_BYTES = 2**20  # minimum free space on the disk of the state folder
 FULL = "the disk of the state folder is full: logs, events and states of services may be lost"
-PAUSE_S = 2.0  # pause after a restart; doubled by each restart while several processes hang [s]
+PAUSE_S = 2.0  # pause after a restart, doubled by each restart while several processes hang [s]
 PAUSE_MAX_S = 60.0  # maximum pause [s]
 CALM_S = 3.0  # time without a hung process that resets the pause [s]
 
 
 class WatchdogNode(Node):
-    """Restarts processes of this host that hang, and reports a full disk.
+    """Restarts hanging processes of this host, and reports a full disk.
 
     Args:
         config: Limits.
         supervisor: Supervisord, which restarts a killed process.
         host: Name of this host.
-        free_bytes: Returns the room on the disk of the state folder.
+        free_bytes: Returns the free space on the disk of the state folder.
     """
 
     inputs: tuple[type[Message], ...] = (Health,)
@@ -55,12 +55,13 @@ class WatchdogNode(Node):
         self._supervisor = supervisor
         self._watch = HangDetector(config)
         self._due_ns = 0
-        self._next_s = 0.0  # monotonic, before which nothing is started again
-        self._streak = 0  # restarts since the last calm
-        self._strained = False  # several processes hang
+        self._next_s = 0.0  # [s] monotonic time of the next allowed restart
+        self._streak = 0  # number of restarts since the last calm time
+        self._strained = False  # True if several processes hang
         self._calm_since_s: float | None = None  # monotonic
-        self._ended_s: dict[str, deque[float]] = {}  # monotonic, by process
-        self._killed: dict[str, tuple[int, float]] = {}  # process number and monotonic time
+        self._ended_s: dict[str, deque[float]] = {}  # [s] monotonic times of restarts by process
+        # Process number and monotonic time of the last kill, by process
+        self._killed: dict[str, tuple[int, float]] = {}
         self._counters: Counter[str] = Counter(restarts=0)
         self._now_s = 0.0
         self._last: tuple[float, str] = (-REPORT_S, "")
@@ -74,7 +75,7 @@ class WatchdogNode(Node):
         return ()
 
     def tick(self, now_ns: int) -> Sequence[Message]:
-        """Check four times a second whether a process hangs."""
+        """Check for hanging processes four times a second."""
         self._now_s = now_ns / 1e9
         if now_ns >= self._due_ns:
             # A late watchdog has unread heartbeats.
@@ -105,9 +106,9 @@ class WatchdogNode(Node):
             processes = self._supervisor.processes()
             hung = self._watch.hung(processes, now_s)
             self._note_calm(processes, now_s, hung)
-            # The router first: without it the others are silent, too.
+            # The router first, since all processes are silent without it.
             for name in sorted(hung, key=lambda name: not name.startswith(f"{ROUTER}-")):
-                # supervisord notices within a second that a process ended.
+                # supervisord detects the end of a process within a second.
                 pid, when_s = self._killed.get(name, (0, 0.0))
                 gone = processes[name].pid == pid and now_s - when_s <= DEAD_S
                 if not gone and now_s >= self._next_s:
@@ -142,9 +143,9 @@ class WatchdogNode(Node):
             self._left_alone[name] = f"{name} hung {often} and is left alone now ({why})"
             return
         process.log.warning("%s hangs (%s) and is started again", name, why)
-        # Before its first heartbeat a process may not have the handler that writes a trace.
+        # Before its first heartbeat a process may have no handler that writes a trace.
         self._supervisor.kill(name, trace=self._watch.was_heard(ended))
-        # Each restart adds load, which slows the other processes of an overloaded machine.
+        # Each restart adds load, which slows other processes of an overloaded machine.
         self._streak = self._streak if self._strained else 0
         self._next_s = now_s + min(PAUSE_S * 2**self._streak, PAUSE_MAX_S)
         self._streak += self._strained
@@ -155,7 +156,7 @@ class WatchdogNode(Node):
 
 
 def build(config: WatchdogConfig) -> WatchdogNode:
-    """Build the node for the system that this process is part of."""
+    """Build the node for the system of this process."""
     folder = os.environ.get(MARK)
     if not folder:
         raise ConfigError("the watchdog is part of a system", "people4d up starts it.")
@@ -168,7 +169,7 @@ def build(config: WatchdogConfig) -> WatchdogNode:
 
 
 def _free_bytes(folder: str) -> float:
-    """Return the room on the disk of a folder; infinite if it is not known."""
+    """Return the free space on the disk of a folder; infinite if unknown."""
     try:
         return shutil.disk_usage(folder).free
     except OSError:

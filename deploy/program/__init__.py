@@ -1,1 +1,1 @@
-"""The pipeline and cameras for programs that import them: see people4d_robot."""
+"""The pipeline and cameras for user programs, see people4d_robot."""

@@ -1,4 +1,4 @@
-"""Images of a camera as a program gives them, checked and copied."""
+"""Checked and copied images from a user program."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -36,7 +36,7 @@ def mount(
 
 
 class CameraImages:
-    """Checks the images of a camera, whose size the first ones give.
+    """Checks the images of a camera; the first ones define the size.
 
     Args:
         name: Its name.
@@ -67,10 +67,10 @@ class CameraImages:
         self._stamp_ns: int | None = None  # acquisition time of the last frame [ns]
 
     def accept(self, rgb: U8, depth: npt.NDArray[Any], stamp_ns: int) -> SourceFrame:
-        """Return images as a frame of its own memory, depth in millimetres.
+        """Return copied images as a frame, depth in millimetres.
 
         Raises:
-            SourceError: The images are not as they should be, or not later than the last ones.
+            SourceError: The images are invalid, or not later than the last ones.
         """
         info = self.info or self._calibration(rgb)
         check = FrameCheck(info, np.issubdtype(getattr(depth, "dtype", np.uint16), np.floating))

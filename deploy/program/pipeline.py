@@ -34,14 +34,14 @@ M = TypeVar("M", bound=Message)
 
 
 class Pipeline:
-    """Detector, re-identification and tracker joined in memory; equal input gives equal people.
+    """Detector, re-identification and tracker joined in memory; results are deterministic.
 
     Frames are processed in the calling thread, oldest first; a context manager, or `close` at the
     end.
 
     Args:
         preset: Method, as `people4d up --preset`; empty: the defaults.
-        settings: Settings over those of the preset: {"tracker.max_lost_s": 3.0}.
+        settings: Settings that override the preset: {"tracker.max_lost_s": 3.0}.
 
     Raises:
         ConfigError: The preset or a setting is unknown, or a value is out of range.
@@ -56,7 +56,7 @@ class Pipeline:
         self._bus = MemoryBus([build_detector(method.detector), *embedders, self._tracker], False)
         self._cameras: dict[str, _Camera] = {}
         self.detections: Detections | None = None  # detections of the last frame
-        self.people: Tracks | None = None  # tracks that `process` returned last
+        self.people: Tracks | None = None  # last result of `process`
 
     def add_camera(
         self,
@@ -73,7 +73,7 @@ class Pipeline:
             intrinsics: Lens of the colour image, or its camera matrix (3x3) without distortion.
             pose: Pose (4x4) of the optical frame (x right, y down, z forward) in `parent` [m], see
                 `mount`; None: level at the origin.
-            parent: "map", or the frame of a moving base whose odometry `add_motion` gets.
+            parent: "map", or the frame of a moving base with odometry by `add_motion`.
             max_depth_m: Larger readings of depth are not used [m].
 
         Raises:
@@ -86,7 +86,7 @@ class Pipeline:
         self._cameras[name] = _Camera(images)
 
     def add_motion(self, message: Odometry | MovingTransform) -> None:
-        """Pass on the motion of a base that carries cameras, before the frame of its time."""
+        """Add the motion of a base with cameras, before the frame at its time."""
         self._publish(message.stamp_ns, message)
 
     def process(
@@ -97,30 +97,30 @@ class Pipeline:
         Args:
             rgb: HxWx3 of 8 bits, red first.
             depth: HxW aligned to colour: uint16 millimetres or float metres; 0 or NaN: no reading.
-            stamp_s: Acquisition time [s], of one clock for all cameras; a float of today keeps
-                a quarter of a microsecond, Fraction(stamp_ns, 10**9) all.
+            stamp_s: Acquisition time [s], of one clock for all cameras; a float has a resolution of
+                0.25 us today, Fraction(stamp_ns, 10**9) is exact.
             camera: Its name; empty: the only one.
 
         Returns:
-            The people with their identities; None if another camera's frame came too long before.
+            The people with their identities; None if the frame is too late after another camera's.
 
         Raises:
             ConfigError: There is no such camera.
-            SourceError: The images are not as they should be, or the stamp is not after the last.
+            SourceError: The images are invalid, or the stamp is not later than the last one.
         """
         stamp_ns = round(stamp_s * 10**9)
         outputs = self._publish(stamp_ns, *self._camera(camera).messages(rgb, depth, stamp_ns))
-        outputs += self._tracker.flush(stamp_ns)  # no other message comes for this time
+        outputs += self._tracker.flush(stamp_ns)  # no other message of this time follows
         self.detections = _last(Detections, outputs)
         self.people = _last(Tracks, outputs)
         return self.people
 
     def draw(self, rgb: U8) -> U8:
-        """Return a copy of the last frame's colour (HxWx3) with its people drawn into it."""
+        """Return a copy of the last frame's colour (HxWx3) with drawn people."""
         return annotate(rgb, self.detections, self.people, None)
 
     def problems(self) -> list[str]:
-        """Return what limits the pipeline now, a sentence each."""
+        """Return the current limits of the pipeline, one sentence each."""
         return [reason for node in self._bus.nodes if (reason := node.status().reason)]
 
     def close(self) -> None:
@@ -145,7 +145,7 @@ class Pipeline:
         raise ConfigError(f"there is no camera {name!r} but {known}", "Call add_camera before.")
 
     def _publish(self, now_ns: int, *messages: Message) -> list[Message]:
-        """Return messages and all messages that follow from them."""
+        """Return messages and all resulting messages."""
         self._bus.now_ns = now_ns
         self._bus.log.clear()
         return self._bus.publish(*messages)

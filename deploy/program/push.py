@@ -1,4 +1,4 @@
-"""A camera of a running system whose frames a program gives."""
+"""A camera of a running system with frames from a user program."""
 
 import os
 import queue
@@ -38,7 +38,7 @@ class PushedFrames(Source):
         self._items: queue.Queue[SourceFrame | SourceSetup | None] = queue.Queue()
 
     def __iter__(self) -> Iterator[SourceFrame | SourceSetup]:
-        """Yield what was put until `interrupt`."""
+        """Yield items until `interrupt`."""
         while (item := self._items.get()) is not None:
             yield item
 
@@ -54,7 +54,7 @@ class PushedFrames(Source):
 class Camera:
     """A camera of a running system; a context manager, or `close` at the end.
 
-    The system is started without one: `people4d up --source push`.
+    The system is started without a camera: `people4d up --source push`.
 
     Args:
         name: Its name in keys and messages.
@@ -107,7 +107,7 @@ class Camera:
             stamp_ns: Acquisition time on the clock of this machine [ns], as time.time_ns().
 
         Raises:
-            SourceError: The images are not as they should be, or not later than the last ones.
+            SourceError: The images are invalid, or not later than the last ones.
             People4dError: The camera has ended.
         """
         if not self._thread.is_alive():
@@ -120,7 +120,7 @@ class Camera:
         self._source.put(frame)
 
     def problem(self) -> str:
-        """Return what limits the camera now, one sentence; empty if nothing does."""
+        """Return the current limit of the camera, one sentence; empty if there is none."""
         return self._node.status().reason
 
     def close(self) -> None:
@@ -148,7 +148,7 @@ def _check_system(bus: ZenohBus, instance: str) -> None:
     """Wait for a tracker of the robot.
 
     Raises:
-        ConfigError: There is none, or a process of the camera's name.
+        ConfigError: There is no tracker, or there is a process of the camera's name.
     """
     end_s = time.monotonic() + SYSTEM_S
     while True:

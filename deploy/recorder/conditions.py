@@ -1,18 +1,18 @@
-"""Conditions at which a recorder writes the messages that it holds in memory."""
+"""Conditions for writing the messages in a recorder's memory."""
 
 from people4d.errors import ConfigError
 from people4d.messages import Message, Tracks
 from people4d.topics import BY_NAME
 
 PERSON = "person"
-IDENTITIES_MAX = 10_000  # stored identities
+IDENTITIES_MAX = 10_000  # maximum number of stored identities
 
 
 class Condition:
     """Condition on messages: `person`, met by each new confirmed identity, or any on a topic.
 
     Raises:
-        ConfigError: There is neither such a condition nor such a topic.
+        ConfigError: The name is neither a condition nor a topic.
     """
 
     def __init__(self, name: str) -> None:

@@ -15,8 +15,8 @@ from people4d.topics import BY_MESSAGE
 
 Open = Callable[[Path], RecordingWriter]
 
-PARTS = 10  # parts of a recording with a limit: the oldest tenth is deleted at once
-KEYS_MAX = 256  # latched keys whose last message is stored
+PARTS = 10  # number of parts of a recording with a limit; the oldest part is deleted as a whole
+KEYS_MAX = 256  # maximum number of latched keys with a stored message
 MB = 10**6
 
 
@@ -32,20 +32,20 @@ class RecorderOutput(ABC):
         self._path, self._open = path, open_file
         self._writer: RecordingWriter | None = None
         self._latched: dict[str, Message] = {}  # last message by latched key
-        self._count = 0  # numbered files
+        self._count = 0  # number of files so far
 
     @abstractmethod
     def write(self, message: Message, log_time_ns: int) -> None:
         """Write a message at its time of reception."""
 
     def close(self) -> None:
-        """Finish the file that is open."""
+        """Finish the open file."""
         if self._writer:
             self._writer.close()
             self._writer = None
 
     def note(self) -> str:
-        """Return a sentence on the messages that were left out, empty if there are none."""
+        """Return a message on omitted messages; empty if there are none."""
         return ""
 
     def _store_latched(self, message: Message) -> bool:
@@ -94,7 +94,7 @@ class RotatingParts(RecorderOutput):
         self._part_bytes = limit_mb * MB / PARTS
 
     def write(self, message: Message, log_time_ns: int) -> None:
-        """Append a message, in a new part if the present one is full."""
+        """Append a message, in a new part if the current one is full."""
         if self._writer and self._writer.size_bytes >= self._part_bytes:
             self.close()
         if self._writer is None:
@@ -121,13 +121,13 @@ class BufferedMessage(NamedTuple):
 class EventFiles(RecorderOutput):
     """Output to a file for each event, with some seconds before and after it.
 
-    Waiting messages are bounded in bytes as well: the oldest are left out and counted.
+    Waiting messages are also bounded in bytes: the oldest are dropped and counted.
 
     Args:
         path: NAME.mcap.
-        seconds: [s] before the event, and after the last one of a file.
-        condition: Is met by the message that is an event.
-        buffer_mb: [MB] of memory for messages that wait.
+        seconds: Time before the first event and after the last one of a file [s].
+        condition: Condition on messages that are events.
+        buffer_mb: Maximum memory of waiting messages [MB].
         open_file: Opens a file.
     """
 
@@ -156,7 +156,7 @@ class EventFiles(RecorderOutput):
             self._buffer(message, log_time_ns)
 
     def note(self) -> str:
-        """Return the number of events, and of messages for which memory was too small."""
+        """Return the number of events, and of messages dropped for lack of memory."""
         files = f"{self._count} file{'s' if self._count != 1 else ''} of events"
         if self._left_out:
             return f"{files}; {self._left_out} messages before them exceeded the buffer."
@@ -184,5 +184,5 @@ class EventFiles(RecorderOutput):
 
 
 def part_path(path: Path, number: int) -> Path:
-    """Return the path of a numbered file beside NAME.mcap: NAME-0001.mcap."""
+    """Return the path of a numbered file next to NAME.mcap: NAME-0001.mcap."""
     return path.with_name(f"{path.stem}-{number:04d}{path.suffix}")

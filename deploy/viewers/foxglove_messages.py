@@ -41,7 +41,7 @@ DISTORTION = {"none": "plumb_bob"}
 
 STRING = {"type": "string"}
 NUMBERS = {"type": "object", "additionalProperties": {"type": "number"}}
-JSON_SCHEMAS: dict[str, dict[str, Any]] = {  # by topic
+JSON_SCHEMAS: dict[str, dict[str, Any]] = {  # JSON schemas by topic
     "/latency": {
         "type": "object",
         "title": "people4d.Latency",
@@ -69,7 +69,7 @@ class FoxgloveMessage(Protocol):
         """Return the message in protobuf."""
 
 
-Content = FoxgloveMessage | dict[str, Any]  # the latter by JSON_SCHEMAS
+Content = FoxgloveMessage | dict[str, Any]  # a dict follows JSON_SCHEMAS
 Item = tuple[str, Content]  # topic and content
 
 
@@ -88,7 +88,7 @@ class FoxgloveConverter:
         self.bad_images = 0  # number of frames that could not be decoded
 
     def convert(self, message: Message, log_time_ns: int) -> Iterator[Item]:
-        """Yield the topics and contents of a message that was received at `log_time_ns`."""
+        """Yield the topics and contents of a message received at `log_time_ns`."""
         people = self._scene.add_message(message)
         if isinstance(message, CameraInfo | StaticTransform):
             if isinstance(message, StaticTransform):

@@ -22,7 +22,7 @@ class FoxgloveOutput:
         self._channels: dict[str, Channel] = {}
 
     def write(self, message: Message, log_time_ns: int) -> None:
-        """Log a message that was received at a time."""
+        """Log a message with its time of reception."""
         for topic, content in self._converter.convert(message, log_time_ns):
             if topic not in self._channels:
                 self._channels[topic] = self._open_channel(topic, content)

@@ -68,7 +68,7 @@ def predictions_update(message: Predictions) -> fox.SceneUpdate:
 def _scene(
     stamp_ns: int, frame_id: str, entities: Mapping[str, Mapping[str, Any]]
 ) -> fox.SceneUpdate:
-    """Return a scene of entities, given by id with their primitives, in place of all others."""
+    """Return a scene of entities by id with their primitives, which replaces all earlier ones."""
     return fox.SceneUpdate(
         deletions=[CLEAR],
         entities=[

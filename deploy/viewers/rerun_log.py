@@ -39,7 +39,7 @@ VIEWS_MAX = 64  # maximum number of cameras with a view: each blueprint costs Re
 PALE = 90  # opacity of predicted joints and limbs, 0 to 255
 JPEG_QUALITY = 80
 MILLIMETRES = 1000.0  # units of depth images in a metre
-FLUSH_S = 3.0  # maximum wait at the end: Rerun waits without a limit for a viewer that ended [s]
+FLUSH_S = 3.0  # maximum wait at the end, since Rerun waits for ever for a viewer that ended [s]
 SIGMAS = 2.4477  # half axes of a 95 % ellipse of x and y, in standard deviations
 
 
@@ -58,7 +58,7 @@ class RerunLog:
         self._cameras: set[str] = set()
 
     def write(self, message: Message, log_time_ns: int) -> None:
-        """Log a message that was received at a time.
+        """Log a message with its time of reception.
 
         Raises:
             SourceError: The viewer ended.
@@ -89,7 +89,7 @@ class RerunLog:
 
     def close(self) -> None:
         """Send waiting messages, and end the stream."""
-        with suppress(RuntimeError):  # the viewer is gone
+        with suppress(RuntimeError):  # the viewer has ended
             self._stream.flush(timeout_sec=FLUSH_S)
         self._stream.disconnect()
 

@@ -10,7 +10,7 @@ import rerun_cli
 
 PORT = 9876  # default port of Rerun
 START_S = 20.0  # maximum duration of the start [s]
-OPTIONS = ("--bind=127.0.0.1", "--expect-data-soon")  # by default it listens on all interfaces
+OPTIONS = ("--bind=127.0.0.1", "--expect-data-soon")  # the default is all interfaces
 # CI disables Rerun's usage data. Its search for newer versions has no setting, so the proxy is a
 # local port without a listener.
 SILENT = {"RERUN_APP_ONLY": "true", "CI": "1", "ALL_PROXY": "http://127.0.0.1:9"}

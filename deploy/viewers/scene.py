@@ -153,7 +153,7 @@ class PeopleScene:
         pose = None
         if info:
             pose = self.transforms.camera_pose(tracks.frame_id, info.frame_id, tracks.stamp_ns)
-        if not tracks.predicted:  # their stamp may be ahead of coming frames
+        if not tracks.predicted:  # their stamp may be ahead of later frames
             self._extend(tracks)
         people, skeletons = tuple(_views(tracks, detections)), None
         if info and pose is not None and tracks.camera not in self._skeleton_cameras:
@@ -193,7 +193,7 @@ class PeopleScene:
 
 
 def predicted_path(person: PersonPrediction) -> F64:
-    """Return the predicted positions (Nx3) at the height of the present one [m]."""
+    """Return the predicted positions (Nx3) at the current height [m]."""
     height = np.full(len(person.means_m), person.position_m[2])
     return np.column_stack([person.means_m, height])
 

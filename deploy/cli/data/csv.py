@@ -74,7 +74,7 @@ def write(file: Path, messages: Iterable[Truth | Tracks]) -> int:
     if file.suffix not in writers:
         raise ConfigError(f"{file} is of no known kind", f"Write {' or '.join(writers)}.")
     start_ns, count = None, 0
-    part = file.with_name(f".{file.name}.{os.getpid()}.part")  # no table is incomplete
+    part = file.with_name(f".{file.name}.{os.getpid()}.part")  # renamed when complete
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         with writers[file.suffix](part) as put:

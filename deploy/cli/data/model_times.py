@@ -16,15 +16,15 @@ from people4d.errors import ConfigError, ModelError, People4dError
 from services.detector.config import DetectorConfig
 from services.detector.models.registry import MODELS, find_factory
 
-IMAGE = (480, 640, 3)  # of the camera; a model fits it to its own input
-ROUNDS = 5  # each engine in turn, so that a busy moment meets all of them
+IMAGE = (480, 640, 3)  # shape of the camera's image
+ROUNDS = 5  # number of rounds, with engines in turns, so load affects all of them
 
 
 def benchmark(
     seconds: Annotated[float, typer.Option(min=0.1, help="Time for each model and engine.")] = 3.0,
     threads: Annotated[int, typer.Option(min=1, help="Threads of one inference.")] = 1,
 ) -> None:
-    """Measure the detection models that are here with each engine, and recommend an engine."""
+    """Measure the installed detection models with each engine, and recommend an engine."""
     present = [model for model in load_manifest().values() if model.kind in MODELS and _here(model)]
     runs: dict[tuple[str, Engine], Callable[[], object]] = {}
     failed: dict[str, str] = {}

@@ -18,7 +18,7 @@ Verify = Annotated[
         "--verify", help="Compare files with known checksums; exit with 1 if one differs."
     ),
 ]
-COLOURS = {"altered": "red", "absent": "yellow"}  # else green
+COLOURS = {"altered": "red", "absent": "yellow"}  # colours of states; others are green
 
 
 def models(context: typer.Context, verify_: Verify = False) -> None:

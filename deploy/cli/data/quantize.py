@@ -12,7 +12,7 @@ from deploy.cli.terminal import console, plain_table, progress
 from people4d.errors import ModelError
 
 # Most modules are imported on use: the lab and compiled code take a second to load.
-HARM_IMAGES = 6  # images on which the harm of each layer is measured
+HARM_IMAGES = 6  # number of images for measuring the loss of accuracy by layer
 
 
 def quantize(

@@ -74,7 +74,7 @@ def replay(
                 if isinstance(message, CompressedRgbdFrame):
                     pixels = not kinds or RgbdFrame in kinds
                     message = frame_of(message, sensors.get(message.camera), pixels)
-                # Its trace has times of the recording.
+                # Without its trace, which has times of the recording.
                 bus.publish(msgspec.structs.replace(message, trace=()))
                 sent += 1
         time.sleep(hold_s)

@@ -1,4 +1,4 @@
-"""Span of a recording, from the options --start and --end."""
+"""Part of a recording, by the options --start and --end."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ End = Annotated[
 
 @dataclass(frozen=True)
 class RecordingSpan:
-    """Part of a recording; a ConfigError if its end lies before its start."""
+    """Part of a recording; ConfigError if its end is before its start."""
 
     start_s: float = 0.0  # [s] from its first message
     end_s: float | None = None  # [s] from its first message; None: its last
@@ -32,7 +32,7 @@ class RecordingSpan:
             raise ConfigError(f"--end {self.end_s:g} lies before --start {self.start_s:g}")
 
     def check(self, recording: Recording) -> None:
-        """Check that it begins within the recording; ConfigError otherwise."""
+        """Check that the part begins within the recording; ConfigError otherwise."""
         duration_s = recording.summary.duration_s
         if self.start_s > duration_s:
             raise ConfigError(
@@ -43,7 +43,7 @@ class RecordingSpan:
     def messages(
         self, recording: Recording, *types: type[Message]
     ) -> Iterator[tuple[int, Message]]:
-        """Iterate over its messages, as `Recording.messages`."""
+        """Iterate over the messages of the part, as `Recording.messages`."""
         if self.end_s is None:
             return recording.messages(*types, start_s=self.start_s)
         return recording.messages(*types, start_s=self.start_s, end_s=self.end_s)

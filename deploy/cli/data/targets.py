@@ -14,7 +14,7 @@ def check_target(target: Path, source: Path | None, force: bool) -> None:
     """Check that a file may be written; `source` is the input recording.
 
     Raises:
-        ConfigError: It is the input, or exists and may not be overwritten.
+        ConfigError: The file is the input, or exists and may not be overwritten.
     """
     if source and target.exists() and target.samefile(source):
         raise ConfigError(f"{target} is the recording itself", "Name another file.")

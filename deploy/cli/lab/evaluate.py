@@ -98,7 +98,7 @@ def _show(table: "ReportTable") -> None:
 
 
 def _sources(texts: list[str]) -> list[str]:
-    """Split at commas, but for a path that has one in its name."""
+    """Split at commas, except in existing paths."""
     names = ([text] if Path(text).exists() else text.split(",") for text in texts)
     return [name.strip() for part in names for name in part if name.strip()]
 

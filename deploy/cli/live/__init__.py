@@ -1,1 +1,1 @@
-"""Commands that show or export messages and latencies as they come."""
+"""Commands that show or export live messages and latencies."""

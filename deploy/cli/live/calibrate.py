@@ -33,7 +33,8 @@ from people4d.messages import (
 from people4d.queue import Arrival
 
 EVERY_NS = 10_000_000_000  # period of the attempts [ns]
-# Compressed frames are for the floor. Only tags are worth the load of all raw frames.
+# Compressed frames show the floor; raw frames are received only for tags, since they are a high
+# load.
 KINDS: tuple[type[Message], ...] = (CameraInfo, StaticTransform, Detections, CompressedRgbdFrame)
 RAW: tuple[type[Message], ...] = (RgbdFrame,)
 
@@ -77,9 +78,9 @@ def calibrate(
     robot: Robot = "robot",
     connect: Connect = "",
 ) -> None:
-    """Find poses and clocks of several cameras by people who walk before them.
+    """Find poses and clocks of several cameras from walking people in view.
 
-    The file is written once the poses are sure; else nothing is written, and the reason is said.
+    The file is written once the poses are certain; otherwise the reason is printed.
     """
     page = page or out.with_suffix(".html")
     check_target(out, None, force)
@@ -138,7 +139,7 @@ class CalibrationSession:
         self._transforms: dict[str, StaticTransform] = {}
 
     def copy(self) -> "CalibrationSession":
-        """Return a copy that later messages do not change."""
+        """Return a copy, unaffected by later messages."""
         tags = self._tags.copy() if self._tags else None
         other = CalibrationSession(self._cameras, self._reference, self._offset_s, tags)
         other._collector = self._collector.copy()
@@ -154,7 +155,7 @@ class CalibrationSession:
         ):
             self._collector.add_message(message, arrived_ns)
         elif isinstance(message, RgbdFrame | CompressedRgbdFrame):
-            with suppress(DecodeError):  # the next image is as good
+            with suppress(DecodeError):  # bad image: the next one is used
                 self._add_frame(message)
 
     def _add_frame(self, message: RgbdFrame | CompressedRgbdFrame) -> None:
@@ -170,7 +171,7 @@ class CalibrationSession:
             self._tags.add_image(*at, frame.rgb)
 
     def solve(self) -> CalibrationResult:
-        """Return the calibration; CalibrationError if something is missing."""
+        """Return the calibration; CalibrationError if the observations are insufficient."""
         observed = self._collector.cameras
         absent = self._cameras - {camera.camera for camera in observed}
         if absent:
@@ -200,7 +201,7 @@ def listen(
 
     Args:
         session: Session of the messages.
-        arrivals: Messages in order; Ctrl-C ends them.
+        arrivals: Messages in order, ended by Ctrl-C.
         seconds: Maximum duration by their clock.
 
     Raises:

@@ -62,7 +62,7 @@ def export(
 
 
 def feed(client: Client, exporters: Sequence[Exporter]) -> None:
-    """Give exporters what comes, until interrupted."""
+    """Pass messages to exporters until interrupted."""
     monitor = Monitor(ProcessId("export", f"export-{os.getpid()}", socket.gethostname()), WINDOW_S)
     for arrival, path in monitor.follow(client):
         for exporter in exporters:
@@ -73,7 +73,7 @@ def feed(client: Client, exporters: Sequence[Exporter]) -> None:
 
 
 def prometheus_exporter(address: str, port: int) -> Exporter:
-    """Return what serves Prometheus."""
+    """Return the exporter for Prometheus."""
     from deploy.exporters.prometheus import PrometheusExporter  # noqa: PLC0415 (optional)
 
     exporter = PrometheusExporter(address, port)
@@ -82,7 +82,7 @@ def prometheus_exporter(address: str, port: int) -> Exporter:
 
 
 def otlp_exporter(robot: str, url: str) -> Exporter:
-    """Return what sends to a collector by OTLP over HTTP."""
+    """Return the exporter that sends to a collector by OTLP over HTTP."""
     from opentelemetry.exporter.otlp.proto.http.metric_exporter import (  # noqa: PLC0415
         OTLPMetricExporter,
     )

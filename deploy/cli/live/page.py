@@ -19,7 +19,7 @@ def open(
         bool, typer.Option("--print", help="Print the address only, with its token.")
     ] = False,
 ) -> None:
-    """Open the page of a system that runs on this machine in the browser."""
+    """Open the page of a system on this machine in the browser."""
     address = page_address(State.of_robot(robot))
     if address is None:
         raise People4dError(f"no page of {robot} is there", "Start it: people4d up --dashboard.")

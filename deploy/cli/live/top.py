@@ -30,7 +30,7 @@ from people4d.topics import TOPICS
 
 STREAMS = tuple(topic.name for topic in TOPICS if topic.rate_hz)  # periodic topics
 WIDTH = 120  # width without a terminal [characters]
-HERE = "here"  # service of this command, in the table
+HERE = "here"  # name of this command as a service in the table
 FIRST_S = 3.0  # minimum duration of --once: heartbeats come twice a second [s]
 
 
@@ -147,7 +147,7 @@ def _processes(processes: list[ProcessSnapshot]) -> Table:
     table = plain_table(*columns, no_wrap=True)
     table.columns[-1].no_wrap = False
     for process in processes:
-        if not process.state:  # it sends no heartbeat
+        if not process.state:  # no heartbeat
             continue
         rates, ages = process.rates_hz, process.ages_ms
         inputs = [topic for topic in STREAMS if f"received_{topic}" in rates]

@@ -26,18 +26,18 @@ FRAMES: tuple[type[Message], ...] = (RgbdFrame, CompressedRgbdFrame)
 INPUTS: tuple[type[Message], ...] = (*PeopleScene.inputs, Predictions, Health)
 LAYOUT = Path(viewers.__file__).with_name("people4d_layout.json")
 RRD = ".rrd"
-PORT = 8765  # where Foxglove's app looks first
+PORT = 8765  # default port of Foxglove's app
 
 
 class ViewerOutput(Protocol):
-    """Destination of messages to be viewed."""
+    """Destination of viewed messages."""
 
     def write(self, message: Message, log_time_ns: int) -> None:
         """Write a message with its time of arrival."""
         ...
 
     def close(self) -> None:
-        """Finish."""
+        """Finish the output."""
         ...
 
 
@@ -102,7 +102,7 @@ def recorded(
 ) -> Iterator[tuple[int, Message]]:
     """Return messages of a recording with their log times [ns], paced if there is a rate."""
     recording = open_recording(path)
-    span.check(recording)  # before an output is opened
+    span.check(recording)  # before the output is opened
 
     def passes() -> Iterator[tuple[int, Message]]:
         for _ in count() if loop else range(1):
@@ -123,14 +123,14 @@ def live(client: Client, image_hz: float) -> Iterator[tuple[int, Message]]:
 
 
 def rerun_output(robot: str, file: Path | None) -> ViewerOutput:
-    """Open Rerun's viewer or a file of it."""
+    """Open Rerun's viewer, or a file for it."""
     from deploy.viewers.rerun_log import open_log  # noqa: PLC0415 (optional)
 
     return open_log(robot, file)
 
 
 def foxglove_output(images: bool, file: Path | None, address: str, port: int) -> ViewerOutput:
-    """Open a server for Foxglove's app or a file of its messages."""
+    """Open a server for Foxglove's app, or a file for it."""
     from deploy.viewers.foxglove_messages import FoxgloveConverter  # noqa: PLC0415 (optional)
     from deploy.viewers.foxglove_outputs import FoxgloveFile, FoxgloveServer  # noqa: PLC0415
 
@@ -157,7 +157,7 @@ class ImageRate:
         self._uncompressed: set[str] = set()
 
     def passes(self, message: Message, now_ns: int) -> bool:
-        """Check that a message of this time passes."""
+        """Check that a message passes at this time."""
         if not isinstance(message, RgbdFrame | CompressedRgbdFrame):
             return True
         if isinstance(message, RgbdFrame):

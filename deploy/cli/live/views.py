@@ -73,7 +73,7 @@ def _show(
             return message is not None
         with Live("waiting ...", console=console, auto_refresh=False) as live:
             for message in messages:
-                # A terminal that is slower than the camera must not delay reading.
+                # A slow terminal must not delay reading.
                 if time.monotonic() - drawn_s > REDRAW_S:
                     live.update(draw(message), refresh=True)
                     drawn_s = time.monotonic()
@@ -114,7 +114,7 @@ def table_of(tracks: Tracks, now_ns: int) -> Table:
 def latency_ms(tracks: Tracks, now_ns: int) -> float | None:
     """Return the time since the first traced stage [ms]; None if it is unknown.
 
-    A message without a trace has no latency, nor a replayed message with its old trace.
+    Messages without a trace, and replayed messages with their old trace, have no latency.
     """
     age_ns = now_ns - tracks.trace[0].start_ns if tracks.trace else LATE_MAX_NS
     return age_ns / 1e6 if age_ns < LATE_MAX_NS else None

@@ -44,8 +44,7 @@ def scale(
     """Change the number of replicas of a service while the system runs.
 
     Detectors share the frames of all cameras, reid processes the crops. If a new process does not
-    get ready, all new ones are stopped again.
-    Without SERVICE=N it prints the present numbers.
+    become ready, all new processes are stopped. Without SERVICE=N it prints the current numbers.
     """
     state = State.of_robot(robot)
     running = state.read()
@@ -92,7 +91,7 @@ def health(
 
 
 def _connected(connect: str, robot: str, deadline_s: float) -> Client:
-    """Connect to the router, which may still be starting."""
+    """Connect to the router, which may not be up yet."""
     while True:
         try:
             return open_client(connect, robot)

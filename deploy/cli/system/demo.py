@@ -46,7 +46,7 @@ def demo(
         setting("gt_bridge.truth", str(DEMO)),
         setting(f"{REPORT}.note", SIMULATED),
     ]
-    # Demos of several clones run side by side: each is a robot of its own.
+    # Demos of several clones run at the same time, each as a separate robot.
     name = robot or f"demo-{port}"
     request = LaunchRequest(robot=name, port=port, settings=settings, report=report)
     launch(request, START_TIMEOUT_S, detach=False)
@@ -56,7 +56,7 @@ def demo(
 
 
 def offer(page: Path, environment: Mapping[str, str] = os.environ) -> None:
-    """Offer to open a page in a browser, in a terminal on a desktop."""
+    """Offer to open a page in a browser; only in a terminal on a desktop."""
     terminal = sys.stdin.isatty() and sys.stdout.isatty()
     desktop = any(environment.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
     if not (terminal and desktop and page.is_file()):

@@ -23,7 +23,7 @@ from deploy.launcher.state import State
 from deploy.launcher.supervisor import SupervisorGoneError
 from people4d.errors import People4dError
 
-# Lock-step waits for every result: the same recording gives the same tracks on any machine.
+# Lock-step waits for every result, so a recording gives the same tracks on any machine.
 LOCKSTEP_WAITS = ("tracker.embedding_wait_s=4.0", "tracker.reorder_wait_s=4.0")
 SIMULATED = (
     "The room, the people and their depth images are simulated, with exact ground truth. "
@@ -38,9 +38,9 @@ START_TIMEOUT_S = 60.0
 
 
 def launch(request: LaunchRequest, timeout_s: float, detach: bool) -> None:
-    """Start a system, and supervise it until its stop or the end of its source, unless detached."""
+    """Start a system; unless detached, supervise it until it stops or its source ends."""
     state = State.of_robot(request.robot)
-    check_stopped(state, request.robot)  # settings take seconds to check
+    check_stopped(state, request.robot)  # before the check of the settings, which takes seconds
     services = plan(request)
     check_settings(services, request)
     connect = router_of(services, request)
@@ -73,7 +73,7 @@ def _attend_to_end(launcher: Launcher, request: LaunchRequest) -> None:
     """Supervise a system, and stop it at the end.
 
     Raises:
-        People4dError: A process failed, or supervisord was killed while the services run on.
+        People4dError: A process failed, or supervisord was killed while the services continue.
     """
     state = launcher.state
     with ExitStack() as end:

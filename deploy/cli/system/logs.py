@@ -30,7 +30,7 @@ def logs(
     ] = 20,
     robot: Robot = "robot",
 ) -> None:
-    """Show the logs of the processes, of the present run or the last one."""
+    """Show the logs of the processes of the current or last run."""
     files = _files(State.of_robot(robot).folder, service)
     colours = {file: COLOURS[n % len(COLOURS)] for n, file in enumerate(files)}
 

@@ -16,24 +16,24 @@ from deploy.launcher.supervisor import Process, Supervisor
 from people4d.errors import People4dError
 from people4d.messages import Health
 
-LISTEN_S = 1.2  # two heartbeats
+LISTEN_S = 1.2  # duration of two heartbeats [s]
 LOSSES = ("bad_", "foreign_", "dropped", "gaps_", "errors")
 
 
 class Row(msgspec.Struct, frozen=True, kw_only=True):
     """One process."""
 
-    instance: str  # its name
+    instance: str  # name of the process
     process: str  # state in supervisord; empty for another host
     health: str  # state in its heartbeat; empty without a heartbeat
-    reason: str  # reason of another state than ready
-    host: str  # machine
+    reason: str  # reason of a state other than ready
+    host: str  # name of the machine
     pid: int  # process number, 0 if it does not run
-    uptime_s: float  # [s] since its start, 0 if unknown
+    uptime_s: float  # [s] time since the start, 0 if unknown
     rates_hz: dict[str, float]  # [Hz] messages received and sent, by topic
-    losses: dict[str, int]  # messages lost and errors since its start, by cause
-    cpu_percent: float  # of one core
-    memory_mb: float  # resident
+    losses: dict[str, int]  # number of lost messages and errors since the start, by cause
+    cpu_percent: float  # processor time, 100 is one core
+    memory_mb: float  # resident memory
 
 
 def ps(
@@ -43,7 +43,7 @@ def ps(
 ) -> None:
     """Show processes: state, health, rates, losses.
 
-    Without --connect those that people4d up started here; with it all that send heartbeats.
+    Without --connect: processes of people4d up on this host; with it: all with heartbeats.
     """
     state = State.of_robot(robot)
     running = state.read()
@@ -52,7 +52,7 @@ def ps(
             f"nothing runs here for {robot}",
             "Start it with people4d up, or name the router of a system elsewhere with --connect.",
         )
-    # --connect may name the router of this host.
+    # --connect may be the router of this host.
     own = running if running and connect in ("", running.connect) else None
     processes = Supervisor(state).processes() if own else {}
     healths = _heartbeats(connect or (running.connect if running else ""), robot, bool(own))

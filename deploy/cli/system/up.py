@@ -18,8 +18,8 @@ from services.camera.sources import ROS2
 from services.gt_bridge.sources.registry import is_live
 from services.presets import preset_settings
 
-PUSHED = "push"  # source of frames that programs give, see people4d_robot.Camera
-# A camera without a pose in its source is mounted on the base, not in the map.
+PUSHED = "push"  # source of frames from programs, see people4d_robot.Camera
+# Mount of a camera without a pose in its source: the base, not the map.
 ON_BASE = f"{CAMERA}.mount_parent=base_link"
 # Panels of the help, with NETWORK
 SOURCE, METHODS, EXTRAS = "Source", "Methods", "Extras"

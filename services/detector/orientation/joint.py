@@ -5,9 +5,9 @@ sight and along it, and the nose between the ears. The yaw is the angle with the
 of the observation. Angles count from the line of sight: 0 is facing away, pi facing the camera, +
 is to the left.
 
-Each measurement is informative at different angles: distances across the line of sight from the
-front or from behind, differences in depth in profile, and the face between sides. An uninformative
-likelihood is flat, so no selection is needed.
+Each measurement is informative at different angles: distances across the line of sight in profile,
+differences in depth from the front or from behind, and the face distinguishes the sides. An
+uninformative likelihood is flat, so no selection is needed.
 """
 
 import math
