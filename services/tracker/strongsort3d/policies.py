@@ -87,7 +87,7 @@ class CostPolicy:
         return 0.0
 
     def unmatched_cost(self, c_cos: float) -> float:  # noqa: ARG002
-        """Return the cost of an unmatched track or detection; infinity: as in the paper."""
+        """Return the cost of an unmatched track or detection; infinity: as published."""
         return math.inf
 
 
