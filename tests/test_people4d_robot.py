@@ -163,9 +163,7 @@ def test_moving_base_carries_the_camera(late_ns: int) -> None:
 
 
 @pytest.mark.slow
-def test_examples_show_people(tmp_path: Path) -> None:
-    shown = run_example("arrays.py")
-    assert {line.split()[2] for line in shown.splitlines()} >= {"#1", "#2"}
+def test_example_of_a_video_and_depth_images_shows_people(tmp_path: Path) -> None:
     motion_jpeg = cv2.VideoWriter.fourcc(*"MJPG")
     video = cv2.VideoWriter(str(tmp_path / "c.avi"), motion_jpeg, 15, (640, 480))
     for number, frame in enumerate(islice(open_source(str(DEMO)), 20)):
@@ -173,7 +171,15 @@ def test_examples_show_people(tmp_path: Path) -> None:
         video.write(cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2BGR))
         cv2.imwrite(str(tmp_path / f"{number:03}.png"), frame.depth_mm)
     video.release()
-    assert "(2, " in run_example("opencv_folder.py", str(tmp_path / "c.avi"), str(tmp_path))
+    done = subprocess.run(
+        [sys.executable, EXAMPLES / "opencv_folder.py", tmp_path / "c.avi", tmp_path],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert "(2, " in done.stdout, done.stderr
 
 
 @pytest.mark.slow
@@ -204,16 +210,3 @@ def test_file_with_the_name_of_a_package_is_named(tmp_path: Path) -> None:
     line = done.stderr.splitlines()[-1]
     assert line.startswith("ImportError: ")
     assert line.endswith("common.py hides the package common of people4d-robot: rename it")
-
-
-def run_example(name: str, *arguments: str) -> str:
-    done = subprocess.run(
-        [sys.executable, str(EXAMPLES / name), *arguments],
-        cwd=ROOT,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout

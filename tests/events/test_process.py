@@ -3,9 +3,10 @@
 import csv
 import io
 import json
+import os
 import signal
 import subprocess
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -15,17 +16,17 @@ from common.io.recording import RecordingWriter
 from people4d.messages import Event, Zone
 from services.events.zones import write_zones
 from tests.builders import track, tracks
-from tests.deploy.launcher.test_alone import (  # noqa: F401  # a fixture is one by its name
+from tests.deploy.launcher.test_alone import (
     PEOPLE4D,
     TIMEOUT_S,
     ending,
-    environment,
     people,
     people4d,
     recording,
 )
+from tests.network import Network
 
-pytestmark = pytest.mark.processes
+pytestmark = [pytest.mark.processes, pytest.mark.network]
 
 SQUARE = np.array([[0.0, 0], [2, 0], [2, 2], [0, 2]])
 
@@ -40,17 +41,14 @@ def walk(file: Path, seconds: Iterable[int], in_zone: bool) -> Path:
     return file
 
 
-def test_killed_process_makes_each_event_once(
-    tmp_path: Path,
-    environment: Mapping[str, str],  # noqa: F811
-) -> None:
-    variables = {**environment, "PEOPLE4D_STATE": str(tmp_path)}
+def test_killed_process_makes_each_event_once(tmp_path: Path, network: Network) -> None:
+    variables = {**os.environ, **network.environment, "PEOPLE4D_STATE": str(tmp_path)}
     (tmp_path / "robot").mkdir()
     write_zones(tmp_path / "robot" / "zones.json", 1, (Zone(name="door", corners_m=SQUARE),))
     heard = tmp_path / "heard.mcap"
     first = walk(tmp_path / "first.mcap", range(1, 5), in_zone=True)
     second = walk(tmp_path / "second.mcap", range(5, 9), in_zone=False)
-    with recording(heard, "events,zones", environment):
+    with recording(heard, "events,zones", variables):
         for file, end in ((first, signal.SIGKILL), (second, signal.SIGTERM)):
             command = [*PEOPLE4D, "run", "events", "--instance", "events-1"]
             with subprocess.Popen(command, env=variables) as process, ending(process):
