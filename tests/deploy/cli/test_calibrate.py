@@ -222,7 +222,7 @@ def test_cameras_of_two_hosts_with_a_router_each_are_heard(tmp_path: Path) -> No
         thread.start()
         endpoints = ",".join(host.endpoint for host in hosts)
         command = ["calibrate", "--hosts", ",".join(names), "--connect", endpoints]
-        command += ["--seconds", "3", "--out", str(tmp_path / "poses.toml")]
+        command += ["--seconds", "10", "--out", str(tmp_path / "poses.toml")]
         result = CliRunner().invoke(app, command)
         ended.set()
         thread.join()

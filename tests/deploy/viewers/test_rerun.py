@@ -63,10 +63,7 @@ def test_invented_cameras_do_not_use_up_threads(tmp_path: Path) -> None:
     assert len(os.listdir("/proc/self/task")) <= before + 2 * VIEWS_MAX + 10
 
 
-def test_ended_viewer_is_an_error_and_does_not_hold_the_command(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("deploy.viewers.rerun_log.FLUSH_S", 0.1)
+def test_ended_viewer_is_an_error_and_does_not_hold_the_command() -> None:
     stream, viewer = rr.RecordingStream("people4d"), subprocess.Popen([sys.executable, "-c", ""])
     stream.connect_grpc(f"rerun+http://127.0.0.1:{free_port()}/proxy")
     log = RerunLog(stream, viewer)
