@@ -160,23 +160,18 @@ def generate() -> str:
         and record.__module__ == f"people4d.messages.{name}"
         and record not in (*topics, Message, Record)
     ]
-    versions = [f'"{message.__name__}": {message.VERSION},' for message in topics]
+    versions = [f'"{m.__name__}": {m.VERSION}' for m in topics if m.VERSION > 1]
     return TEMPLATE.read_text("utf-8").format(
         version=VERSION,
         image_max_mib=IMAGE_MAX_BYTES // 2**20,
         other_max_mib=OTHER_MAX_BYTES // 2**20,
         name_form=NAME_FORM,
-        versions="\n".join(f"    {' '.join(row)}" for row in batched(versions, 4)),
+        versions=", ".join(versions),
         topics=_topics(),
         header=_table(Message),
         messages="\n".join(_section(message, topic) for message, topic in topics.items()),
         parts="\n".join(_section(part) for part in parts),
     )
-
-
-def batched(words: Sequence[str], size: int) -> Iterator[Sequence[str]]:
-    """Yield rows of a number of words."""
-    return (words[start : start + size] for start in range(0, len(words), size))
 
 
 def _topics() -> str:
@@ -193,12 +188,7 @@ def _topics() -> str:
 
 
 def _section(record: type[msgspec.Struct], topic: Topic | None = None) -> str:
-    where = (
-        f"Topic **{topic.name}**, key `people4d/{VERSION}/<robot>/{topic.key}`, "
-        f"version {topic.message.VERSION}.\n\n"
-        if topic
-        else ""
-    )
+    where = f"Topic **{topic.name}**, version {topic.message.VERSION}.\n\n" if topic else ""
     summary = (record.__doc__ or "").partition("\n")[0]
     return f"### {record.__name__}\n\n{summary}\n\n{where}{_table(record)}\n"
 
