@@ -62,13 +62,7 @@ class Stack:
 
     def __enter__(self) -> Self:
         """Start everything, and wait until the page is served."""
-        for service in SETTINGS:
-            self.start(service)
-        end_s = time.monotonic() + START_S
-        while not _answers(self._port):
-            if time.monotonic() > end_s:
-                raise TimeoutError("the dashboard does not start")
-            time.sleep(0.1)
+        self.start_all()
         feed = HostileFeed(PEOPLE, WIDTH_PX)
         self.bus = self.network.open(self._robot)
         self._feed = FeedThread(self.bus, feed, RATE_HZ)
@@ -90,12 +84,15 @@ class Stack:
             PEOPLE4D_STATE=str(self._folder),
         )
 
-    def restart(self, *services: str) -> None:
-        """End services at once, and start them."""
-        for service in services:
-            self.kill(service)
-        for service in services:
+    def start_all(self) -> None:
+        """Start all services, and wait until the page is served."""
+        for service in SETTINGS:
             self.start(service)
+        end_s = time.monotonic() + START_S
+        while not _answers(self._port):
+            if time.monotonic() > end_s:
+                raise TimeoutError("the dashboard does not start")
+            time.sleep(0.1)
 
     def kill(self, service: str) -> None:
         """End a service at once."""

@@ -52,8 +52,11 @@ def test_zone_is_drawn_saved_and_shown_to_others_after_a_restart(
         expect(one.locator("#zone-list li")).to_contain_text(HOSTILE)
         expect(one.locator("#zone-list img")).to_have_count(0)
     expect(page.locator("#event-list")).to_contain_text(f"entered {HOSTILE}")
-    stack.restart("events", "dashboard")
+    stack.kill("events")
+    stack.kill("dashboard")
     expect(page.locator("#connection")).to_contain_text("no connection")
+    stack.start_all()
+    page.evaluate("dispatchEvent(new Event('online'))")  # it connects at once
     expect(page.locator("#connection")).to_have_text("connected")
     expect(open_page().locator("#zone-list li")).to_contain_text(HOSTILE)
 

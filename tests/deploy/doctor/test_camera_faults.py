@@ -30,7 +30,7 @@ KNOCKED = "camera b has moved by about "
 
 
 class WalkFeed:
-    """What cameras see of two people who walk, to a tracker in memory.
+    """Detections of two walkers by all cameras, fed to a tracker in memory.
 
     Args:
         cameras: Cameras where they are; the second is believed to look 6 degrees beside.
