@@ -8,5 +8,5 @@ from services.camera.sources import open_source
 
 
 def build(config: CameraConfig, source: Source | None = None) -> Node:
-    """Make the camera; its source is opened here, so that a wrong one is reported at start."""
+    """Build the camera node; its source is opened here, so errors are reported at start."""
     return CameraNode(config, source or open_source(config.source, config.options))

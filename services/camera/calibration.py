@@ -27,7 +27,7 @@ class Intrinsics(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     fy: float  # [px] focal length, vertical
     cx: float  # [px] principal point, horizontal
     cy: float  # [px] principal point, vertical
-    distortion: tuple[float, ...] = ()  # k1 k2 p1 p2 k3 k4 k5 k6; 0, 4, 5 or 8 of them
+    distortion: tuple[float, ...] = ()  # k1 k2 p1 p2 k3 k4 k5 k6, with 0, 4, 5 or 8 coefficients
     width: int = 0  # [px] width of its images; 0: any
     height: int = 0  # [px] height of its images; 0: any
 
@@ -69,7 +69,7 @@ def read_calibration(path: Path) -> Calibration:
         raise SourceError(f"calibration {path} cannot be read: {error.strerror}") from error
     except KeyError as error:
         raise SourceError(f"calibration {path} has no {error}") from error
-    except Exception as error:  # parsers raise their own kinds, of no common base
+    except Exception as error:  # parsers raise exceptions without a common base
         raise SourceError(f"calibration {path} is not valid: {str(error)[:400]}") from error
 
 
@@ -137,12 +137,12 @@ def registration(
         colour_from_depth[:3, :3] = calibration.rotation
     colour_from_depth[:3, 3] = calibration.translation_m
     depth = camera_info(calibration.depth, depth_size, "depth")
-    static_transform("colour", "depth", colour_from_depth)  # checks that it is rigid
+    static_transform("colour", "depth", colour_from_depth)  # checks that the transform is rigid
     return Registration(depth, colour, colour_from_depth, calibration.depth_offset_px)
 
 
 def _from_table(table: Mapping[str, Any]) -> Calibration:
-    """Read the fields of Calibration, or of colour alone fx, fy, cx, cy or Open3D's matrix."""
+    """Read the fields of Calibration, or for colour only: fx, fy, cx, cy or Open3D's matrix."""
     if "intrinsic_matrix" in table:
         matrix, size = table["intrinsic_matrix"], (table["width"], table["height"])
         return Calibration(colour=to_intrinsics(_square(matrix), (), *size))
@@ -155,7 +155,7 @@ def _from_table(table: Mapping[str, Any]) -> Calibration:
 
 
 def _from_camera_info(table: Any) -> Calibration:
-    """Read the file that ROS's camera calibration writes."""
+    """Read a file of ROS's camera calibration."""
     colour = to_intrinsics(
         np.reshape(table["camera_matrix"]["data"], (3, 3)),
         read_distortion(
@@ -168,7 +168,7 @@ def _from_camera_info(table: Any) -> Calibration:
 
 
 def _from_matrix(text: str) -> Calibration:
-    """Read a camera matrix as ScanNet, 7-Scenes and Stray Scanner write it, 3x3 or 4x4."""
+    """Read a camera matrix of ScanNet, 7-Scenes or Stray Scanner, 3x3 or 4x4."""
     numbers = [float(word) for word in text.replace(",", " ").split()]
     return Calibration(colour=to_intrinsics(_square(numbers)))
 
@@ -179,7 +179,7 @@ def _square(numbers: Any) -> F64:
     if flat.size not in (9, 16):
         raise ValueError(f"expected a matrix of 3x3 or 4x4, got {flat.size} numbers")
     matrix = flat.reshape(-1, 3 if flat.size == 9 else 4)[:3, :3]
-    # The third row of a camera matrix is 0 0 1; where the third column is, it is the transpose.
+    # The third row of a camera matrix is 0 0 1; in a transposed one it is the third column.
     matrix = matrix.T if not matrix[:2, 2].any() else matrix
     if not np.array_equal(matrix[2], (0.0, 0.0, 1.0)):
         raise ValueError(f"expected a camera matrix, got one with the third row {matrix[2]}")

@@ -21,18 +21,18 @@ from people4d.topics import LOCKSTEP_MAX
 
 
 class MotionConfig(Config, frozen=True, kw_only=True):
-    """Live topics of the robot's ROS 2 with its motion: zenoh: and the key of a topic in CDR."""
+    """Live ROS 2 topics with the robot's motion: "zenoh:" and the key of a topic in CDR."""
 
     odometry: str = ""  # nav_msgs/Odometry, for example zenoh:odom; empty: none
-    joints: str = ""  # sensor_msgs/JointState whose wheels make odometry; empty: none
+    joints: str = ""  # sensor_msgs/JointState with the wheels for odometry; empty: none
     wheels: WheelConfig = WheelConfig()  # geometry of the wheels of `joints`
-    # tf2_msgs/TFMessage, for example ["zenoh:tf"]: parents of a camera that pans, tilts, swings
+    # tf2_msgs/TFMessage, for example ["zenoh:tf"]: transforms of a camera that pans or tilts
     transforms: tuple[str, ...] = ()
-    offset_s: float = 0.0  # [s] added to their stamps: from the robot's clock to the camera's
+    offset_s: float = 0.0  # [s] added to stamps of motion: camera's clock minus robot's clock
 
     @property
     def enabled(self) -> bool:
-        """At least one topic is configured."""
+        """True if at least one topic is configured."""
         return bool(self.odometry or self.joints or self.transforms)
 
     def __post_init__(self) -> None:
@@ -47,8 +47,8 @@ class CameraConfig(Config, frozen=True, kw_only=True):
 
     source: str = ""  # path of a recording, bag or folder, or module:Class of a plug-in camera
     options: dict[str, Any] = msgspec.field(default_factory=dict)  # options of the kind of source
-    camera: NameOrEmpty = ""  # name in keys and messages; empty: the recording's, else "camera"
-    max_depth_m: Positive | None = None  # [m] of valid readings; None: the source's, else 5
+    camera: NameOrEmpty = ""  # name in keys and messages; empty: as in the recording, else "camera"
+    max_depth_m: Positive | None = None  # [m] maximum valid depth; None: of the source, else 5
     mount_xyz_m: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m] camera_link in mount_parent
     mount_rpy_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [rad] about fixed x, y, z
     # File of people4d calibrate; its pose replaces the source's and mount_*
@@ -60,12 +60,13 @@ class CameraConfig(Config, frozen=True, kw_only=True):
     # Maximum number of unanswered frames in lockstep
     window: Annotated[int, Meta(ge=1, le=LOCKSTEP_MAX)] = 2
     answer: Literal["people", "detections"] = "people"  # topic whose stamp answers a frame
-    answer_timeout_s: Positive = 5.0  # [s] until playback continues without the answer
-    loop: bool = False  # repeat from the start; stamps keep rising
-    start_s: NonNegative = 0.0  # [s] of the recording to leave out at its beginning
-    duration_s: NonNegative = 0.0  # [s] of the recording to play; 0: all
-    max_frames: Count = 0  # frames to send; 0: all
-    stride: PositiveInt = 1  # send every n-th frame
+    # [s] maximum wait for an answer, after which playback continues
+    answer_timeout_s: Positive = 5.0
+    loop: bool = False  # True: playback repeats from the start; stamps keep rising
+    start_s: NonNegative = 0.0  # [s] start in the recording
+    duration_s: NonNegative = 0.0  # [s] played duration of the recording; 0: all
+    max_frames: Count = 0  # maximum number of sent frames; 0: all
+    stride: PositiveInt = 1  # n: only every n-th frame is sent
     # [Hz] maximum rate of compressed frames (JPEG and PNG), which may leave the host; 0: none
     compressed_hz: NonNegative = 0.0
     # [s] from calibration to the first frame of a recording, for late subscribers

@@ -27,8 +27,8 @@ class TopicCount(msgspec.Struct, frozen=True, kw_only=True):
     """One stream of a recording."""
 
     name: str  # topic or key
-    type: str  # message type; empty if the container does not say
-    count: int  # messages
+    type: str  # message type; empty if unknown
+    count: int  # number of messages
 
 
 class Description(msgspec.Struct, frozen=True, kw_only=True):
@@ -38,16 +38,16 @@ class Description(msgspec.Struct, frozen=True, kw_only=True):
     kind: str  # recording, rosbag or folder
     topics: tuple[TopicCount, ...] = ()
     duration_s: float = 0.0  # [s] from the first to the last message or frame
-    frames: int = 0  # colour images
+    frames: int = 0  # number of colour images
     calibration: CameraInfo | None = None  # calibration of colour; None if it cannot be played
     registered: bool = False  # True: depth is moved into the view of colour while playing
     mounted_in: str = ""  # parent frame of the camera; empty if unknown
     turned_deg: int = 0  # [deg] clockwise turn that makes images upright
     has_odometry: bool = False
-    unlinked_odometry: str = ""  # frame of odometry that no transform links to the map
-    has_truth: bool = False  # motion capture, or the virtual lab's
-    cut_short: bool = False  # True: it has no end mark; the messages before are readable
-    problem: str = ""  # why it cannot be played; empty if it can
+    unlinked_odometry: str = ""  # frame of odometry without a transform to the map
+    has_truth: bool = False  # True with ground truth, from motion capture or simulation
+    cut_short: bool = False  # True without an end mark; the messages are readable
+    problem: str = ""  # reason why it cannot be played; empty if it can
 
 
 def describe(path: Path) -> Description:
@@ -77,7 +77,7 @@ def describe(path: Path) -> Description:
 
 
 def _try_out(source: Source) -> tuple[str, str]:
-    """Return why no frame can be played, empty if one can, and the frame of odometry before it."""
+    """Return the reason why no frame can be played, or empty, and the frame of odometry."""
     check, odometry_frame = FrameCheck(source.info), ""
     try:
         for item in source:
@@ -139,7 +139,7 @@ def _folder(path: Path, source: Source | None) -> Description:
 
 
 def _type_of(topic: str) -> str:
-    """Return the message type of a key below people4d/v1/<robot>/, empty if it is of none."""
+    """Return the message type of a key below people4d/v1/<robot>/, empty if unknown."""
     known = topic_of_key(f"{prefix('robot')}/{topic}")
     return known.message.__name__ if known else ""
 

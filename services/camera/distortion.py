@@ -1,4 +1,4 @@
-"""Lens distortion under the names that drivers, SDKs and calibration files give it."""
+"""Lens distortion by its names in drivers, SDKs and calibration files."""
 
 import re
 
@@ -7,17 +7,17 @@ import numpy.typing as npt
 
 from people4d.errors import SourceError
 
-# Models of a pinhole with the coefficients k1 k2 p1 p2 k3 k4 k5 k6, as OpenCV has them. Those with
-# "brown_conrady" are librealsense's; realsense2_camera publishes them all as plumb_bob, too.
+# Pinhole models with OpenCV's coefficients k1 k2 p1 p2 k3 k4 k5 k6. Models with "brown_conrady" are
+# librealsense's; realsense2_camera also publishes them as plumb_bob.
 PINHOLES = (
     *("", "none", "plumb_bob", "rational_polynomial"),
     *("brown_conrady", "inverse_brown_conrady", "modified_brown_conrady"),
 )
-LENGTHS = (0, 5, 8)  # number of coefficients of none, plumb_bob and rational_polynomial
+LENGTHS = (0, 5, 8)  # numbers of coefficients of none, plumb_bob and rational_polynomial
 
 
 def read_distortion(model: str, coefficients: npt.ArrayLike) -> tuple[float, ...]:
-    """Return 0, 5 or 8 coefficients, the number of their model; zeros at the end are ignored.
+    """Return 0, 5 or 8 coefficients, as their model requires; trailing zeros are ignored.
 
     Raises:
         SourceError: The lens is not a pinhole, or has more coefficients than 8.

@@ -1,4 +1,4 @@
-"""Checks that the frames of a source are as declared, with the difference as a sentence."""
+"""Checks of frames against the declaration of their source."""
 
 import time
 from collections.abc import Mapping
@@ -10,18 +10,18 @@ from people4d.messages import CameraInfo
 from services.camera.ros.images import millimetres
 from services.camera.source import MotionMessage, SourceFrame, SourceItem, SourceSetup
 
-METRES_MAX = 50  # maximum reading [mm] of a depth image in metres; sensors begin beyond
+METRES_MAX = 50  # maximum reading [mm] of a depth image in metres, below the range of sensors
 RANGE_MAX_M = 65.535  # [m] range of 16 bits of millimetres
-GRID = 16  # [px] step between the readings that are checked
-HOPELESS_FRAMES = 20  # rejected frames, with none accepted, after which a source is given up
-HOPELESS_S = 3.0  # [s] minimum time from the first rejected frame until then
+GRID = 16  # [px] step between checked readings
+HOPELESS_FRAMES = 20  # number of rejected frames without an accepted one that ends a source
+HOPELESS_S = 3.0  # [s] minimum time from the first rejected frame to the end of a source
 
 
 class FrameCheck:
     """Rejects frames of another type or size than declared; `accept` runs in the reading thread.
 
     Args:
-        info: Calibration of the frames; None until a SourceSetup brings it.
+        info: Calibration of the frames; None until a SourceSetup.
         in_metres: Depth is declared as float metres, which `accept` converts.
     """
 
@@ -29,12 +29,13 @@ class FrameCheck:
         self._info, self._in_metres = info, in_metres
         self._first_s: float | None = None  # monotonic time of the first frame, if rejected
         self._accepted = False
-        self.cause = self.fault = ""  # what is wrong with the last frame, empty if nothing
-        self.hopeless = False  # no frame fits, and none will
-        self.counters: Mapping[str, int] = {}  # rejected frames by cause
+        # Counter and description of the last frame's fault, empty without one
+        self.cause = self.fault = ""
+        self.hopeless = False  # True if all frames were rejected
+        self.counters: Mapping[str, int] = {}  # number of rejected frames by cause
 
     def accept(self, item: SourceItem) -> SourceItem | None:
-        """Return an item as it is used, None if it is rejected; calibration and motion pass."""
+        """Return an accepted item, converted, or None; calibration and motion pass."""
         if isinstance(item, SourceSetup):
             self._info = item.info
         if isinstance(item, MotionMessage | SourceSetup) or self._info is None:
@@ -57,7 +58,7 @@ class FrameCheck:
 
 
 def frame_fault(frame: object, info: CameraInfo, in_metres: bool = False) -> tuple[str, str]:
-    """Return the counter of what is wrong with a frame, and a sentence; both empty if nothing."""
+    """Return counter and description of a frame's fault; both empty without one."""
     if not isinstance(frame, SourceFrame):
         return "wrong_type", f"it yields {type(frame).__name__}, expected SourceFrame"
     size, stamp_ns = (info.height, info.width), _any(frame.stamp_ns)
@@ -82,7 +83,7 @@ def frame_fault(frame: object, info: CameraInfo, in_metres: bool = False) -> tup
 
 
 def _unit_fault(frame: SourceFrame, in_metres: bool) -> tuple[str, str]:
-    """Return what is wrong with the unit of depth, by some readings."""
+    """Return the fault of the depth unit, judged by some readings."""
     depth = frame.depth_mm[::GRID, ::GRID]
     if in_metres:
         smallest = float(np.min(depth, initial=np.inf, where=depth > 0))

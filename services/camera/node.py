@@ -41,7 +41,7 @@ from services.camera.upright import (
 if TYPE_CHECKING:
     from services.camera.ros.live_motion import LiveMotion
 
-FRAMES_AHEAD = 4  # frames that are read ahead
+FRAMES_AHEAD = 4  # number of frames read ahead
 POLL_NS = 2_000_000  # [ns] period of polling without a loop
 STOP_S = 2.0  # [s] maximum wait for the reading thread
 MAX_AGE_NS = 1_000_000_000  # [ns] maximum age of a live frame whose stamp is of this clock
@@ -65,7 +65,7 @@ class CameraNode(Node):
         self.inputs = (ANSWERS[config.answer],) if self._lockstep else ()
         self._pacing = pacing_of(config, source.live)
         self._info: CameraInfo | None = None
-        self._turns = 0  # quarter turns of the images, clockwise
+        self._turns = 0  # number of clockwise quarter turns of the images
         self._transforms: Sequence[StaticTransform] = ()
         self._motion = _motion(config)
         self.foreign_inputs: Sequence[ForeignTopic] = self._motion.topics if self._motion else ()
@@ -75,15 +75,15 @@ class CameraNode(Node):
             lambda: play(source, config, self._accept), FRAMES_AHEAD, source.live
         )
         self._wake: Callable[[], None] | None = None
-        self._begin_ns: int | None = None  # time from which frames are sent
+        self._begin_ns: int | None = None  # [ns] monotonic time of the first frame
         self._tick_ns = 0
         self._stamp_ns: int | None = None
         self._sequence = 0
-        self._to_compress: RgbdFrame | None = None  # sent compressed in the next tick
+        self._to_compress: RgbdFrame | None = None  # frame to be sent compressed in the next tick
         self._next_compressed_ns = 0
-        self._unanswered = False  # frames timed out without an answer since
+        self._unanswered = False  # True if frames timed out since the last answer
         self._rate = SourceRate(config.speed) if isinstance(self._pacing, RecordedPacing) else None
-        self._behind_s = 0.0  # [s] stamps of a live camera behind the clock of its host
+        self._behind_s = 0.0  # [s] delay of a live camera's stamps behind the clock of its host
         self._counters: Counter[str] = Counter()
 
     def attach(self, loop: LoopCallbacks) -> None:
@@ -121,16 +121,16 @@ class CameraNode(Node):
         self._unanswered = self._unanswered or given_up > 0
         self._counters["unanswered"] += given_up
         outputs: list[Message] = []
-        # One frame a tick: each has its own time of sending.
+        # One frame a tick, so each has its own time of sending.
         while self._is_due(now_ns) and not any(isinstance(m, RgbdFrame) for m in outputs):
             outputs += self._message(self._prefetch.take(), now_ns)
-        if not outputs and self._to_compress:  # in a tick of its own, so that it delays no frame
+        if not outputs and self._to_compress:  # in a separate tick, which delays no frame
             outputs = [compress(self._to_compress)]
             self._to_compress = None
         return outputs
 
     def wake_ns(self) -> int | None:
-        """Return when the next frame is due or an answer overdue."""
+        """Return the time of the next frame, or the deadline of an answer."""
         if self._begin_ns is None:
             return self._tick_ns
         if self._tick_ns < self._begin_ns:
@@ -149,12 +149,12 @@ class CameraNode(Node):
         """Check that the source has ended and its frames are sent, or that no frame is usable."""
         if self._check.hopeless:
             return True
-        # In this order, so that an item put before the end is still found.
+        # In this order, so an item put before the end is not missed.
         ended = self._prefetch.ended
         return ended and self._prefetch.peek() is None and self._pacing.wake_ns() is None
 
     def status(self) -> Status:
-        """Return whether frames come, and the drops by cause."""
+        """Return the state of the source, and the drops by cause."""
         counters = Counter(self._source.counters) + self._counters
         counters += Counter(self._check.counters)
         counters += Counter(self._motion.counters if self._motion else {})
@@ -185,7 +185,7 @@ class CameraNode(Node):
         """Stop reading and close the source.
 
         Raises:
-            SourceError: No frame of the source is as declared.
+            SourceError: No frame of the source matches its declaration.
         """
         check = self._check
         cause, fault = (check.cause, check.fault) if check.hopeless else ("", "")
@@ -196,7 +196,7 @@ class CameraNode(Node):
             raise SourceError(f"no frame of the source can be used: {fault}", REJECTED[cause])
 
     def _accept(self, item: SourceItem) -> SourceItem | None:
-        """Check an item in the reading thread; after a stop all items pass, so that it ends."""
+        """Check an item in the reading thread; after a stop all items pass, so the thread ends."""
         return item if self._prefetch.stopped else self._check.accept(item)
 
     def _is_due(self, now_ns: int) -> bool:
@@ -204,7 +204,7 @@ class CameraNode(Node):
         if item is None or now_ns < (self._begin_ns or 0):
             return False
         if not isinstance(item, SourceFrame):
-            return True  # motion is sent with the previous frame: consumers join it by stamp
+            return True  # motion is sent with the previous frame; consumers join it by stamp
         due_ns = self._pacing.due_ns(item.stamp_ns, now_ns)
         return due_ns is not None and due_ns <= now_ns
 
@@ -242,7 +242,7 @@ class CameraNode(Node):
         poses = [static_transform(self._config.mount_parent, named.frame_id, mount)]
         if transforms or moves:
             poses = renamed(transforms, info.frame_id, named.frame_id)
-        # The roll of a camera that pans and tilts differs from its mount's.
+        # The roll of a pan-tilt camera differs from the roll of its mount.
         swings = moves or bool(self._config.motion.transforms)
         turns = 0 if swings else turns_of(poses, named.frame_id)
         if self._config.transforms:
@@ -256,7 +256,7 @@ class CameraNode(Node):
         return [self._info, *self._transforms]
 
     def _frame(self, item: SourceFrame) -> RgbdFrame | None:
-        """Make the message; None before the calibration is known."""
+        """Return the message; None before the calibration is known."""
         if self._info is None:
             return None
         return RgbdFrame(

@@ -5,11 +5,11 @@ from collections import deque
 from people4d.errors import ConfigError
 from services.camera.config import CameraConfig
 
-MAX_GAP_NS = 10_000_000_000  # [ns] maximum pause in the stamps that is no jump of the clock
+MAX_GAP_NS = 10_000_000_000  # [ns] maximum pause in the stamps; longer: a jump of the clock
 RATE_NS = 5_000_000_000  # [ns] period over which the rate of a source is measured
 FEWEST_FRAMES = 3  # minimum number of frames for a rate
-SLOW = 0.8  # share of the wanted rate below which a source is too slow
-MAX_LATE_NS = 1_000_000_000  # [ns] delay beyond which lost time is not caught up
+SLOW = 0.8  # minimum rate of a source, relative to the rate of its stamps
+MAX_LATE_NS = 1_000_000_000  # [ns] maximum delay that is caught up
 
 
 class Pacing:
@@ -44,14 +44,14 @@ class RecordedPacing(Pacing):
         self._gap_ns = 0
 
     def due_ns(self, stamp_ns: int, now_ns: int) -> int | None:
-        """Return the due time of the last frame plus the interval; over a jump, the one before."""
+        """Return the last due time plus the interval; over a jump, the previous interval."""
         if self._stamp_ns is None:
             return now_ns
         due_ns = self._due_ns + int(self._gap(stamp_ns) / self._speed)
         return now_ns if now_ns - due_ns > MAX_LATE_NS else due_ns
 
     def sent(self, stamp_ns: int, now_ns: int) -> None:
-        """Continue from the time at which the frame was due, so that delays do not add up."""
+        """Continue from the due time of the frame, so delays do not accumulate."""
         due_ns = self.due_ns(stamp_ns, now_ns)
         if self._stamp_ns is not None:
             self._gap_ns = self._gap(stamp_ns)
@@ -74,7 +74,7 @@ class LockstepPacing(Pacing):
         self._waiting: dict[int, int] = {}  # deadline by stamp
 
     def due_ns(self, stamp_ns: int, now_ns: int) -> int | None:
-        """Return now while there is room in the window."""
+        """Return `now_ns` if the window has room."""
         # Answers to frames of the same stamp could not be distinguished.
         room = len(self._waiting) < self._window and stamp_ns not in self._waiting
         return now_ns if room else None
@@ -84,7 +84,7 @@ class LockstepPacing(Pacing):
         self._waiting[stamp_ns] = now_ns + self._timeout_ns
 
     def answered(self, stamp_ns: int) -> None:
-        """Make room; other answers are ignored."""
+        """Make room in the window; unexpected answers are ignored."""
         self._waiting.pop(stamp_ns, None)
 
     def give_up(self, now_ns: int) -> int:
@@ -116,17 +116,17 @@ class SourceRate:
 
     @property
     def hz(self) -> float:
-        """Frames a second that were sent."""
+        """Rate of sent frames."""
         return self._rate_hz(1)
 
     @property
     def wanted_hz(self) -> float:
-        """Frames a second by their stamps, at the speed of playback."""
+        """Rate of frames by their stamps, at the speed of playback."""
         return self._rate_hz(0) * self._speed
 
     @property
     def is_slow(self) -> bool:
-        """True if the source gave clearly fewer frames than wanted."""
+        """True if the source delivers clearly fewer frames than its stamps require."""
         long = len(self._sent) > 1 and self._sent[-1][1] - self._sent[0][1] >= RATE_NS
         return long and self.hz < SLOW * self.wanted_hz
 
@@ -136,7 +136,7 @@ class SourceRate:
 
 
 def is_jump(gap_ns: int) -> bool:
-    """Check for an interval that two consecutive frames cannot have."""
+    """Return True for an impossible interval of consecutive frames."""
     return not 0 < gap_ns <= MAX_GAP_NS
 
 

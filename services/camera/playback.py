@@ -14,17 +14,17 @@ from services.camera.pacing import MAX_GAP_NS
 from services.camera.source import Source, SourceFrame, SourceItem, SourceSetup
 from services.camera.sources import kind_of, open_source
 
-ONE_FRAME_NS = 33_333_333  # stands in for the time between frames where there is one frame only
+ONE_FRAME_NS = 33_333_333  # assumed frame interval of a source with a single frame
 
 
 class RoundLength:
     """Duration of one round of a loop, from the stamps of its frames in their order.
 
-    Jumps of the clock do not count: with them each round would be years later than the one before.
+    Jumps of the clock, possibly of years, do not count.
     """
 
     def __init__(self) -> None:
-        self.count = 0  # frames
+        self.count = 0  # number of frames
         self._before_ns = 0  # length of the parts before the last jump
         self._part = (0, 0)  # lowest and highest stamp since the last jump
         self._last_ns = 0
@@ -41,7 +41,7 @@ class RoundLength:
 
     @property
     def length_ns(self) -> int:
-        """First to last frame, and one frame more."""
+        """Duration from the first to the last frame, plus one frame interval."""
         low_ns, high_ns = self._part
         length_ns = self._before_ns + high_ns - low_ns
         return length_ns + (length_ns // (self.count - 1) if self.count > 1 else ONE_FRAME_NS)
@@ -52,9 +52,9 @@ def play(
     config: CameraConfig,
     accept: Callable[[SourceItem], SourceItem | None] = lambda item: item,
 ) -> Iterator[SourceItem]:
-    """Yield the configured part of a source; each repetition shifts the stamps, so that they rise.
+    """Yield the configured part of a source; in repetitions stamps are shifted to rise.
 
-    `accept` returns an item as it is used, or None to leave it out.
+    `accept` returns a converted item, or None for a rejected one.
     """
     sent, shift_ns = 0, 0
     while True:
@@ -73,10 +73,10 @@ def play(
 
 
 def loop_period_s(source: str) -> float:
-    """Return the time that a looping camera adds to its stamps each round [s]."""
+    """Return the shift of stamps by each round of a looping camera [s]."""
     kind = kind_of(source)
     if kind in ("plugin", "ros2"):
-        return 0.0  # it does not end
+        return 0.0  # endless source
     length = RoundLength()
     if kind == "recording":
         for _, message in open_recording(Path(source)).messages(CompressedRgbdFrame, RgbdFrame):

@@ -1,4 +1,4 @@
-"""A thread that reads ahead, so that decoding never delays the node."""
+"""A thread that reads ahead, so decoding does not delay the node."""
 
 import threading
 import time
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from services.camera.source import SourceFrame, SourceItem
 
-MAX_ITEMS = 1024  # waiting items, including the odometry between frames
+MAX_ITEMS = 1024  # maximum number of waiting items, including odometry between frames
 RETRY_S = 1.0  # [s] from a failure of a live device to the next attempt
 
 
@@ -16,16 +16,16 @@ RETRY_S = 1.0  # [s] from a failure of a live device to the next attempt
 class PrefetchedItem:
     """An item with the times of its reading."""
 
-    item: SourceItem  # A frame or a motion
-    start_ns: int  # wall clock when its reading began
-    end_ns: int  # wall clock when it was ready
+    item: SourceItem  # frame or motion
+    start_ns: int  # wall clock at the beginning of its reading
+    end_ns: int  # wall clock at the end of its reading
 
 
 class Prefetch:
     """Reads items into a bounded queue that holds at most `frames` frames.
 
-    If live, the newest frame replaces one that waits, and a device that fails is tried again; else
-    reading waits for room and an error ends it. `play` is called in the thread.
+    If live, the newest frame replaces a waiting one, and a failed device is retried; otherwise
+    reading waits for room, and an error ends it. `play` is called in the thread.
     """
 
     def __init__(self, play: Callable[[], Iterator[SourceItem]], frames: int, live: bool) -> None:
@@ -38,10 +38,10 @@ class Prefetch:
         self._stopped = threading.Event()
         self._wake: Callable[[], None] = lambda: None
         self._thread = threading.Thread(target=self._run, name="camera-prefetch", daemon=True)
-        self.ended = False  # no more items
-        self.errors = 0  # times that reading failed
+        self.ended = False  # True after the last item
+        self.errors = 0  # number of failures of reading
         self.reason = ""  # reason of the last failure, empty while a live device delivers
-        self.skipped = 0  # frames replaced by newer ones
+        self.skipped = 0  # number of frames replaced by newer ones
 
     @property
     def stopped(self) -> bool:

@@ -26,14 +26,14 @@ from services.camera.source import MotionMessage, Source, SourceFrame
 
 M = TypeVar("M", bound=Message)
 
-# Functions that make the depth sensor of a recording, by the metadata record that asks for one.
-# They take the recording, the calibration and changes of the sensor, and return None for depth
-# that is measured already. They are given by name: higher layers provide them.
+# Functions that create the depth sensor of a recording, by its metadata record. Arguments are the
+# recording, the calibration and changed settings of the sensor; the result is None for measured
+# depth. They are given by name, since higher layers provide them.
 DEPTH_SENSORS = {"lab": "lab.depth.metadata:depth_sensor_of"}
 
 
 class SimulatedSensor(Protocol):
-    """A depth sensor that is applied to the true depth in a recording."""
+    """A depth sensor applied to the true depth in a recording."""
 
     def measure(self, depth_mm: U16, stamp_ns: int) -> U16:
         """Return the readings of the true depth, HxW; DecodeError if it is of another size."""
@@ -44,10 +44,11 @@ class RecordingOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=
     """Options of a recording."""
 
     camera: str = ""  # name of the camera to play; may be empty if there is only one
-    # Simulated recordings hold depth without errors. auto: the errors of the depth sensor that the
-    # recording names are added; off: depth comes as stored.
+    # Simulated recordings have depth without errors. auto: errors of the recording's depth sensor
+    # are added; off: depth as stored
     depth_sensor: Literal["auto", "off"] = "auto"
-    sensor: dict[str, Any] = field(default_factory=dict)  # changes, see lab.depth.config
+    # Changed settings of the sensor, see lab.depth.config
+    sensor: dict[str, Any] = field(default_factory=dict)
 
 
 class RecordingSource(Source):

@@ -24,9 +24,9 @@ class SourceFrame:
 
 @dataclass(frozen=True)
 class SourceSetup:
-    """Calibration and mount of a source that become known or change while it runs."""
+    """Calibration and mount of a source, initial or changed while it runs."""
 
-    info: CameraInfo  # calibration of the frames that follow
+    info: CameraInfo  # calibration of the following frames
     transforms: Sequence[StaticTransform]  # pose of the camera; empty if unknown
     moves: bool  # True: transforms of the camera follow, so no mount is needed
     stamp_ns: int  # [ns] stamp of the next frame
@@ -48,13 +48,14 @@ class Source(ABC):
     info: CameraInfo  # calibration; the configuration may override `camera` and `max_depth_m`
     transforms: Sequence[StaticTransform] = ()  # pose of the camera, if known
     registration: Registration | None = None  # moves depth into the view of colour
-    moves: bool = False  # True: it yields transforms of the camera, so no mount is needed
-    counters: Mapping[str, int] = MappingProxyType({})  # events since opening, drops by cause
+    moves: bool = False  # True: the source yields transforms of the camera, so no mount is needed
+    # Number of events since opening, and of drops by cause
+    counters: Mapping[str, int] = MappingProxyType({})
     depth_in_metres: bool = False  # True: depth_mm of its frames is float metres, to be converted
     live: bool = False  # True: a device, whose newest frame matters; False: a recording
-    # True: `info` is not set; a SourceSetup comes before the first frame
+    # True: `info` is not set, but yielded in a SourceSetup before the first frame
     calibrates_late: ClassVar[bool] = False
-    problem: str = ""  # why no frames come, one sentence; empty if they do
+    problem: str = ""  # reason of missing frames, one sentence; empty if frames arrive
 
     @abstractmethod
     def __iter__(self) -> Iterator[SourceItem]:
@@ -63,7 +64,7 @@ class Source(ABC):
     def part(self, start_s: float, duration_s: float) -> Iterator[SourceItem]:
         """Yield the items of a period since the first one; a duration of 0 has no end.
 
-        A source that need not produce the rest overrides this method.
+        Sources with random access override this method.
         """
         start_ns, length_ns = int(start_s * 1e9), int(duration_s * 1e9)
         origin_ns: int | None = None
@@ -71,7 +72,7 @@ class Source(ABC):
         for item in self:
             origin_ns = item.stamp_ns if origin_ns is None else origin_ns
             elapsed_ns = item.stamp_ns - origin_ns
-            # Playback does not stop again: after a clock jump the elapsed time is meaningless.
+            # Playback stays started: after a clock jump the elapsed time is meaningless.
             started = started or elapsed_ns >= start_ns
             if started and length_ns and elapsed_ns > start_ns + length_ns:
                 return

@@ -18,7 +18,7 @@ from services.camera.source import Source
 LAB = "lab:"  # prefix of the name of a scenario
 ROS2 = re.compile(r"ros2(\+\w*)?:.*")
 PLUGIN = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
-# Imported on use, since ROS bags take long to import and the lab is a layer above the services.
+# Classes are imported on use, since ROS bags take long to import and the lab is a higher layer.
 SOURCES = {
     "recording": "services.camera.recording:RecordingSource",
     "rosbag": "services.camera.ros.source:RosbagSource",
@@ -34,7 +34,7 @@ def open_source(source: str, options: Mapping[str, Any] | None = None) -> Source
     Args:
         source: Path, `lab:NAME` of a scenario, `ros2:/NAMESPACE` or `ros2:DRIVER` of ROS 2 topics,
             or `module:Class` of a plug-in camera.
-        options: Of the kind of source; a plug-in gets them as keyword arguments.
+        options: Options of the kind of source; keyword arguments of a plug-in.
 
     Raises:
         SourceError: The source does not exist or cannot be read.
@@ -55,7 +55,7 @@ def check_source(config: CameraConfig) -> None:
 
     Raises:
         ConfigError: No source is named, or an option is wrong.
-        SourceError: It cannot be read.
+        SourceError: The source cannot be read.
     """
     if not config.source:
         raise ConfigError(
@@ -114,7 +114,7 @@ def _plugin(name: str, options: Mapping[str, Any]) -> Source:
         source: object = factory(**options)
     except SourceError:
         raise
-    except Exception as error:  # a camera's SDK may raise anything
+    except Exception as error:  # a camera's SDK may raise any exception
         raise SourceError(f"camera {name} cannot be opened: {error}") from error
     if not isinstance(source, Source):
         raise SourceError(

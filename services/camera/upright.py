@@ -1,7 +1,7 @@
-"""Images of a camera that is mounted upside down or sideways, turned upright.
+"""Upright images of a camera mounted upside down or sideways.
 
-The detector expects upright people, and left and right follow from the image: with a rolled camera
-most people are missed and the others have the wrong heading.
+The detector expects upright people: with a rolled camera most people are missed, and headings of
+the others are wrong.
 """
 
 import math
@@ -17,7 +17,7 @@ from people4d.messages import F64, CameraInfo, StaticTransform
 
 T = TypeVar("T", bound=np.generic)
 
-# Minimum level share of gravity in the image: steeper cameras (60 degrees) are not turned
+# Minimum component of gravity in the image: cameras steeper than 60 deg are not turned
 LEAST_LEVEL = 0.5
 # Optical frame to the frame of the image turned clockwise by 90 degrees: x' = -y, y' = x
 TURN = np.array([[0.0, -1.0, 0.0, 0.0], [1.0, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])

@@ -7,7 +7,7 @@ from common.runtime import process
 from services.dashboard.build import build
 from services.dashboard.config import DashboardConfig
 
-NICE = 10  # of its processor time, so that the pipeline goes first
+NICE = 10  # niceness of the process, below the pipeline's priority
 
 if __name__ == "__main__":
     os.nice(NICE)

@@ -14,9 +14,9 @@ from services.dashboard.address import Tokens, is_local
 from services.dashboard.config import DashboardConfig
 
 COOKIE = "people4d"
-OPEN_PATHS = ("/login", "/login.html", "/style.css", "/icon.svg")  # without a token
+OPEN_PATHS = ("/login", "/login.html", "/style.css", "/icon.svg")  # paths without a token
 LOGIN = "/login.html"
-HOST = re.compile(r"(\[[0-9a-f:.]+\]|[\w.-]+)(?::\d{0,5})?")  # a name or address, and its port
+HOST = re.compile(r"(\[[0-9a-f:.]+\]|[\w.-]+)(?::\d{0,5})?")  # name or address, and port
 POLICY = "; ".join(
     (
         "default-src 'none'",
@@ -115,7 +115,7 @@ class Guard:
         )
 
     def _same_origin(self, origin: str | None, host: str) -> bool:
-        if not origin:  # only programs omit it
+        if not origin:  # browsers always send it
             return bool(self.tokens.operator)
         scheme = "https" if self.secure else "http"
         return origin.lower() == f"{scheme}://{host.lower()}"

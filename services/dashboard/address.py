@@ -9,7 +9,7 @@ import msgspec
 
 from common.io.files import write_private
 
-ADDRESS_FILE = "dashboard.json"  # in the state folder
+ADDRESS_FILE = "dashboard.json"  # name of a file in the state folder
 TOKEN_FILE = "dashboard_tokens.json"
 TOKEN_BYTES = 24
 
@@ -21,7 +21,7 @@ class Tokens(msgspec.Struct, frozen=True):
     planner: str = ""
 
     def role_of(self, token: str) -> str:
-        """Return the role of a token, empty without a role, in constant time."""
+        """Return the role of a token, in constant time; empty without a role."""
         given = token.encode()
         operator = hmac.compare_digest(given, self.operator.encode())
         planner = hmac.compare_digest(given, self.planner.encode())
@@ -33,7 +33,7 @@ class Tokens(msgspec.Struct, frozen=True):
 class PageAddress(msgspec.Struct, frozen=True):
     """Address of the page, read by people4d up and people4d open."""
 
-    url: str  # without a token
+    url: str  # address without a token
     tokens: Tokens = Tokens()
 
     @property
@@ -43,7 +43,7 @@ class PageAddress(msgspec.Struct, frozen=True):
 
 
 def is_local(host: str) -> bool:
-    """Check that an address can only be reached from this machine."""
+    """Check that an address is reachable only from this machine."""
     if host == "localhost":
         return True
     try:
@@ -55,7 +55,7 @@ def is_local(host: str) -> bool:
 def read_tokens(host: str, given: Tokens, folder: Path | None) -> Tokens:
     """Return the configured, stored or generated tokens.
 
-    On this machine's own addresses only configured tokens are used.
+    On loopback addresses only configured tokens are used.
 
     Args:
         host: Address of the page.

@@ -5,5 +5,5 @@ from services.dashboard.node import DashboardNode
 
 
 def build(config: DashboardConfig) -> DashboardNode:
-    """Make the node; it opens its port when the loop attaches."""
+    """Build the node, which opens its port when the loop attaches."""
     return DashboardNode(config)

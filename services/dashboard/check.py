@@ -1,4 +1,4 @@
-"""Check of the settings before anything is started."""
+"""Check of the settings before the start."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ def check_page(config: DashboardConfig) -> None:
     """Check that the web server is installed, and the files of the certificate.
 
     Raises:
-        ConfigError: They are not.
+        ConfigError: The server is not installed, or a file is unusable.
     """
     need("the dashboard", "dashboard")
     if bool(config.certificate) != bool(config.certificate_key):

@@ -13,14 +13,14 @@ class DashboardConfig(Config, frozen=True, kw_only=True):
 
     host: str = "127.0.0.1"  # address of the page; other machines need a token
     port: Annotated[int, Meta(ge=0, le=65535)] = 7480  # 0: any free port
-    # names of this machine in browsers, added to `host`, localhost and the machine's own name
+    # further names of this machine in browsers, besides `host`, localhost and its host name
     allowed_hosts: tuple[str, ...] = ()
     # tokens of the roles, see docs/operation/dashboard.md; empty: generated, in the state folder
     operator_token: str = ""
     planner_token: str = ""
     certificate: str = ""  # PEM file of the certificate; with its key the page is served by https
     certificate_key: str = ""  # PEM file of its key
-    privacy: bool = False  # images and depth stay in the process
+    privacy: bool = False  # True: no images or depth leave the process
     rate_max_hz: Positive = 10.0  # maximum rate of images and people [Hz]
     history_s: Positive = 60.0  # length of the history that viewers can go back to [s]
     base_frame: Name = "base_link"  # frame of the robot's base

@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Set
 from dataclasses import dataclass
 
-NEAR_MS = 2000.0  # maximum age of a packet at the time that is shown [ms]
+NEAR_MS = 2000.0  # maximum age of a packet at the shown time [ms]
 
 
 @dataclass(frozen=True, slots=True)
@@ -13,8 +13,8 @@ class Packet:
     """Encoded parts that are sent together to all viewers."""
 
     at_ms: float  # wall clock of its creation [ms]
-    key: str  # a newer packet replaces a waiting one of the same key
-    parts: tuple[tuple[str, bytes], ...]  # kind and bytes
+    key: str  # key; a newer packet replaces a waiting one of the same key
+    parts: tuple[tuple[str, bytes], ...]  # kind and bytes of each part
     stamp_ns: int = 0  # stamp of its frame; 0: without a frame
 
     @property

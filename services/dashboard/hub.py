@@ -1,4 +1,4 @@
-"""Viewers of the page, and the packets that wait for each.
+"""Viewers of the page, and the packets waiting for each.
 
 Only `Hub.publish` may be called from other threads than the web server's.
 """
@@ -24,11 +24,11 @@ RECORDED = ("scene", "skeletons", "predictions")  # parts in the history
 class Viewer:
     """One open page."""
 
-    role: str  # operator, or planner: without images
-    images: bool = True  # the page shows images
-    cloud: bool = False  # the page shows the depth cloud
-    paused: bool = False  # the page shows the past
-    _waiting: dict[str, Packet] = field(default_factory=dict)  # by key
+    role: str  # operator or planner; a planner gets no images
+    images: bool = True  # True if the page shows images
+    cloud: bool = False  # True if the page shows the depth cloud
+    paused: bool = False  # True if the page shows the past
+    _waiting: dict[str, Packet] = field(default_factory=dict)  # waiting packets by key
     _ready: asyncio.Event = field(default_factory=asyncio.Event)
 
     def wants(self, kind: str) -> bool:
@@ -52,7 +52,7 @@ class Viewer:
 
 
 class Demand(msgspec.Struct, frozen=True):
-    """Number of open pages, and the data that they show."""
+    """Number of open pages, and the data they show."""
 
     viewers: int = 0
     images: bool = False
@@ -73,12 +73,12 @@ class Hub:
             dict.fromkeys(("viewers_served", "viewers_stuck", "viewers_refused", "bad_requests"), 0)
         )
         self.about: dict[str, Any] = {"type": "about"}  # description of the system
-        # positions of people, for the trajectories of pages that open later
+        # positions of people, for trajectories in later pages
         self.positions: deque[dict[str, Any]] = deque(maxlen=POSITIONS_MAX)
         self._on_demand = on_demand
         self._demand = Demand()
         self._viewers: set[Viewer] = set()
-        self._latest: dict[str, Packet] = {}  # kept for pages that open later, by key
+        self._latest: dict[str, Packet] = {}  # last packets for later pages, by key
         self._loop: asyncio.AbstractEventLoop | None = None
 
     @property

@@ -39,7 +39,7 @@ from services.dashboard.selection import FrameSelection, Key
 from services.dashboard.server import WebServer
 
 PAIR_NS = 1_500_000_000  # maximum wait of detections for their tracks [ns]
-EVENTS_MAX = 100  # number of events on a page that opens
+EVENTS_MAX = 100  # number of events on a new page
 IDLE_HZ = 2.0  # rate of people while no page is open
 CLOUD_HZ = 4.0  # maximum rate of depth clouds
 HISTORY_BYTES = 64 * 2**20  # maximum size of the history

@@ -181,7 +181,7 @@ class SceneBuilder:
         scene: dict[str, Any] = {
             "type": "scene",
             "camera": camera,
-            "frame": str(stamp_ns),  # as text: JavaScript's numbers have 53 bits
+            "frame": str(stamp_ns),  # text, since JavaScript's numbers have 53 bits
             "frame_id": self._frame_id,
             "people": [person_of(track, camera_m) for track in tracks.tracks] if tracks else None,
             "boxes": boxes_of(detections, tracks) if detections else [],

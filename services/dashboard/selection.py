@@ -37,9 +37,9 @@ class FrameSelection:
 
     def __init__(self, rate_hz: float) -> None:
         self.rate_hz = rate_hz
-        self.holds_frames = False  # a page shows images
+        self.holds_frames = False  # True if a page shows images
         self._lock = threading.Lock()
-        self._selected_s: dict[str, float] = {}  # monotonic, by camera
+        self._selected_s: dict[str, float] = {}  # monotonic time of the last selection, by camera
         self._detected_s = -1e9
         self._selected: OrderedDict[Key, None] = OrderedDict()
         self._frames: dict[str, deque[tuple[int, bytes]]] = {}
@@ -85,7 +85,7 @@ class FrameSelection:
             if self.holds_frames and (key[0] in self._frames or len(self._frames) < CAMERAS_MAX):
                 frames = self._frames.setdefault(key[0], deque(maxlen=FRAMES_MAX))
                 frames.append((key[1], payload))
-            return self.holds_frames and key in self._selected  # it arrives late
+            return self.holds_frames and key in self._selected  # late frame
         if name == "skeletons":
             return key in self._selected
         if name == "people":

@@ -150,18 +150,18 @@ class WebApp:
         except TimeoutError:
             self._hub.counters["viewers_stuck"] += 1
             return ""
-        except (WebSocketDisconnect, RuntimeError):  # it left meanwhile
+        except (WebSocketDisconnect, RuntimeError):  # the page has left
             return ""
 
     async def _receive(self, socket: WebSocket, viewer: Viewer) -> str:
-        """Follow the requests of a page; return why they end."""
+        """Follow the requests of a page; return the reason of their end."""
         times: deque[float] = deque(maxlen=REQUESTS_MAX)
         while True:
             try:
                 message = await socket.receive_bytes()
             except (WebSocketDisconnect, RuntimeError):
                 return ""
-            except KeyError:  # text
+            except KeyError:  # text message
                 message = b""
             now_s = time.monotonic()
             if len(times) == REQUESTS_MAX and now_s - times[0] < 1:
@@ -188,7 +188,7 @@ async def _body(request: Request, most: int) -> bytes:
     """Return the body of a request.
 
     Raises:
-        ValueError: It is too large, or does not arrive in time.
+        ValueError: The body is too large, or does not arrive in time.
     """
     body = bytearray()
     try:

@@ -13,7 +13,7 @@ from services.events.journal import Journal
 
 TIMEOUT_S = 5.0  # maximum duration of one delivery [s]
 WAITS_S = (0.0, 1.0, 2.0, 5.0, 10.0, 30.0)  # wait before an attempt, by number of failures [s]
-BATCH = 100  # events read from the journal at once
+BATCH = 100  # number of events read from the journal at once
 
 
 class Receiver(Protocol):
@@ -51,7 +51,7 @@ class Delivery:
 
     @property
     def problem(self) -> str:
-        """Sentence on waiting events; empty without any."""
+        """Message on waiting events; empty without any."""
         sending_s = self._sending_s
         held_s = 0.0 if sending_s is None else time.monotonic() - sending_s
         if held_s > TIMEOUT_S + 1:  # for example a slow name look-up
@@ -89,7 +89,7 @@ class Delivery:
         try:
             self._journal = self._journal or Journal(self._file, 1)
             self._send_all(self._journal)
-        except Exception as error:  # an answer may raise in any library
+        except Exception as error:  # an answer may cause errors in any library
             self.counters[self._failed] += 1
             self._problem = self._waiting(" ".join(str(error).split()) or type(error).__name__)
             self._close_journal()

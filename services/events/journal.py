@@ -8,12 +8,12 @@ from people4d.codec import decode, encode
 from people4d.errors import ConfigError, DecodeError
 from people4d.messages import Event
 
-JOURNAL = "events.sqlite"  # in the state folder
+JOURNAL = "events.sqlite"  # name of the file in the state folder
 TABLES = """
 create table if not exists events (number integer primary key, message blob not null);
 create table if not exists marks (name text primary key, number integer not null);
 """
-PRUNE_EVERY = 500  # events between two deletions of old ones
+PRUNE_EVERY = 500  # number of events between two deletions of old ones
 
 
 class Journal:
@@ -21,7 +21,7 @@ class Journal:
 
     Args:
         file: SQLite file; None: in memory.
-        most: Largest number of events; the oldest are deleted.
+        most: Maximum number of events; the oldest are deleted.
 
     Raises:
         ConfigError: The file cannot be used.

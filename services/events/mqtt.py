@@ -90,7 +90,7 @@ class MqttBroker:
         return client
 
     def _await(self, client: Any, came: Callable[[], object], what: str) -> None:
-        """Receive in this thread until `came`, so that bad input cannot break another thread."""
+        """Receive in this thread until `came`; bad input cannot break another thread."""
         end_s = time.monotonic() + TIMEOUT_S
         while not came():
             left_s = end_s - time.monotonic()

@@ -40,7 +40,7 @@ COUNTERS = ("stale", "clock_resets", "journal_errors", "edits", "edits_refused")
 
 
 class EventsNode(Node):
-    """Makes events, and writes each to the journal before its publication.
+    """Derives events, and writes each to the journal before its publication.
 
     Args:
         config: Configuration of the service.
@@ -68,7 +68,7 @@ class EventsNode(Node):
         self._counters = Counter(dict.fromkeys(COUNTERS, 0))
 
     def attach(self, loop: LoopCallbacks) -> None:
-        """Open journal and zones, and continue where the previous process ended."""
+        """Open journal and zones, and continue from the previous process."""
         folder, config = loop.state_folder, self._config
         if folder:
             self._journal.close()

@@ -1,7 +1,7 @@
-"""Rules that make events of tracks.
+"""Rules that derive events from tracks.
 
-The state follows from the events alone: `apply` replays them, so that a process continues from the
-journal of its predecessor and makes no event twice.
+The state follows from the events alone. `apply` replays them, so a process continues from the
+journal of its predecessor without duplicate events.
 """
 
 import math
@@ -16,8 +16,8 @@ from people4d.messages import F64, Event, Track, Tracks, Zone
 from people4d.messages.base import MAX_STAMP_NS
 from services.events.config import EventsConfig
 
-GONE_MAX = 10_000  # maximum number of stored identities of people who disappeared
-# Maximum burst and rate of new people [Hz], so that invented tracks do not fill the journal
+GONE_MAX = 10_000  # maximum number of stored identities of disappeared people
+# Maximum burst and rate of new people [Hz], which protects the journal from invented tracks
 NEW_MAX, NEW_HZ = 256, 16.0
 
 
@@ -34,7 +34,7 @@ class _Person:
 
 
 class EventRules:
-    """Makes events from tracks; returned events are already applied.
+    """Derives events from tracks; returned events are already applied.
 
     Attributes:
         offset_ns: Wall time minus stamps, for new events; None if unknown.
@@ -90,7 +90,7 @@ class EventRules:
             person.is_uncertain = True
 
     def begin_numbers(self, number: int) -> None:
-        """Use no number below this one."""
+        """Use only numbers from this one on."""
         self._next = max(self._next, number)
 
     def change_zones(self, zones: Sequence[Zone]) -> None:

@@ -25,7 +25,7 @@ DIMENSIONS: Mapping[str, Literal[2, 3]] = {"2d": 2, "3d": 3}
 
 
 class EstimatedAlignment(TruthAlignment):
-    """Alignment that is estimated every few seconds, as configured."""
+    """Alignment estimated every few seconds, as configured."""
 
     def __init__(self, config: GtBridgeConfig, transforms: TransformBuffer) -> None:
         self._config, self._transforms = config, transforms

@@ -34,7 +34,7 @@ class GtBridgeConfig(Config, frozen=True, kw_only=True):
     # recording, ROS bag, CSV, MOT text, gt.npz or its folder; live: ros2:/TOPIC or ros2+dds:/TOPIC
     # of people_msgs/People or PoseStamped; empty: no truth
     truth: str = ""
-    # kind of truth: auto, recording, rosbag, npz, csv, mot, ros2, or module:Class of your own
+    # kind of truth: auto, recording, rosbag, npz, csv, mot, ros2, or module:Class of a plug-in
     source: str = "auto"
     topic: str = ""  # ROS topic of people_msgs/People; empty: the only one in the bag
     ros2: Ros2Config = Ros2Config(node="people4d_truth")  # connection of ros2:, except transport
@@ -52,4 +52,4 @@ class GtBridgeConfig(Config, frozen=True, kw_only=True):
     align_clock_s: Annotated[float, Meta(ge=0, le=5)] = 0.0
     # estimated rigid motion of the truth: 2d (rotation about z and shift), or 3d (any)
     align_space: Literal["off", "2d", "3d"] = "off"
-    apply_alignment: bool = False  # apply the estimated alignment before scoring
+    apply_alignment: bool = False  # True: the estimated alignment is applied before scoring

@@ -77,7 +77,7 @@ class GtBridgeNode(Node):
         return outputs + self._scorer.due()
 
     def tick(self, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
-        """Return the live truth that was received."""
+        """Return the received live truth."""
         if self._live is None:
             return []
         if not self._started:
@@ -143,7 +143,7 @@ class GtBridgeNode(Node):
         return [self._output(truth) for truth in messages]
 
     def _output(self, truth: Truth) -> Truth:
-        """Transform truth to the configured frame if a transform leads there, and number it."""
+        """Number truth, and transform it to the configured frame if possible."""
         target = self._config.frame_id
         pose = self._transforms.lookup(target, truth.frame_id, truth.stamp_ns)
         self._unlinked = "" if pose is not None else truth.frame_id

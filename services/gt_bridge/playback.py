@@ -47,7 +47,7 @@ class TruthPlayback:
         self.empty = self._next is None and not self.problem
 
     def restarts(self, stamp_ns: int) -> bool:
-        """Check whether playback restarts with a frame, and if so, restart the truth."""
+        """Return True, and restart the truth, if playback restarts with a frame."""
         before_ns, round_ = self._last_frame_ns, self._round_of(stamp_ns)
         again = before_ns is not None and stamp_ns < before_ns - LEAD_NS
         if self.empty or (round_ == self._round and not again):

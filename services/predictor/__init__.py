@@ -1,1 +1,1 @@
-"""Prediction of where people will be."""
+"""Prediction of future positions of people."""

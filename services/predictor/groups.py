@@ -94,7 +94,7 @@ class GroupFinder:
         return evidence
 
     def _number_groups(self, components: Integers) -> Integers:
-        """Return persistent numbers: a group keeps the number of most of its members."""
+        """Return persistent numbers: a group keeps the number of the majority of its members."""
         groups, taken = np.zeros(len(components), np.int64), set[int]()
         sizes = Counter(components.tolist())
         for component in sorted(sizes, key=lambda c: -sizes[c]):

@@ -42,8 +42,8 @@ class Situation:
 class ForecastMemory:
     """Recent forecasts and their true displacements.
 
-    All forecasts give the ratio of true to expected displacements (below 1 in a room, where people
-    turn or stop). Forecasts at a similar position and velocity give a habit: their mean error.
+    All forecasts give the ratio of true to expected displacements, below 1 in a room, since people
+    turn or stop. Forecasts at a similar position and velocity give a habit: their mean error.
     """
 
     def __init__(self, horizons_s: F64) -> None:
@@ -133,7 +133,7 @@ class ForecastMemory:
     def add_forecasts(
         self, now_s: float, ids: Integers, situation: Situation, means_m: F64
     ) -> None:
-        """Store the forecasts of people whose last stored forecast is old enough."""
+        """Store forecasts at intervals of at least STORE_S for each person."""
         chosen = set(ids.tolist())
         due = [
             number

@@ -30,7 +30,7 @@ SILENT_NS = 3_000_000_000  # silence of a camera after which another camera's cl
 CLOCK_JUMP_NS = 1_000_000_000  # minimum step back of the stamps that is a clock reset [ns]
 ROBOT_AGE_NS = 500_000_000  # maximum age of odometry for the path of the robot [ns]
 DISTANCE_MAX_M = 1e5  # maximum distance of a predicted person from the origin [m]
-SPEED_MAX_MPS = 12.0  # maximum speed of a predicted person, of the fastest sprinters [m/s]
+SPEED_MAX_MPS = 12.0  # maximum speed of a predicted person: the fastest sprinters [m/s]
 NODE_COUNTERS = (
     "stale",  # messages not newer than the last one
     "other_clock",  # messages of a camera with another clock

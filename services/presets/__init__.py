@@ -1,8 +1,7 @@
 """Methods as named settings: one TOML file each, with a table for each service.
 
-A file may name another one with `extends = "name"`, whose settings it then extends and changes: one
-that is shipped, or one in its own folder. A preset configures detection and tracking; it names
-no recording, no folder to write to and nothing outside of these services.
+With `extends = "name"` a file extends and changes the settings of another one, shipped or in its
+own folder. A preset configures only detection and tracking, without recordings and output folders.
 """
 
 import difflib
@@ -18,8 +17,8 @@ from people4d.errors import ConfigError
 
 SERVICES = ("detector", "reid", "tracker", "gait")
 FIELD = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,63}")
-MAX_DEPTH = 8  # of tables in a service's table
-MAX_CHAIN = 16  # presets that extend one another
+MAX_DEPTH = 8  # maximum depth of tables in a service's table
+MAX_CHAIN = 16  # maximum number of presets in a chain of extensions
 
 FOLDER = Path(__file__).parent
 PRESETS = {
@@ -79,7 +78,7 @@ def preset_file(name: str) -> Path:
 
 
 def _chain(name: str) -> Iterator[dict[str, Any]]:
-    """Yield the tables of a preset, then of what it extends, and so on."""
+    """Yield the tables of a preset, then of the preset that it extends, and so on."""
     file = preset_file(name) if name else None
     files = set[Path]()
     while file:
@@ -93,7 +92,7 @@ def _chain(name: str) -> Iterator[dict[str, Any]]:
 
 
 def _extended(file: Path, name: Any) -> Path:
-    """Return the file that a preset extends: a shipped one, or one of its own folder."""
+    """Return the file that a preset extends: shipped, or in its own folder."""
     if not isinstance(name, str):
         raise ConfigError(f"preset {file}: extends is not a name")
     if not name.endswith(".toml"):
@@ -114,7 +113,7 @@ def _read(file: Path) -> dict[str, Any]:
 
 
 def _flat(path: str, table: Mapping[str, Any], depth: int) -> dict[str, str]:
-    """Return the values of a table and of those below it by their path, written as TOML."""
+    """Return the values of a table and of its sub-tables by path, in TOML."""
     found: dict[str, str] = {}
     for name, value in table.items():
         if not FIELD.fullmatch(name) or not depth:
@@ -127,7 +126,7 @@ def _flat(path: str, table: Mapping[str, Any], depth: int) -> dict[str, str]:
 
 
 def _toml(value: Any) -> str:
-    # Numbers, truth values, text and lists of them are the same in JSON, but for infinity.
+    # Numbers, booleans, text and lists have the same form in JSON, except infinity.
     if value == math.inf:
         return "inf"
     try:

@@ -1,4 +1,4 @@
-"""The appearance network: a small one, trained on simulated people by scripts/train_embedding."""
+"""The appearance network, a small one trained on simulated people by scripts/train_embedding."""
 
 import cv2
 import numpy as np

@@ -15,8 +15,8 @@ class ReidConfig(Config, frozen=True, kw_only=True):
     # Network: name in the manifest of models, or path of an .onnx file; empty: the embedder's own
     model: str = ""
     folder: str = ""  # folder that is searched first for named models; empty: none
-    engine: Engine = "onnxruntime"  # "openvino": faster on Intel's processors, an extra
-    threads: PositiveInt = 1  # threads that one inference may use
+    engine: Engine = "onnxruntime"  # "openvino": faster on Intel processors; requires an extra
+    threads: PositiveInt = 1  # maximum number of threads of one inference
 
     @property
     def network(self) -> str:

@@ -20,7 +20,7 @@ class Embedder(Protocol):
 
     @property
     def name(self) -> str:
-        """Name of the embedder; only vectors of one name compare."""
+        """Name of the embedder; only vectors of one name are comparable."""
         ...
 
     @property
@@ -34,7 +34,7 @@ class Embedder(Protocol):
 
 
 def load_embedder(config: ReidConfig) -> Embedder:
-    """Make the configured embedder; its module is imported only now.
+    """Build the configured embedder, importing its module on demand.
 
     Args:
         config: `embedder` is a name of EMBEDDERS, or module:Class, called with `config`.

@@ -22,12 +22,12 @@ BINS = HUES * SATURATIONS + GREYS
 PART_WEIGHTS = (0.15, 0.5, 0.35)  # weights of head, torso, legs
 PART_EDGES = (0.0, 0.18, 0.48, 1.0)  # edges of the parts from the top, relative to the height
 CHROMA_GREY, CHROMA_FULL = 0.06, 0.2  # saturation times value of a grey and of a coloured pixel
-PRIOR_FRACTION = 0.05  # uniform prior relative to the part's pixels: hidden parts match all
+PRIOR_FRACTION = 0.05  # uniform prior, relative to the part's pixels; makes hidden parts match all
 HEIGHT_PX = 64  # maximum height of a crop, else scaled down [px]
 CONFIDENCE_MIN = 0.3  # minimum confidence of keypoints that divide the body
 SIDE_SPREAD = 0.35  # spread of pixel weights without mask or keypoints, per half box
 LIMB_WIDTH = 0.15  # ratio of a limb's width to the torso's length; the head is twice as wide
-VISIBLE_MIN = 0.05  # minimum visible share of the weights; below, all pixels count
+VISIBLE_MIN = 0.05  # minimum visible share of the weights; below it all pixels count
 HEAD = [0, 1, 2, 3, 4]  # COCO
 TORSO = [5, 6, 12, 11]  # COCO, round the outline: left, right shoulder, right, left hip
 LIMBS = ((5, 7), (7, 9), (6, 8), (8, 10), (11, 13), (13, 15), (12, 14), (14, 16))
@@ -94,7 +94,7 @@ def _without_hidden(weights: F64, rgb: U8) -> F64:
 def _body_weights(crop: Crop, shape: tuple[int, int]) -> F64:
     """Return the weight of each pixel of the scaled crop (height, width).
 
-    It is the mask, else the skeleton drawn thick, else lower towards the sides of the box.
+    Weights are the mask, else a thickly drawn skeleton, else fall towards the sides of the box.
     """
     height, width = shape
     if crop.mask is not None and crop.mask.any():
@@ -111,7 +111,7 @@ def _body_weights(crop: Crop, shape: tuple[int, int]) -> F64:
 
 def _skeleton(keypoints: F32, scale: float, shape: tuple[int, int]) -> U8:
     """Return an image of a shape with torso, limbs, neck and head set to 1."""
-    # A wild coordinate must not overflow the integers of the drawing.
+    # Clipped, since a wild coordinate would overflow the integers of the drawing.
     points = np.rint(np.clip(keypoints[:, :2] * scale, -9999, 9999)).astype(np.int32)
     confident = keypoints[:, 2] > CONFIDENCE_MIN
     shoulders, hips = points[TORSO].reshape(2, 2, 2).mean(axis=1)

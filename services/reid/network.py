@@ -20,7 +20,7 @@ class NetworkEmbedder(ABC):
 
     Args:
         session: The network; N is any or 1.
-        name: Name of the network if it is not the usual one; only vectors of one name compare.
+        name: Name of the network if it is not the default; only vectors of one name are comparable.
 
     Raises:
         ModelError: The network has another input or output.

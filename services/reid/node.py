@@ -40,7 +40,7 @@ class ReidNode(Node):
         try:
             vectors = self._embedder.embed(crops)
             self._fault = ""
-        except Exception as error:  # an embedder from outside may raise anything
+        except Exception as error:  # a plug-in embedder may raise any exception
             self._counters["embedder_errors"] += 1
             self._fault = f"the embedder failed: {error!r:.200}"
             crops, vectors = [], np.zeros((0, self._embedder.dimension), np.float32)

@@ -1,1 +1,1 @@
-"""Watches the pipeline and writes a contact sheet, a video and a summary of what it did."""
+"""Report of a run: contact sheet, videos and summary."""

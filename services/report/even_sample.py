@@ -8,12 +8,12 @@ T = TypeVar("T")
 class EvenSample(Generic[T]):
     """Every k-th value; k doubles whenever twice the capacity is full.
 
-    From as many values on, the sample has the capacity at least, and twice that at most.
+    Once the capacity is reached, the sample has between one and two times the capacity.
     """
 
     def __init__(self, capacity: int) -> None:
         self.values: list[T] = []
-        self.count = 0  # values offered
+        self.count = 0  # number of offered values
         self._capacity = capacity
         self._stride = 1
 
@@ -32,11 +32,11 @@ class EvenSample(Generic[T]):
         self.count += 1
 
     def skip(self) -> None:
-        """Count a value that is not sampled, so that it need not be made."""
+        """Count a value that is not sampled, and need not be computed."""
         self.count += 1
 
     def pick(self, number: int) -> list[T]:
-        """Return at most so many values, evenly spread, first and last included."""
+        """Return at most `number` values, evenly spread, including the first and last."""
         last = len(self.values) - 1
         if last < number:
             return list(self.values)

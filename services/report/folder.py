@@ -22,10 +22,10 @@ from services.report.page import RunPage
 from services.report.text import text
 
 PAGE = "report.html"
-COMPLETE = "summary.json"  # written last: it exists if the report is complete
+COMPLETE = "summary.json"  # name of the file that is written last, so it marks a complete report
 HZ_RANGE = 1.0, 120.0
-WAITING_MAX = 2 * 2**30  # [bytes] maximum size of all frames that wait for the end of the run
-ENCODING_S = 540.0  # [s] time limit of all videos; the compose file kills after 600 s
+WAITING_MAX = 2 * 2**30  # [bytes] maximum size of all frames waiting for the end of the run
+ENCODING_S = 540.0  # [s] time limit for encoding all videos, below the 600 s of the compose file
 PROGRESS_S = 2.0
 
 log = logging.getLogger("people4d")
@@ -44,11 +44,11 @@ class ReportOutput(Protocol):
     """Destination of the report."""
 
     def add_frame(self, frame: AnnotatedFrame) -> None:
-        """Take the next frame of the video."""
+        """Add the next frame of the video."""
         ...
 
     def finish(self, sheet: U8, page: RunPage) -> None:
-        """Take the contact sheet (HxWx3, red first) and the page; called once."""
+        """Write the contact sheet (HxWx3, red first) and the page; called once."""
         ...
 
 
@@ -72,7 +72,7 @@ class ReportFolder:
         self._videos[frame.camera].add_frame(frame, waiting_bytes < WAITING_MAX)
 
     def finish(self, sheet: U8, page: RunPage) -> None:
-        """Write everything else.
+        """Write videos, sheet, page and summary.
 
         Raises:
             People4dError: A file cannot be written, for example because the disk is full.
@@ -105,7 +105,7 @@ class ReportFolder:
 
 
 def check_folder(config: ReportConfig) -> None:
-    """Create the folder of the report, marked as not complete.
+    """Create the folder of the report, marked as incomplete.
 
     Raises:
         ConfigError: The folder cannot be made or written to.
@@ -122,7 +122,7 @@ def check_folder(config: ReportConfig) -> None:
 
 
 class VideoFile:
-    """A video that is encoded after the run, because encoding would delay the pipeline.
+    """A video that is encoded after the run, since encoding would delay the pipeline.
 
     Until then its frames wait as JPEG in a temporary file of the same folder.
     """
@@ -130,13 +130,13 @@ class VideoFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.waiting_bytes = 0
-        self.limit = ""  # sentence on missing frames; empty: complete
+        self.limit = ""  # message on missing frames; empty if complete
         self._file = tempfile.TemporaryFile(dir=path.parent)  # noqa: SIM115 (it outlives this)
         self._frames: list[tuple[int, int]] = []  # stamp, and number of bytes
         self._count = self._written = 0
 
     def add_frame(self, frame: AnnotatedFrame, has_room: bool) -> None:
-        """Append a frame; without room it is counted only."""
+        """Append a frame; without room it is only counted."""
         self._count += 1
         jpeg = encode_jpeg(frame.image) if has_room else b""
         with suppress(OSError):  # the disk is full
@@ -145,7 +145,7 @@ class VideoFile:
                 self._frames.append((frame.stamp_ns, len(jpeg)))
 
     def encode(self, deadline_s: float) -> None:
-        """Write the file; frames after the deadline, in monotonic time, are left out."""
+        """Write the file; frames after the deadline (monotonic time) are omitted."""
         self._file.seek(0)
         try:
             with self._file:
@@ -156,7 +156,7 @@ class VideoFile:
             self.limit = f"report: {self.path.name} lacks {missing} of {self._count} frames"
 
     def _encode(self, deadline_s: float) -> None:
-        """Write one frame after the other, scaled to the first."""
+        """Write all frames, scaled to the first one."""
         writer, size = None, (0, 0)
         shown_s = time.monotonic() + PROGRESS_S
         for _, length in self._frames:

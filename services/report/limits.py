@@ -21,11 +21,11 @@ MIN_BEATS = 4  # minimum number of heartbeats with a reason; they come twice a s
 MAX_REASONS = 100  # maximum number of reasons of all services
 ENDED_NS = 1_000_000_000  # [ns] time from the last truth to the last frame if truth ended
 NUMBER = re.compile(r"[\d.]+")
-WAITS = re.compile(r"no [\w ,]+ for \d+ s")  # reasons that another service explains
+WAITS = re.compile(r"no [\w ,]+ for \d+ s")  # pattern of reasons that another service explains
 
 
 class RunLimits:
-    """Collects reasons of degraded services while frames come, in bounded memory.
+    """Collects reasons of degraded services while frames arrive, in bounded memory.
 
     Args:
         truth: Configured source of ground truth; empty: none.
@@ -37,10 +37,11 @@ class RunLimits:
         self._beats: Counter[tuple[str, str]] = (
             Counter()
         )  # heartbeats by instance and reason without numbers
-        self._reasons: dict[tuple[str, str], str] = {}  # last reason, with its numbers
-        self._ends_ns: dict[type[Message], int] = {}  # last stamps
+        # Last reason with its numbers, by instance and reason without numbers
+        self._reasons: dict[tuple[str, str], str] = {}
+        self._ends_ns: dict[type[Message], int] = {}  # last stamps by type
         self._odometry_used = False
-        self._mounts: set[bool] = set()  # of transforms: False is the default mount
+        self._mounts: set[bool] = set()  # kinds of received mounts: False is the default mount
 
     def add(self, message: Message, now_ns: int) -> None:
         """Add a message that arrived at this monotonic time."""

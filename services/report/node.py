@@ -31,7 +31,7 @@ from services.report.trajectories import TrajectoryStore
 
 
 class ReportNode(Node):
-    """Joins frames with what was made of them; memory is bounded however long the run."""
+    """Joins frames with their detections and tracks, in bounded memory."""
 
     inputs: tuple[type[Message], ...] = (
         RgbdFrame,
@@ -44,7 +44,7 @@ class ReportNode(Node):
         Odometry,
         Health,
     )
-    frames_waiting = 16  # a busy machine delays the report, which leaves no frame out for that
+    frames_waiting = 16  # long queue: on a busy machine the report lags without losing frames
 
     def __init__(self, config: ReportConfig, output: ReportOutput) -> None:
         self._config = config
@@ -57,7 +57,7 @@ class ReportNode(Node):
         self._first_ns: int | None = None
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
-        """Take a message; the report publishes nothing."""
+        """Add a message; the report publishes nothing."""
         self._statistics.add(message, now_ns)
         if isinstance(message, CameraInfo):
             known = message.camera in self._infos

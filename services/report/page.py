@@ -26,7 +26,7 @@ class RunPage:
     trajectories: Trajectories
     series: RunSeries
     note: str = ""  # sentence about simulated data; empty: none
-    videos: Mapping[str, Path] = field(default_factory=dict)  # by camera
+    videos: Mapping[str, Path] = field(default_factory=dict)  # video by camera
     sheet_jpeg: bytes = b""  # frames in a grid; empty: none
 
     def html(self) -> str:

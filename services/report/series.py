@@ -6,7 +6,7 @@ from common.runtime.latency import end_to_end
 from common.runtime.synchroniser import SynchronisedFrame
 from services.report.even_sample import EvenSample
 
-POINTS = 600  # minimum number of points of a series, frames permitting
+POINTS = 600  # minimum number of points of a series, if there are enough frames
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,14 +14,14 @@ from services.report.text import facts, headline, latency_table
 COLUMNS = 4
 HEAD = 60  # [px] height of the head line
 PANEL = 600  # [px] minimum height of map and figures
-LINE = 24  # [px] from one line of text to the next
-TABLE_LINE = 0.85  # of LINE
+LINE = 24  # [px] distance of lines of text
+TABLE_LINE = 0.85  # distance of lines of a table, relative to LINE
 TEXT = 14.0  # [px] height of text
-LEAST_WIDTH = 1440  # [px] so that the figures have room where there are few tiles
+LEAST_WIDTH = 1440  # [px] minimum width, for the figures
 
 
 def contact_sheet(tiles: Sequence[Tile], trajectories: Trajectories, summary: RunSummary) -> U8:
-    """Compose the page (HxWx3) of frames, all of one width, the map, and the figures."""
+    """Return the page (HxWx3) of frames of one width, the map, and the figures."""
     frames = grid(tiles, COLUMNS) if tiles else np.full((0, LEAST_WIDTH, 3), PAPER, np.uint8)
     width = max(frames.shape[1], LEAST_WIDTH)
     lines = 2 * len(facts(summary)) + TABLE_LINE * len(latency_table(summary))
@@ -38,7 +38,7 @@ def contact_sheet(tiles: Sequence[Tile], trajectories: Trajectories, summary: Ru
 
 
 def _write_figures(area: U8, summary: RunSummary) -> None:
-    """Write the facts, then the latency in columns, as far as there is room."""
+    """Write the facts, then the latency in columns, while there is room."""
     base = float(GAP + LINE)
     for name, sentence in facts(summary):
         put_text(area, name, (0, base), TEXT, GREY)

@@ -48,9 +48,9 @@ class Percentiles(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Latency:
-    """Durations of all segments of the trace, and end to end, which is their sum.
+    """Durations of all segments of the trace, and their sum, end to end.
 
-    Between machines whose clocks differ, `transport` holds the difference of the clocks.
+    Between hosts, `transport` includes the difference of their clocks.
     """
 
     def __init__(self) -> None:
@@ -94,9 +94,9 @@ class RunSummary(msgspec.Struct, frozen=True, kw_only=True):
     tracks: int  # number of confirmed tracks
     track_length_mean: float | None  # [frames] mean duration of confirmed tracks
     track_length_median: float | None  # [frames] median duration of confirmed tracks
-    latency: dict[str, Percentiles]  # by stage, and "end_to_end"
+    latency: dict[str, Percentiles]  # distribution by stage, and "end_to_end"
     drops: dict[str, dict[str, int]]  # numbers of losses by instance and cause
-    score: Tally | None  # against the truth, as people4d score reports it
+    score: Tally | None  # score against the truth, as by people4d score
     position_error_median_m: float | None  # [m] median horizontal error of matches
     degraded: tuple[str, ...]  # service and reason of each limit of the run; empty: none
     unused: tuple[str, ...]  # unused inputs: odometry, mount, truth
@@ -123,7 +123,7 @@ class _Events:
 
 
 class RunStatistics:
-    """Adds up messages in bounded memory.
+    """Statistics of messages in bounded memory.
 
     Args:
         truth: Configured source of ground truth; empty: none.

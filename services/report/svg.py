@@ -11,7 +11,7 @@ from common.drawing.strokes import Colour
 from common.drawing.topdown import Trajectories
 from people4d.messages import F64
 
-Pixel = Callable[[F64], tuple[float, float]]  # from metres to pixels
+Pixel = Callable[[F64], tuple[float, float]]  # conversion from metres to pixels
 
 WIDTH, HEIGHT = 640, 240
 LEFT, RIGHT, TOP, BOTTOM = 48, 12, 12, 34
@@ -109,7 +109,7 @@ def bars(rows: Sequence[Bar], unit: str, title: str) -> str:
 
 
 def draw_map(trajectories: Trajectories, colours: dict[int, Colour]) -> str:
-    """Return the map from above, x up and y left; an empty string without anything on it."""
+    """Return the top view, x up and y left; empty without content."""
     paths = [*trajectories.tracks.values(), *trajectories.truth.values()]
     cameras = [camera[None, :2, 3] for camera in trajectories.cameras]
     if not paths and not cameras:
@@ -161,7 +161,7 @@ def _grid(centre: F64, extent: F64, pixel: Pixel) -> list[str]:
 def _wedge(camera: F64, pixel: Pixel) -> str:
     here, forward = camera[:2, 3], camera[:2, 2]
     length = float(np.linalg.norm(forward))
-    if length < 1e-3:  # it points straight up or down
+    if length < 1e-3:  # straight up or down
         return ""
     forward = forward / length * VIEW_M
     side = np.array([-forward[1], forward[0]]) * 0.52

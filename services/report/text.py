@@ -15,7 +15,7 @@ def headline(summary: RunSummary) -> str:
 
 
 def latency_of(summary: RunSummary) -> Percentiles | None:
-    """Return the end-to-end latency; None in lock-step, in which frames wait for each other."""
+    """Return the end-to-end latency; None in lock-step, since frames wait for each other."""
     return None if summary.lockstep else summary.latency.get(END_TO_END)
 
 

@@ -1,1 +1,1 @@
-"""Bridge to ROS 2: our streams as topics."""
+"""Bridge to ROS 2: messages of people4d as topics."""

@@ -1,4 +1,4 @@
-"""Check of the settings before anything is started."""
+"""Check of the settings before the start."""
 
 import msgspec
 

@@ -26,7 +26,7 @@ class OutputConfig(Config, frozen=True, kw_only=True):
     """One output; without "/" in front its topic is below the namespace."""
 
     topic: str  # name of the topic, or of the first part of several
-    rate_max_hz: NonNegative = 0.0  # [Hz] messages between are left out; 0: all are sent
+    rate_max_hz: NonNegative = 0.0  # [Hz] maximum rate; 0: no limit
 
 
 class OutputConfigs(Config, frozen=True, kw_only=True):
@@ -41,7 +41,8 @@ class OutputConfigs(Config, frozen=True, kw_only=True):
     humans: OutputConfig = OutputConfig(topic="/humans")
     boxes: OutputConfig = OutputConfig(topic="people4d/boxes")
     odometry: OutputConfig = OutputConfig(topic="people4d/odometry")
-    tf: OutputConfig = OutputConfig(topic="/tf")  # static ones: the same name with _static
+    # Topic of transforms; static ones have the suffix _static
+    tf: OutputConfig = OutputConfig(topic="/tf")
     clock: OutputConfig = OutputConfig(topic="/clock")
     diagnostics: OutputConfig = OutputConfig(topic="/diagnostics", rate_max_hz=1.0)
 
@@ -65,11 +66,11 @@ class Ros2BridgeConfig(Config, frozen=True, kw_only=True):
     # other names of frames in ROS, for example {map = "robot1/map"}
     frame_names: dict[str, str] = {}  # noqa: RUF012 (msgspec copies it)
     # stamps: acquired (of the image), or sent (now; people are moved by their velocities over at
-    # most 0.5 s). sent is for recordings, whose stamps are mapped to the time of their playing, and
-    # for readers that refuse messages older than 0.1 s, as CoHAN does
+    # most 0.5 s). sent is for recordings, whose stamps are mapped to the time of playback, and for
+    # readers that reject messages older than 0.1 s, as CoHAN
     stamps: Literal["acquired", "sent"] = "acquired"
-    # frame that a reader transforms people to, for example odom: people wait for its transforms on
-    # /tf, so that its lookup at the stamp succeeds; empty: people are sent at once
+    # frame to which a reader transforms people, for example odom: people are sent once its lookup
+    # on /tf at their stamp succeeds; empty: immediately
     reader_frame: str = ""
-    reader_wait_s: Positive = 0.1  # [s] maximum wait for a transform as late as the stamp
+    reader_wait_s: Positive = 0.1  # [s] maximum wait for a transform at the stamp
     box_m: tuple[Positive, Positive, Positive] = (0.5, 0.6, 1.75)  # [m] depth, width, height

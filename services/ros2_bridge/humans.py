@@ -1,4 +1,4 @@
-"""Topics of ROS4HRI (REP 155): bodies and persons, each with topics of its own."""
+"""Topics of ROS4HRI (REP 155): bodies and persons, each with separate topics."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -12,19 +12,19 @@ from people4d.messages import Detections
 from services.ros2_bridge.config import OutputConfig
 from services.ros2_bridge.output import Ros2Output
 
-IMAGES_MAX = 16  # detections that wait for their tracks
-PEOPLE_MAX = 64  # with topics of their own, since each is four publishers
+IMAGES_MAX = 16  # maximum number of detections that wait for their tracks
+PEOPLE_MAX = 64  # maximum number of people with separate topics: each has four publishers
 
 Image = tuple[str, int]  # camera and stamp
 
 
 class Humans:
-    """Lists of bodies and persons; of each its region and skeleton in the image.
+    """Lists of bodies and persons, with region and skeleton of each in the image.
 
     Args:
         config: First part of the topics' names, and the rate of all.
-        transport: Node that the topics belong to.
-        counters: Counts what is sent, and people beyond PEOPLE_MAX.
+        transport: Node of the topics.
+        counters: Counts sent messages, and people beyond PEOPLE_MAX.
     """
 
     def __init__(
@@ -38,13 +38,13 @@ class Humans:
         counters["too_many_humans"] = 0
 
     def add_detections(self, message: Detections) -> None:
-        """Remember what keypoints and regions are taken from."""
+        """Store detections, the source of keypoints and regions."""
         self._images[message.camera, message.stamp_ns] = message
         while len(self._images) > IMAGES_MAX:
             del self._images[next(iter(self._images))]
 
     def send(self, message: RosPeople, key: Image) -> None:
-        """Publish people that were tracked in an image."""
+        """Publish people tracked in an image."""
         if not self._bodies.is_due(message.stamp_ns):
             return
         detections = self._images.get(key)
@@ -63,7 +63,7 @@ class Humans:
         self._persons.send(hri.ids(message, [hri.person_id(person) for person in people]))
 
     def _announce(self, person: RosPerson) -> Mapping[str, Ros2Output]:
-        """Make the topics of a person, and say which body is its."""
+        """Create the topics of a person, and publish the id of its body."""
         body, own = f"bodies/{hri.body_id(person)}", f"persons/{hri.person_id(person)}"
         outputs = {
             "region": self._output(f"{body}/roi", hri.REGION),

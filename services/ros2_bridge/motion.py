@@ -39,7 +39,7 @@ class MotionOutputs:
         on_transform: OnTransform,
     ) -> None:
         self._names, self._on_transform = config.frame_names, on_transform
-        self._static: dict[str, tuple[str, str, F64]] = {}  # by child
+        self._static: dict[str, tuple[str, str, F64]] = {}  # transform by child
         self._odometry = self._tf = self._tf_static = None
         outputs = config.outputs
         if "odometry" in config.publish:

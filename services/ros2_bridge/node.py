@@ -46,7 +46,7 @@ class _Pending:
 
     people: RosPeople
     image: Image
-    until_ns: int  # monotonic
+    until_ns: int  # monotonic deadline [ns]
 
 
 class Ros2BridgeNode(Node):
@@ -72,7 +72,7 @@ class Ros2BridgeNode(Node):
     ) -> None:
         self._config, self._transport, self._wall_ns = config, transport, wall_ns
         self._stream, self._is_sent = StreamClock(wall_ns), config.stamps == "sent"
-        self._offset_ns = 0  # wall time of the last people less their stamp
+        self._offset_ns = 0  # wall time minus stamp of the last people [ns]
         self._counters = Counter(dict.fromkeys(COUNTERS, 0))
         self._loop = NO_LOOP
         self._view = RosPeopleView()
@@ -96,10 +96,10 @@ class Ros2BridgeNode(Node):
         self._healths: dict[str, tuple[Health, int]] = {}
         self._report_ns: int | None = None
         self._unlinked = False
-        self._too_far_s = 0.0  # refused time step of the last people, 0 if none [s]
+        self._too_far_s = 0.0  # rejected time step of the last people [s]; 0: none
 
     def attach(self, loop: LoopCallbacks) -> None:
-        """Take the callbacks of the loop."""
+        """Set the callbacks of the loop."""
         self._loop = loop
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
@@ -189,7 +189,8 @@ class Ros2BridgeNode(Node):
         recent = abs(message.stamp_ns - groups_ns) < GROUPS_NS
         people = self._view.tracks(message, groups if recent else {}, self._config.states)
         found = self._people.in_frame(people)
-        if found is None or (message.predicted and not found.people):  # unknown, not absent
+        # People are unknown, not absent
+        if found is None or (message.predicted and not found.people):
             return
         if self._is_sent:
             found = self._moved(replace(found, stamp_ns=stamp_ns), sent_ns)
@@ -202,7 +203,7 @@ class Ros2BridgeNode(Node):
     def _send_when_linked(self, pending: _Pending, now_ns: int) -> None:
         """Publish people once a reader can look up their frame at their stamp.
 
-        After the longest wait, they are moved to the newest stamp that it can look up.
+        After the maximum wait, people are moved to the newest possible stamp.
         """
         people, target = pending.people, self._config.reader_frame
         if not target or target == people.frame_id:

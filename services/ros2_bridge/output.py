@@ -8,7 +8,7 @@ from common.ros2.transport import DEFAULT, Qos, Ros2Transport
 from common.ros2.types import Fields
 from services.ros2_bridge.config import OutputConfig
 
-EARLY = 0.1  # share of a period by which a message may come early, since stamps jitter
+EARLY = 0.1  # maximum share of a period by which a message may be early, since stamps jitter
 
 
 class Ros2Output:
@@ -38,10 +38,10 @@ class Ros2Output:
         self._sent_ns: int | None = None
         self._publisher = transport.publisher(config.topic, kind, qos)
         counters.update(ros2_sent=0, ros2_unfit=0)
-        types.encode(kind, {})  # compiles the type, which the first message must not wait for
+        types.encode(kind, {})  # compiles the type before the first message
 
     def is_due(self, time_ns: int) -> bool:
-        """Check that a message of this time is due, and if so, count it as sent."""
+        """Return True, and count the message as sent, if a message at this time is due."""
         before_ns = self._sent_ns
         if before_ns is not None and 0 <= time_ns - before_ns < (1 - EARLY) * self._period_ns:
             return False

@@ -21,12 +21,12 @@ COUNTERS = ("unknown_frame",)
 
 
 class PeopleOutputs:
-    """Topics of which each message holds all people, and the predictions.
+    """Topics with all people in one message, and predictions.
 
     Args:
-        config: What is published.
-        transport: Node that the topics belong to.
-        counters: Counts `COUNTERS`: messages that cannot be brought to the frame.
+        config: Published outputs.
+        transport: Node of the topics.
+        counters: Counts `COUNTERS`: messages that cannot be transformed to the frame.
     """
 
     def __init__(
@@ -58,10 +58,10 @@ class PeopleOutputs:
                 transport, outputs.prediction_markers, markers.MARKERS, counters
             )
         self._counters.update(dict.fromkeys(COUNTERS, 0))
-        self.problem = ""  # reason for which the last message was not sent
+        self.problem = ""  # reason why the last message was not sent
 
     def add_transform(self, message: StaticTransform | MovingTransform | Odometry) -> None:
-        """Add a transform that may lead to the frame."""
+        """Add a transform."""
         self._transforms.add_transform(message)
 
     def in_frame(self, message: RosPeople) -> RosPeople | None:

@@ -17,7 +17,7 @@ MANY = 100  # depth of the queues of tf2
 
 
 class ReaderFrames:
-    """Transforms between frames without their values; may be used by several threads.
+    """Links between frames, without the values of transforms; thread-safe.
 
     As in tf2, each frame has one parent, the last one received. A parent that would close a loop
     is rejected and counted.

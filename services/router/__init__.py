@@ -1,1 +1,1 @@
-"""The meeting point of one host: a Zenoh session in router mode."""
+"""Router of one host: a Zenoh session in router mode."""

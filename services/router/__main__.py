@@ -1,4 +1,4 @@
-"""Run the router; its process needs no node of its own, only the session."""
+"""Run the router; its process needs only the session."""
 
 import sys
 

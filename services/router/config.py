@@ -4,4 +4,4 @@ import msgspec
 
 
 class RouterConfig(msgspec.Struct, frozen=True, kw_only=True):
-    """Nothing to configure here: endpoints and access are in the Zenoh configuration."""
+    """Empty configuration: endpoints and access are in the Zenoh configuration."""

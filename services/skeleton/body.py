@@ -15,7 +15,7 @@ TORSO = [5, 6, 11, 12]  # shoulders and hips; their mean is the position of a tr
 # Joints by order of measurement, from the trunk outwards
 LEVELS = ([0, 1, 2, 3, 4, 5, 6, 11, 12], [7, 8, 13, 14], [9, 10, 15, 16])
 MIRRORED = [0, 2, 1, 4, 3, 6, 5, 8, 7, 10, 9, 12, 11, 14, 13, 16, 15]
-LIMBS = ([5, 6, 7, 8, 9, 10], [11, 12, 13, 14, 15, 16])  # arms, legs: each is exchanged as a whole
+LIMBS = ([5, 6, 7, 8, 9, 10], [11, 12, 13, 14, 15, 16])  # arms, legs: pairs exchanged as a whole
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Bones:
 
     first: tuple[int, ...]  # joint
     second: tuple[int, ...]  # joint
-    kind: tuple[int, ...]  # row of BONE_LENGTHS_M: left and right have one length
+    kind: tuple[int, ...]  # row of BONE_LENGTHS_M, common to left and right
 
 
 # Shoulders, hips, torso, upper arm, forearm, thigh, shank; head: nose to eye, eyes, eye to ear,

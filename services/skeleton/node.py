@@ -44,7 +44,7 @@ GAP_MAX_S = 1.0  # maximum interval between two frames; after it skeletons resta
 class SkeletonNode(Node):
     """Estimates the joints of every tracked person from the keypoints of detections.
 
-    Tracks without the detections of their frame give no skeletons, counted. A person has one
+    Tracks without the detections of their frame are counted and give no skeletons. A person has one
     skeleton for all cameras.
     """
 

@@ -50,7 +50,7 @@ POSE_S = 0.2  # duration in which a hidden joint returns to its usual pose [s]
 BONE_M = 0.03  # standard deviation of the length of a bone between frames [m]
 BONE_FRAMES = 10.0  # number of correlated measurements of a bone
 LEARN_S = 10.0  # time constant of a person's usual pose [s]
-SIDES_GAIN = 8.0  # minimum decrease of squared distances when sides are exchanged
+SIDES_GAIN = 8.0  # minimum decrease of squared distances for an exchange of sides
 MISFIT_MAX = 25.0  # maximum squared distance of a joint [variances]
 
 
@@ -227,7 +227,7 @@ class SkeletonTracker:
         return visible
 
     def _visible(self, off_m: F64, variance_m2: F64, confidence: F64) -> Flags:
-        """Flag readings that are more likely the joint than another surface (offsets NxJ)."""
+        """Flag readings more likely of the joint than of another surface (offsets NxJ)."""
         with np.errstate(invalid="ignore", divide="ignore"):
             own = np.exp(-(off_m**2) / variance_m2 / 2) / np.sqrt(2 * np.pi * variance_m2)
             odds = confidence / (1 - np.minimum(confidence, 0.99))

@@ -69,7 +69,7 @@ class VisualOdometryNode(Node):
         self._found: tuple[int, PeopleRegions] | None = None  # newest detections and their stamp
         self._last_ns: int | None = None
         self._sequence = 0
-        self._silent = 0  # frames in a row
+        self._silent = 0  # number of consecutive frames without odometry
         self._sent: deque[tuple[int, float, float]] = deque(maxlen=OWN_MAX)
         self._others = False  # other processes publish odometry
         self._counters = Counter(dict.fromkeys((*OWN_COUNTERS, *COUNTERS), 0))
@@ -82,7 +82,7 @@ class VisualOdometryNode(Node):
         if isinstance(message, Detections):
             self._mark_people(message)
         elif isinstance(message, CameraInfo):
-            if message.camera in self._infos or len(self._infos) < 64:  # limit of memory
+            if message.camera in self._infos or len(self._infos) < 64:  # bounds the memory
                 self._infos[message.camera] = message
         elif isinstance(message, StaticTransform):
             self._frames.add_transform(message)
@@ -234,7 +234,7 @@ def people_of(detections: Detections) -> PeopleRegions:
 
 
 def _calibration(info: CameraInfo | None) -> tuple[object, ...]:
-    """Return the numbers of a calibration that matter here."""
+    """Return the relevant numbers of a calibration."""
     if info is None:
         return ()
     numbers = (info.width, info.height, info.fx, info.fy, info.cx, info.cy)

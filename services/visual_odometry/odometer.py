@@ -54,7 +54,7 @@ SPEED_MAX_MPS, TURN_MAX_RADPS = 4.0, 6.0  # maximum plausible motion [m/s, rad/s
 OTHERS_MAX = 2  # maximum number of earlier keyframes compared with a frame
 OTHER_SIGMA_M, OTHER_SIGMA_RAD = 0.05, 0.02  # standard deviations of drift between keyframes
 JUMP_MAX_M, JUMP_MAX_RAD = 0.005, 0.002  # maximum drift corrected at an earlier keyframe
-LOST_S = 0.4  # duration without a motion after which a new keyframe is made [s]
+LOST_S = 0.4  # maximum duration without a motion before a new keyframe [s]
 START = PoseEstimate(np.eye(4), np.zeros((3, 3)))
 
 
@@ -83,7 +83,8 @@ class Odometer:
         self._counters = counters
         self._keyframes: list[Keyframe] = []  # the current one is last
         self._state: MotionState | None = None  # relative to the current keyframe
-        self._last: tuple[F32, F32] | None = None  # last pixels of its landmarks, reduced image
+        # Last pixels of the current keyframe's landmarks, and reduced image
+        self._last: tuple[F32, F32] | None = None
         self.pose = start  # last pose of the base
 
     def add_frame(self, frame: OdometryFrame) -> PoseEstimate | None:

@@ -21,15 +21,15 @@ LAYOUTS = (
     *((f"{folder}/*", "depth/*") for folder in COLOUR_FOLDERS),
     *(("*color*", "*depth*"), ("*rgb*", "*depth*"), ("*", "*.mat")),
 )
-# Formats of images, depth and videos that are not read
+# Unsupported formats of images, depth and videos
 UNREAD = {".tif", ".tiff", ".exr", ".pfm", ".raw", ".bin", ".depth", ".npz", ".webp", ".heic"}
 UNREAD |= {".mp4", ".mov", ".avi", ".mkv", ".svo", ".svo2", ".oni"}
-# Names that are times: seconds with a fraction, or whole milli-, micro- or nanoseconds since 1970.
+# Times as names: seconds with a fraction, or whole milli-, micro- or nanoseconds since 1970.
 SECONDS = re.compile(r"(?:.*\D)?([1-9]\d{8,9})[._](\d{6}|\d{9})|(\d+)\.(\d+)")
 SINCE_1970 = re.compile(r"(?:.*\D)?(1\d{12}|1\d{15}|1\d{18})")
 LISTS = ("rgb.txt", "depth.txt")
-MAX_LIST_BYTES = 64 * 2**20  # [bytes] limit of a list: half a million frames
-MAX_TIME_S = 2**33  # [s] the year 2242; beyond it nanoseconds do not fit 64 bits
+MAX_LIST_BYTES = 64 * 2**20  # [bytes] maximum size of a list: half a million frames
+MAX_TIME_S = 2**33  # [s] maximum time, in the year 2242: nanoseconds fit 64 bits
 
 
 @dataclass(frozen=True)
@@ -52,13 +52,13 @@ class FolderLayout:
 def named(
     folder: Path, patterns: tuple[str, str], stamps: F64 | float, slop_s: float
 ) -> FolderLayout:
-    """Pair files by the times that are their names, else by the last number in their names.
+    """Pair files by times in their names, or else by the last number in their names.
 
     Args:
         folder: The folder.
-        patterns: Of colour and of depth, relative to the folder; empty: the usual ones.
-        stamps: Times of the frames in seconds, in the order of their numbers; or frames a second.
-        slop_s: Largest distance in time of a pair whose names are times [s].
+        patterns: Patterns of colour and depth, relative to the folder; empty: the usual ones.
+        stamps: Times of the frames [s] in the order of their numbers, or the frame rate [Hz].
+        slop_s: Maximum time difference of a pair by times [s].
 
     Raises:
         SourceError: No pair was found, two files have the same number, or there are fewer times
@@ -106,7 +106,7 @@ def _numbered(colours: Sequence[Path], depths: Sequence[Path], stamps: F64 | flo
 
 
 def _retimed(layout: FolderLayout, stamps: F64 | float) -> FolderLayout:
-    """Return pairs with the times of a track, if there is one, in place of their own."""
+    """Return pairs with the times of the track file, if there is one."""
     if isinstance(stamps, (int, float)):
         return layout
     times_s = _times(stamps, len(layout.pairs))
@@ -118,7 +118,7 @@ def _retimed(layout: FolderLayout, stamps: F64 | float) -> FolderLayout:
 
 
 def _unread(folder: Path, patterns: Iterable[tuple[str, str]]) -> str:
-    """Return a remedy for files of a kind that is not read, empty if there are none."""
+    """Return a remedy for files of unsupported formats, empty if there are none."""
     for pattern in dict.fromkeys(itertools.chain(*patterns)):
         for path in sorted(folder.glob(pattern)):
             if path.suffix.lower() in UNREAD:
@@ -130,7 +130,7 @@ def _unread(folder: Path, patterns: Iterable[tuple[str, str]]) -> str:
 
 
 def listed(folder: Path, slop_s: float) -> FolderLayout:
-    """Pair files that TUM's rgb.txt and depth.txt list with times; SourceError if none pair."""
+    """Pair files by times in TUM's rgb.txt and depth.txt; SourceError without a pair."""
     entries = [
         (stamp_ns, stream, path)
         for stream, file in zip(("colour", "depth"), LISTS, strict=True)
@@ -145,7 +145,7 @@ def _near(
     slop_s: float,
     names: tuple[str, str] = LISTS,
 ) -> FolderLayout:
-    """Pair each image with the image of the other stream that is nearest in time."""
+    """Pair each image with the nearest image in time of the other stream."""
     pairing = Pairing[tuple[int, Path]](round(slop_s * 1e9))
     found: list[tuple[tuple[int, Path], tuple[int, Path]]] = []
     for stamp_ns, stream, path in sorted(entries):
@@ -216,7 +216,7 @@ def _by_number(files: Iterable[Path]) -> dict[int, list[Path]]:
 
 
 def _time_ns(stem: str) -> int | None:
-    """Return the time that is the name of a file, None if it is none."""
+    """Return the time in the name of a file, None if there is none."""
     if match := SECONDS.fullmatch(stem):
         seconds, fraction = (match[1], match[2]) if match[1] else (match[3], match[4])
         time_ns = int(seconds) * 10**9 + int(f"{fraction[:9]:0<9}")
@@ -250,7 +250,7 @@ def _read_list(folder: Path, file: str) -> list[tuple[int, Path]]:
             continue
         try:
             seconds, name = words[:2]
-            # Split, so that nanoseconds survive: a float holds only 16 digits.
+            # Split to keep nanoseconds: a float has only 16 digits.
             integer, _, fraction = seconds.partition(".")
             stamp_ns = int(integer) * 10**9 + int(f"{fraction[:9]:0<9}")
             if abs(stamp_ns) > MAX_TIME_S * 10**9:

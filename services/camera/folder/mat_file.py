@@ -1,7 +1,7 @@
 """Numbers from untrusted MATLAB files (version 5 to 7).
 
-SciPy's reader allocates the declared size before it reads, and some damaged files end the process.
-Here a matrix has the bytes that it needs or is refused.
+SciPy's reader allocates the declared size before reading, and crashes on some damaged files. Here a
+matrix without all of its bytes is rejected.
 
 Source: MAT-File Format, The MathWorks, level 5.
 """
@@ -18,8 +18,8 @@ import numpy.typing as npt
 
 from common.io.files import read_bytes
 
-MAX_BYTES = 64 * 2**20  # [bytes] limit of the file and of its unpacked contents
-MAX_DEPTH = 8  # limit of nested structures
+MAX_BYTES = 64 * 2**20  # [bytes] maximum size of the file and of its unpacked contents
+MAX_DEPTH = 8  # maximum depth of nested structures
 HEADER_BYTES = 128
 MATRIX, PACKED = 14, 15  # types of data elements
 STRUCT = 2  # class of a matrix
@@ -34,11 +34,11 @@ _TAG = struct.Struct("<II")
 
 
 def read_mat(path: Path) -> Mapping[str, Value]:
-    """Read arrays of numbers, and structures of them as mappings; the rest is skipped.
+    """Read arrays of numbers, and structures of arrays as mappings; other content is skipped.
 
     Raises:
         OSError: The file cannot be read, or is too large.
-        ValueError: It is not such a file, or is damaged.
+        ValueError: It is not a MATLAB file, or is damaged.
     """
     data = read_bytes(path, MAX_BYTES)
     if len(data) < HEADER_BYTES or data[124:128] != b"\x00\x01IM":
@@ -70,7 +70,7 @@ def _unpacked(data: bytes, limit: int) -> bytes:
 
 
 def _elements(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield type and contents of the elements that lie one after the other."""
+    """Yield type and contents of consecutive elements."""
     position = 0
     while position < len(data):
         if position + 8 > len(data):

@@ -7,15 +7,15 @@ T = TypeVar("T")
 
 Stream = Literal["colour", "depth"]
 
-MAX_WAITING = 60  # images of one stream without the other: two seconds at 30 Hz
+MAX_WAITING = 60  # maximum number of waiting images of one stream: two seconds at 30 Hz
 
 
 class Pairing(Generic[T]):
-    """Pairs each colour image with the depth image nearest in time, none used twice.
+    """Pairs each colour image with the nearest depth image in time, each used once.
 
-    A pair is returned when no later image can be nearer: on an exact match at once, else with the
-    next image of the earlier stream. So a lost image costs one pair and shifts no other. Images
-    further apart than `slop_ns` are no pair.
+    A pair is returned once no later image can be nearer: immediately for equal stamps, else with
+    the next image of the earlier stream. A lost image loses one pair and shifts no other. Images
+    further apart than `slop_ns` are not paired.
     """
 
     def __init__(self, slop_ns: int) -> None:
@@ -25,10 +25,10 @@ class Pairing(Generic[T]):
             "depth": deque(),
         }
         self._arrivals = 0
-        self.unpaired = 0  # images without a partner
+        self.unpaired = 0  # number of images without a partner
 
     def add_image(self, stream: Stream, stamp_ns: int, image: T) -> list[tuple[T, T]]:
-        """Add one image, in any form, and return the pairs that are now final, oldest first."""
+        """Add one image of any type, and return the final pairs, oldest first."""
         self._arrivals += 1
         waiting = self._waiting[stream]
         waiting.append((stamp_ns, self._arrivals, image))

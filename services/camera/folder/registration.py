@@ -19,8 +19,8 @@ class Registration:
         depth: Calibration of the depth camera.
         colour: Calibration of the colour camera.
         colour_from_depth: 4x4 rigid transform between their optical frames, metres.
-        depth_offset_px: u, v added to depth pixels before they are deprojected: structured-light
-            sensors shift depth against the infrared image that their calibration was made with.
+        depth_offset_px: u, v added to depth pixels before deprojection: structured-light sensors
+            shift depth relative to the infrared image used for calibration.
 
     Source: docs/method.md section 1.
     """
@@ -40,18 +40,18 @@ class Registration:
         # Point in the colour frame = z * ray + translation: only the ray needs the rotation.
         self._rays: F32 = np.ascontiguousarray((rays @ colour_from_depth[:3, :3].T).T, np.float32)
         self._translation_mm: F32 = (1000 * colour_from_depth[:3, 3]).astype(np.float32)
-        # Depth pixels further apart in colour than one pixel leave gaps of this width.
+        # Neighbouring depth pixels leave gaps of this width in a finer colour image.
         scale = max(colour.fx / depth.fx, colour.fy / depth.fy)
         self._gap_px = max(0, math.ceil(scale - 0.05) - 1)
 
     def __call__(self, depth_mm: U16) -> U16:
-        """Register one image; where two surfaces fall on one pixel, the nearer one counts.
+        """Register one image; of two surfaces at one pixel, the nearer one counts.
 
         Args:
             depth_mm: HxW in millimetres, as measured, 0 = no reading.
 
         Returns:
-            As large as colour, in millimetres along the optical axis of colour, 0 = no reading.
+            Depth in the size of colour [mm], along the optical axis of colour, 0 = no reading.
 
         Raises:
             ValueError: The image has another size than the calibration.
@@ -93,7 +93,7 @@ class Registration:
         gap = self._gap_px
         kernel = np.ones((gap + 1, gap + 1), np.uint8)
         valid = (registered < 65535).astype(np.uint8)
-        # Opposite anchors: with one and the same, a kernel of even size would shift the surface.
+        # Opposite anchors, since a kernel of even size shifts the surface.
         closed = cv2.erode(cv2.dilate(valid, kernel, anchor=(0, 0)), kernel, anchor=(gap, gap))
         gaps = (closed > 0) & (valid == 0)
         nearest = cv2.erode(registered, np.ones((2 * gap + 1, 2 * gap + 1), np.uint8))

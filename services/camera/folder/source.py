@@ -44,7 +44,7 @@ CALIBRATIONS = (
 )
 TRACK = "gt.npz"
 MAT_DEPTH = "depth_array"  # name of the depth image in .mat files
-HEADS = 9  # number of first pairs whose most common size is used
+HEADS = 9  # number of first pairs that determine the size of images
 
 
 class FolderOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -52,10 +52,11 @@ class FolderOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
     colour: str = ""  # pattern of the colour images, "rgb/*.jpg"; empty: the usual ones
     depth: str = ""  # pattern of the depth images or .mat files
-    fps: Positive = 30.0  # [Hz] of numbered pairs without times
+    fps: Positive = 30.0  # [Hz] frame rate of numbered pairs without times
     track: str = ""  # NPZ with times `t` [s] and `odom`; empty: gt.npz in the folder
-    sync_slop_s: NonNegative = 0.02  # [s] maximum distance in time of pairs from lists; of TUM
-    depth_scale: NonNegative = 0.0  # depth units in a metre; 0: 5000 with TUM's lists, else 1000
+    # [s] maximum time difference of pairs from lists, as in TUM's tools
+    sync_slop_s: NonNegative = 0.02
+    depth_scale: NonNegative = 0.0  # depth units per metre; 0: 5000 with TUM's lists, else 1000
     calibration: str = ""  # calibration file; empty: one of the usual names in the folder
     # [px] u, v, see Registration; None: as in the calibration file
     depth_offset_px: tuple[float, float] | None = None
@@ -112,7 +113,7 @@ class FolderSource(Source):
             yield SourceFrame(rgb, depth_mm, pair.stamp_ns)
 
     def _sizes(self) -> tuple[tuple[int, int], tuple[int, int]]:
-        """Return the most common sizes of colour and depth in the first pairs that are readable."""
+        """Return the most common sizes of colour and depth in the first readable pairs."""
         sizes, reason = Counter[Any](), SourceError("it has no pairs")
         for pair in self.pairs:
             try:
@@ -155,7 +156,7 @@ def _track(path: Path, options: FolderOptions) -> tuple[F64 | None, list[Odometr
 
 
 def _calibration(path: Path, options: FolderOptions) -> Calibration:
-    """Read the calibration file, with the depth offset of the options if it has one."""
+    """Read the calibration file, with the depth offset of the options if set."""
     files = [Path(options.calibration)] if options.calibration else []
     files += [path / name for name in CALIBRATIONS if (path / name).is_file()]
     calibration = read_calibration(files[0]) if files else Calibration()

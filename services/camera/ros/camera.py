@@ -27,7 +27,7 @@ from services.camera.ros.heads import ImageHead, read_heads
 from services.camera.ros.motion import FrameTree
 from services.camera.ros.topics import OLD_TF, SDK_TF, TF, TRANSFORM, Topics
 
-TF_HEADS = 2000  # messages of /tf that are searched for moving transforms: about ten seconds
+TF_HEADS = 2000  # number of messages of /tf searched for moving transforms: about ten seconds
 
 
 class RosbagOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -36,18 +36,18 @@ class RosbagOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     colour_topic: str = ""  # Image, CompressedImage or realsense2_camera_msgs/RGBD
     depth_topic: str = ""  # Image or CompressedImage; 16UC1 in mm or 32FC1 in m
     colour_info_topic: str = ""  # CameraInfo of colour
-    depth_info_topic: str = ""  # CameraInfo of depth, for depth that is not aligned
+    depth_info_topic: str = ""  # CameraInfo of unaligned depth
     odometry_topic: str = ""  # nav_msgs/Odometry; found if there is one
     sync_slop_s: float = 0.5  # [s] maximum distance in time of colour and depth
     map_frame: str = "map"  # frame of the bag that is renamed to `map`
-    tf_as_static: bool = False  # True: take /tf as static too (a camera that never moves)
+    tf_as_static: bool = False  # True: transforms of /tf are static, too
     # Wheels of a base without odometry: sensor_msgs/JointState, or a topic of a number
     # (std_msgs) for the left wheel and one for the right
     wheel_topics: tuple[str, ...] = ()
     wheels: WheelConfig = WheelConfig()
     depth_aligned: bool | None = None  # None: found from frames, sizes and calibration
     depth_offset_px: tuple[float, float] = (0.0, 0.0)  # [px] u, v, see Registration
-    calibration: str = ""  # calibration file that is used instead of CameraInfo
+    calibration: str = ""  # calibration file used instead of CameraInfo
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def _tree(bag: Bag, tf_as_static: bool) -> FrameTree:
 
 
 def _fix_constant(bag: Bag, tree: FrameTree, frames: set[str]) -> None:
-    """Make transforms between two sensors static that /tf repeats and that never change.
+    """Make repeated constant transforms between two sensors in /tf static.
 
     static_transform_publisher of ROS 1 repeats them.
     """
@@ -188,7 +188,7 @@ def _aligned(
     heads: tuple[ImageHead, ImageHead],
     intrinsics: tuple[Intrinsics, Intrinsics | None],
 ) -> bool:
-    """Depth is aligned if it has the size and calibration of colour; without one, its frame."""
+    """Return True if depth has the size and calibration of colour, or without one its frame."""
     if options.depth_aligned is not None:
         return options.depth_aligned
     (colour, depth), (colour_intrinsics, depth_intrinsics) = heads, intrinsics
@@ -199,8 +199,8 @@ def _aligned(
     ours, theirs = (
         (one.fx, one.fy, one.cx, one.cy) for one in (colour_intrinsics, depth_intrinsics)
     )
-    # Two sensors never share a calibration to a hundredth of a pixel, and some drivers give both
-    # the same frame.
+    # Calibrations of two sensors always differ by more than 0.01 px, while some drivers use one
+    # frame for both.
     return bool(np.allclose(ours, theirs, atol=0.01, rtol=0))
 
 
@@ -219,7 +219,7 @@ def _path(
 ) -> list[tuple[str, str, F64 | None]]:
     """Return the path from the camera to the map, else to the base, else to the root of /tf.
 
-    A matrix is None for a moving transform; static ones in a row are one.
+    A matrix is None for a moving transform; consecutive static ones are combined.
     """
     path: list[tuple[str, str, F64 | None]] = []
     for parent, child, matrix in tree.path(optical):

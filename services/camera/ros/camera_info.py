@@ -1,4 +1,4 @@
-"""CameraInfo of ROS 1 and ROS 2 as the intrinsics of the images that it comes with."""
+"""Intrinsics of images from CameraInfo of ROS 1 and ROS 2."""
 
 import re
 from typing import Any
@@ -10,13 +10,14 @@ from people4d.messages import F64
 from services.camera.calibration import Intrinsics, to_intrinsics
 from services.camera.distortion import read_distortion
 
-RECTIFIED = re.compile(r"(^|[/_])rect(ified)?([/_]|$)")  # in the topic of images without distortion
+# Pattern of topics of images without distortion
+RECTIFIED = re.compile(r"(^|[/_])rect(ified)?([/_]|$)")
 
 
 def intrinsics_of(message: Any, topic: str = "") -> Intrinsics:
     """Read the CameraInfo of a topic of images; SourceError if it is unusable.
 
-    K and P are of the full sensor: images may be a part of it (roi), and smaller (binning).
+    K and P apply to the full sensor; images may be a part of it (roi), and reduced (binning).
 
     Source: sensor_msgs/CameraInfo; image_geometry's PinholeCameraModel.
     """
@@ -38,7 +39,7 @@ def intrinsics_of(message: Any, topic: str = "") -> Intrinsics:
 
 
 def same_numbers(one: Any, other: Any) -> bool:
-    """Check whether two CameraInfo are the same but for their stamps."""
+    """Check that two CameraInfo are equal except for their stamps."""
     return _compared(one) == _compared(other)
 
 

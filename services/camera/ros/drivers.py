@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from people4d.errors import ConfigError
 
 COMPRESSED_DEPTH = "/compressedDepth"
-# Transports append their name to the topic; the earlier here, the better for depth and colour.
+# Suffixes of topics by transport, the preferred ones first.
 TRANSPORTS = ("", COMPRESSED_DEPTH, "/compressed")
 SOURCE = re.compile(r"ros2(\+(?P<transport>\w+))?:(?P<name>.*)")
 TRANSPORT_NAMES = ("zenoh", "dds")
@@ -16,9 +16,9 @@ RGBD_TOPIC = "rgbd"
 
 @dataclass(frozen=True)
 class Driver:
-    """Topics of a driver, the better ones first."""
+    """Topics of a driver, the preferred ones first."""
 
-    namespace: str  # unless it is set
+    namespace: str  # default namespace
     colours: tuple[str, ...]  # images of colour, below the namespace
     depths: tuple[str, ...]  # images of depth; aligned ones first
 
@@ -41,21 +41,21 @@ DRIVERS = {
 
 @dataclass(frozen=True)
 class Candidates:
-    """Topics that may bring a camera's images, the better ones first."""
+    """Possible topics of a camera's images, the preferred ones first."""
 
     transport: str  # name in `common.ros2.transports`
     colours: tuple[str, ...]
     depths: tuple[str, ...]
 
     def choose(self, delivering: Collection[str]) -> tuple[str, str] | None:
-        """Return the best topics of colour and depth that deliver, None if one is lacking."""
+        """Return the preferred delivering topics of colour and depth, None if one is lacking."""
         colour = next((topic for topic in self.colours if topic in delivering), None)
         depth = next((topic for topic in self.depths if topic in delivering), None)
         return (colour, depth) if colour and depth else None
 
 
 def candidates(source: str, namespace: str, colour: str, depth: str) -> Candidates:
-    """Return the topics that a source may mean.
+    """Return the possible topics of a source.
 
     Args:
         source: `ros2:DRIVER` or `ros2:/NAMESPACE`, with +zenoh or +dds after ros2.
@@ -89,7 +89,7 @@ def candidates(source: str, namespace: str, colour: str, depth: str) -> Candidat
 
 
 def best_of_driver(topics: list[str]) -> list[str]:
-    """Return the topics with the best name of a driver if all are of one, else all."""
+    """Return the topics with a driver's preferred name if all are of one driver, else all."""
     for name in (name for driver in DRIVERS.values() for name in driver.colours + driver.depths):
         named = [topic for topic in topics if stream_of(topic).endswith(f"/{name}")]
         below = {stream_of(topic).removesuffix(name) for topic in named}
@@ -99,7 +99,7 @@ def best_of_driver(topics: list[str]) -> list[str]:
 
 
 def stream_of(topic: str) -> str:
-    """Strip the transport, so that raw and compressed topics of one stream are equal."""
+    """Return the topic of a stream without the suffix of its transport."""
     for transport in TRANSPORTS[1:]:
         topic = topic.removesuffix(transport)
     return topic
@@ -111,7 +111,7 @@ def info_topic(image: str) -> str:
 
 
 def image_kind(topic: str) -> str:
-    """Return the type of an image's topic, which drivers show in its name."""
+    """Return the type of an image topic by its name."""
     if _is_rgbd(topic):
         return "realsense2_camera_msgs/msg/RGBD"
     packed = topic.endswith(TRANSPORTS[1:])
@@ -123,7 +123,7 @@ def _is_rgbd(topic: str) -> bool:
 
 
 def _topics(namespace: str, names: Iterable[tuple[str, ...]], packed: str) -> tuple[str, ...]:
-    """Return full names, each raw and compressed, none twice."""
+    """Return full names, raw and compressed, without duplicates."""
     below = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
     unique = dict.fromkeys(name for group in names for name in group)
     raw = [f"{below}/{name}" for name in unique]

@@ -1,4 +1,4 @@
-"""Recordings of ours as ROS 2 bags, with the topics of a RealSense driver."""
+"""Recordings as ROS 2 bags, with the topics of a RealSense driver."""
 
 import heapq
 import shutil
@@ -40,7 +40,7 @@ VERSION: Literal[8] = 8  # version of the bag's metadata, readable from Humble o
 
 STORAGES = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}
 
-ALWAYS = QosTime(2147483647, 4294967295)  # no deadline, endless lifespan
+ALWAYS = QosTime(2147483647, 4294967295)  # infinite duration: no deadline, endless lifespan
 VOLATILE = Qos(
     QosHistory.KEEP_LAST,
     10,
@@ -79,11 +79,11 @@ def export(
     """Write one camera of a recording, odometry, people and truth to a new ROS 2 bag.
 
     Args:
-        recording: File of ours.
+        recording: The recording.
         out: Folder of the bag; must not exist.
         bag_format: Its format.
-        camera: Name; may be empty where there is only one.
-        on_progress: Called with the fraction that is done, 0 to 1.
+        camera: Name of the camera; may be empty if there is only one.
+        on_progress: Called with the progress, 0 to 1.
 
     Returns:
         Number of messages by topic.
@@ -133,7 +133,7 @@ class BagWriter:
             self._append(entry, item.stamp_ns)
 
     def write_transforms(self, static: Sequence[StaticTransform], time_ns: int) -> None:
-        """Append static transforms, for late subscribers too."""
+        """Append static transforms, which late subscribers also receive."""
         if static:
             edges = ((one.parent, one.child, one.matrix) for one in static)
             self._append(("/tf_static", TF, transforms(edges, time_ns)), time_ns)

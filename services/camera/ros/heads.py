@@ -16,10 +16,10 @@ from services.camera.ros.topics import COMPRESSED, IMAGE, Topics, sdk_stream
 
 # Number of first images and calibrations; the most common is used, since drivers start with others
 HEADS = 9
-MAX_BAD_HEADS = 30  # corrupt images after which a topic is unusable: one second
-STAMPED_HEADS = 30  # messages without a stamp after which a driver leaves stamps empty
+MAX_BAD_HEADS = 30  # number of corrupt images after which a topic is unusable: one second
+STAMPED_HEADS = 30  # number of messages without a stamp after which stamps count as unset
 MILLIMETRE = 0.001  # [m]
-SIMULATED_NS = 10 * 10**9  # a clock before this began at 0 s with the simulation
+SIMULATED_NS = 10 * 10**9  # [ns] first stamps below this are of a simulated clock
 
 
 @dataclass(frozen=True)
@@ -46,12 +46,12 @@ def read_heads(bag: Bag, topics: Topics) -> tuple[ImageHead, ImageHead]:
 
 
 def simulated_topics(bag: Bag, topics: Collection[str]) -> frozenset[str]:
-    """Return the topics whose stamps begin at 0 s; there a stamp of 0 is valid."""
+    """Return the topics with stamps from 0 s on, where a stamp of 0 is valid."""
     return frozenset(topic for topic in topics if 0 < _first_stamp_ns(bag, topic) < SIMULATED_NS)
 
 
 def depth_unit_m(bag: Bag, depth: str) -> float:
-    """Return the unit of 16-bit depth [m]: a millimetre, or as librealsense recorded it.
+    """Return the unit of 16-bit depth [m]: librealsense's record, or else a millimetre.
 
     Raises:
         SourceError: The recorded unit is no length.
@@ -61,7 +61,7 @@ def depth_unit_m(bag: Bag, depth: str) -> float:
     if not sensor or option not in bag.types:
         return MILLIMETRE
     unit_m = float(getattr(bag.first(option), "data", 0.0))
-    if not 1e-6 <= unit_m <= 1.0:  # NaN included
+    if not 1e-6 <= unit_m <= 1.0:  # including NaN
         raise SourceError(f"{option}: expected the unit of depth in metres, got {unit_m}")
     return unit_m
 

@@ -30,7 +30,7 @@ COLOURS: dict[str, tuple[str, int, int | None]] = {
 DEPTHS = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 COMPRESSED_DEPTH_HEADER = struct.Struct("<iff")  # format, two parameters of the quantisation
 PNG = b"\x89PNG\r\n\x1a\n"
-PNG_HEADER_BYTES = 26  # [bytes] of a PNG up to its bit depth and colour type
+PNG_HEADER_BYTES = 26  # [bytes] length of a PNG's header up to its bit depth and colour type
 GREY16 = b"\x10\x00"  # 16 bits, grey
 
 
@@ -76,7 +76,7 @@ def depth_image(message: Any) -> U16:
 
 def millimetres(depth_m: npt.NDArray[Any]) -> U16:
     """Return metres (NaN or infinity = no reading) as millimetres (0 = no reading)."""
-    # Not in place: the pixels may be read-only. What does not fit 16 bits is no reading either.
+    # Not in place: the pixels may be read-only. Values beyond 16 bits are no readings.
     scaled = np.rint(np.asarray(depth_m, np.float32) * np.float32(1000))
     valid = (scaled > 0) & (scaled <= 65535)  # False for NaN
     return np.where(valid, scaled, 0).astype(np.uint16)
@@ -90,7 +90,7 @@ def _pixels(message: Any, kind: np.dtype[Any], channels: int) -> npt.NDArray[Any
     if not 0 < height * width <= MAX_PIXELS or step < row_bytes:
         raise DecodeError(f"image: expected rows of {row_bytes} bytes, got {height} of {step}")
     data = message.data
-    # The last row may come without its padding.
+    # The last row may lack its padding.
     if len(data) < (height - 1) * step + row_bytes:
         raise DecodeError(f"image: expected {height * step} bytes, got {len(data)}")
     rows = np.lib.stride_tricks.as_strided(
@@ -101,7 +101,7 @@ def _pixels(message: Any, kind: np.dtype[Any], channels: int) -> npt.NDArray[Any
 
 
 def _compressed_depth(layout: str, data: bytes) -> U16:
-    """Decode PNG depth, with the header of compressed_depth_image_transport where it has one."""
+    """Decode PNG depth, with or without the header of compressed_depth_image_transport."""
     if data.startswith(PNG):
         return _png16(data)
     size = COMPRESSED_DEPTH_HEADER.size

@@ -1,4 +1,4 @@
-"""RGB-D frames of a camera whose driver runs in ROS 2, received live, without ROS."""
+"""Live RGB-D frames of a camera driver in ROS 2, received without ROS."""
 
 import time
 from collections import Counter
@@ -28,7 +28,7 @@ from services.camera.ros.sample_queue import IMAGES_MAX, OTHERS_MAX, SampleQueue
 from services.camera.ros.topics import CAMERA_INFO, JOINTS, ODOMETRY, RGBD, TF, Topics
 from services.camera.source import MotionMessage, Source, SourceFrame, SourceItem
 
-STATIC = Qos("reliable", "transient_local", 100)  # one message of each node that publishes any
+STATIC = Qos("reliable", "transient_local", 100)  # one message per publishing node
 POLL_S = 0.2
 SETTLE_S = 0.5  # [s] wait for better topics after the first images
 TF_WAIT_S = 1.0  # [s] wait for transforms before the first frame
@@ -46,14 +46,15 @@ class LiveRosOptions(RosbagOptions, frozen=True, kw_only=True, forbid_unknown_fi
     # Frame of the robot that carries the camera in /tf; empty: the base of odometry
     base_frame: str = ""
     timeout_s: Positive = 3.0  # [s] after which a silent topic is reported
-    ros2: Ros2Config = Ros2Config(node="people4d_camera")  # its transport: as in the source
+    # connection; the transport is part of the source
+    ros2: Ros2Config = Ros2Config(node="people4d_camera")
 
 
 class LiveRosSource(Source):
     """Receives a camera's topics; ConfigError if the source or an option is wrong.
 
-    Of several topics that a driver may have, the best that delivers is used. Calibration and mount
-    follow the messages: a driver may start later, or change its resolution.
+    Of a driver's possible topics the preferred delivering one is used. Calibration and mount follow
+    the messages, since a driver may start later or change its resolution.
     """
 
     options_type = LiveRosOptions
@@ -87,7 +88,7 @@ class LiveRosSource(Source):
         self._queue.close()
 
     def _choose(self) -> tuple[str, str] | None:
-        """Receive all topics that the driver may have; return the best that deliver."""
+        """Receive all possible topics of the driver; return the preferred delivering ones."""
         images = (*self._candidates.colours, *self._candidates.depths)
         if len(set(images)) <= 2:
             return self._candidates.colours[0], self._candidates.depths[0]
@@ -108,7 +109,7 @@ class LiveRosSource(Source):
 
     def _play(self, colour: str, depth: str) -> Iterator[SourceItem]:
         options = self._options
-        if colour == depth:  # RGBD messages, which hold both CameraInfo
+        if colour == depth:  # RGBD messages contain both CameraInfo
             infos: tuple[str, str] = ("rgb_camera_info", "depth_camera_info")
             kinds: dict[str, str] = {}
         else:
@@ -134,10 +135,10 @@ class LiveRosSource(Source):
                 silent = self._silent((colour, depth))
                 self.problem = self._silence(silent) if silent else camera.problem
                 if len(silent) == len({colour, depth}) and len(self._candidates.colours) > 1:
-                    return  # the driver may have come back with other topics
+                    return  # the driver may have restarted with other topics
 
     def _receive(self, kinds: dict[str, str]) -> "_Received":
-        """Receive topics of some types, after dropping what waits."""
+        """Receive topics of some types, after dropping waiting messages."""
         self._queue.clear()
         self._since_s = time.monotonic()
         transport = open_transport(self._config)
@@ -266,7 +267,7 @@ class _Received:
         self._counted = Counter[str]()
 
     def count(self) -> None:
-        """Add what was counted since the last call."""
+        """Add counts since the last call."""
         now = Counter(self._transport.counters)
         self._counters.update(now - self._counted)
         self._counted = now

@@ -1,4 +1,4 @@
-"""Calibration and mount of a camera whose topics are received live."""
+"""Calibration and mount of a camera with live topics."""
 
 from collections import Counter
 from typing import Any
@@ -23,8 +23,8 @@ class LiveCamera:
     """Calibration and mount from the newest messages, updated whenever one of them changes.
 
     Attributes:
-        camera: The camera as of the last frame; None while it cannot be known.
-        problem: Why it cannot, one sentence; empty if it is known.
+        camera: Camera at the last frame; None if unknown.
+        problem: Reason why the camera is unknown, one sentence; empty if it is known.
     """
 
     def __init__(self, topics: Topics, options: RosbagOptions, counters: Counter[str]) -> None:
@@ -39,11 +39,11 @@ class LiveCamera:
         self._moving = set[tuple[str, str]]()
         self._base: tuple[str, str] | None = None
         self._version = 0  # number of changes of calibration and transforms
-        self._of: Any = None  # images and version that `camera` and `problem` are of
+        self._of: Any = None  # images and version of `camera` and `problem`
 
     @property
     def knows_frames(self) -> bool:
-        """A transform was received."""
+        """True after the first transform."""
         return bool(self._static or self._moving)
 
     def add_info(self, topic: str, info: Any) -> None:
@@ -76,7 +76,7 @@ class LiveCamera:
         self._version += 1
 
     def setup(self, colour: tuple[Size, str], depth: tuple[Size, str], stamp_ns: int) -> Any:
-        """Bring `camera` up to date with a pair of images.
+        """Update `camera` by a pair of images.
 
         Args:
             colour: Size of the colour image and its frame.

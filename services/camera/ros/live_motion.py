@@ -22,13 +22,13 @@ from services.camera.ros.topics import JOINTS, ODOMETRY, TF
 T = TypeVar("T")
 
 SCHEME = "zenoh:"
-# Chunks without wild cards of Zenoh, blanks, or characters that names of ROS topics lack
+# Chunks of characters in names of ROS topics
 KEY = re.compile(r"[A-Za-z0-9_~.%@-]{1,64}(/[A-Za-z0-9_~.%@-]{1,64}){0,31}")
 COUNTERS = ("moving_transforms", "live_odometry", "bad_transforms", "other_transforms")
 
 
 class TransformMessage(Message, frozen=True, kw_only=True):
-    """One tf2_msgs/TFMessage; it never leaves this process."""
+    """A tf2_msgs/TFMessage, inside this process only."""
 
     transforms: tuple[StampedTransform, ...]
     static: bool
@@ -55,7 +55,7 @@ class LiveMotion:
         return [topic.key for topic in self.topics if topic.message not in self._received]
 
     def convert(self, message: Message, parents: Sequence[str]) -> list[Message]:
-        """Convert a message of these topics to our messages.
+        """Convert a message of these topics to messages of people4d.
 
         `parents` are the frame of the camera and the parents of its transforms.
         """

@@ -1,6 +1,6 @@
-"""Images and calibrations of ours as ROS messages; images.py and camera.py convert the other way.
+"""Images and calibrations as ROS messages; images.py and camera.py are the inverse.
 
-The functions return the fields of a message as nested mappings, which `types.encode` takes.
+The functions return the fields of a message as nested mappings, for `types.encode`.
 """
 
 from typing import Any
@@ -13,7 +13,7 @@ from common.ros2.types import Fields
 from people4d.messages import CameraInfo
 from services.camera.ros.images import COMPRESSED_DEPTH_HEADER
 
-QUALITY = 95  # JPEG quality of colour: a second coding adds little error
+QUALITY = 95  # JPEG quality of colour, high since colour is encoded a second time
 
 
 def image(pixels: npt.NDArray[Any], head: Fields) -> Fields:
@@ -32,7 +32,7 @@ def image(pixels: npt.NDArray[Any], head: Fields) -> Fields:
 def compressed_image(pixels: npt.NDArray[Any], head: Fields) -> Fields:
     """Return a sensor_msgs/CompressedImage of colour (HxWx3) or of depth (HxW, millimetres).
 
-    Depth is as compressed_depth_image_transport writes it.
+    Depth has the format of compressed_depth_image_transport.
     """
     if pixels.ndim == 3:
         layout, data = "rgb8; jpeg compressed bgr8", encode_jpeg(pixels, QUALITY)

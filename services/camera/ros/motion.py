@@ -90,7 +90,7 @@ def odometry_of(message: Any, stamp_ns: int, sequence: int) -> Odometry:
 
 
 class WheelReader:
-    """Odometry of a base from its wheels, which are joints or two numbers."""
+    """Odometry of a base from wheel angles in joints or in two topics."""
 
     def __init__(self, config: WheelConfig) -> None:
         self._config = config
@@ -109,7 +109,7 @@ class WheelReader:
         return self._add(stamp_ns, left, right)
 
     def side(self, is_left: bool, message: Any, stamp_ns: int) -> Odometry | None:
-        """Read a number of std_msgs; the right wheel's number follows the left wheel's."""
+        """Read a number of std_msgs; the right wheel's number completes the left wheel's."""
         value = float(message.data)
         if is_left:
             self._left = value

@@ -1,25 +1,25 @@
-"""Messages of ROS 2 topics on their way from the transport's threads to the source's."""
+"""Queue of messages from the transport's threads to the source's thread."""
 
 import threading
 import time
 from collections import Counter, deque
 from dataclasses import dataclass
 
-IMAGES_MAX = 4  # waiting images of one topic; older ones are dropped
-OTHERS_MAX = 1024  # waiting messages of another topic
+IMAGES_MAX = 4  # maximum number of waiting images of one topic; the oldest are dropped
+OTHERS_MAX = 1024  # maximum number of waiting messages of other topics
 
 
 @dataclass(frozen=True, slots=True)
 class TopicSample:
-    """One message as it came."""
+    """A received message."""
 
     topic: str
     cdr: bytes
-    received_ns: int  # [ns] when it was sent, where that is known, else when it came
+    received_ns: int  # [ns] time of sending if known, else of reception
 
 
 class SampleQueue:
-    """Bounded queue of messages, each topic apart; in the order of arrival.
+    """Queue of messages in the order of arrival, bounded by topic.
 
     Attributes:
         last_s: Monotonic time of the last message of each topic [s].
@@ -47,7 +47,7 @@ class SampleQueue:
             self._changed.notify()
 
     def get(self, timeout_s: float) -> TopicSample | None:
-        """Return the oldest message, None if none comes in time or the queue is closed."""
+        """Return the oldest message, None after the timeout or if the queue is closed."""
         with self._changed:
             self._changed.wait_for(lambda: self._samples or self._closed, timeout_s)
             if self._closed or not self._samples:
@@ -58,18 +58,18 @@ class SampleQueue:
 
     @property
     def closed(self) -> bool:
-        """Nothing more is given out."""
+        """True if the queue returns no more messages."""
         return self._closed
 
     def clear(self) -> None:
-        """Drop all that waits."""
+        """Drop all waiting messages."""
         with self._changed:
             self._samples.clear()
             self._waiting.clear()
             self.last_s.clear()
 
     def close(self) -> None:
-        """Let `get` return at once."""
+        """Make `get` return immediately."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()

@@ -27,7 +27,8 @@ from services.camera.ros.topics import (
 from services.camera.source import MotionMessage, Source, SourceFrame
 
 NUMBER = re.compile(r"std_msgs/msg/(U?Int(8|16|32|64)|Float(32|64))")
-LOOSE_NS = 50_000_000  # [ns] distance of counted pairs: a walking person moves by 7 cm
+# [ns] time difference from which pairs are counted as loose: 7 cm of a walking person
+LOOSE_NS = 50_000_000
 
 StampedImage = tuple[int, Any]  # stamp in nanoseconds and an image message
 
@@ -50,7 +51,8 @@ class RosbagSource(Source):
                 options.depth_info_topic,
                 options.odometry_topic,
             )
-            unused = ODOMETRY if options.wheel_topics else ""  # replaced by wheels
+            # Odometry topics are replaced by wheels
+            unused = ODOMETRY if options.wheel_topics else ""
             types = {topic: kind for topic, kind in bag.types.items() if kind != unused}
             self.topics = find_topics(types, wanted, partial(encodings, bag))
             camera = read_camera(bag, self.topics, options)
@@ -76,7 +78,7 @@ class RosbagSource(Source):
         pairing = Pairing[StampedImage](self._slop_ns)
         motion = MotionReader(self.counters, self._options.wheels, self._options.map_frame)
         before = Counter(self.counters)
-        # Opened here, by the thread that reads: SQLite insists.
+        # SQLite requires opening in the reading thread.
         with open_bag(self._path) as bag:
             for topic, time_ns, message in bag.messages(self._played):
                 if topic in self._tf:
@@ -122,7 +124,7 @@ class RosbagSource(Source):
             yield SourceFrame(rgb, depth_mm, stamp_ns)
 
     def _stamp(self, topic: str, message: Any, time_ns: int) -> int:
-        """Return the stamp of the header, or the time of the bag if a driver leaves it empty."""
+        """Return the stamp of the header, or the time of the bag if it is empty."""
         stamp_ns = stamp_of(message)
         if stamp_ns or topic in self._simulated:
             return stamp_ns
@@ -131,7 +133,7 @@ class RosbagSource(Source):
 
 
 def _check_wheels(bag: Bag, topics: tuple[str, ...]) -> None:
-    """Check that the topics of wheels are one of joints or two of numbers; else SourceError."""
+    """Check that the wheel topics are one of joints or two of numbers; SourceError otherwise."""
     kinds = [bag.types.get(topic, "absent") for topic in topics]
     numbers = len(kinds) == 2 and all(NUMBER.fullmatch(kind) for kind in kinds)
     if kinds and kinds != [JOINTS] and not numbers:

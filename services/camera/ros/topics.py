@@ -17,19 +17,19 @@ COMPRESSED = "sensor_msgs/msg/CompressedImage"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 ODOMETRY = "nav_msgs/msg/Odometry"
 JOINTS = "sensor_msgs/msg/JointState"
-TF, OLD_TF = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"  # the latter in old ROS 1
+TF, OLD_TF = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"  # "tf/msg/tfMessage" is of old ROS 1
 TRANSFORM = "geometry_msgs/msg/Transform"
 RGBD = "realsense2_camera_msgs/msg/RGBD"
 TF_DEFINITION = "geometry_msgs/TransformStamped[] transforms\n"
-# Types that rosbags lacks, some in ROS 1 only.
+# Types that rosbags lacks, some only for ROS 1
 DEFINITIONS = {TF: TF_DEFINITION, OLD_TF: TF_DEFINITION}
 
 COLOUR_WORDS = ("color", "colour", "rgb")
 ALIGNED_WORDS = ("aligned_depth", "depth_registered", "depth_to_color", "depth_to_rgb")
 OTHERS = re.compile(r"infra|(^|[/_])ir([/_]|$)|confidence|mask|label|debug|thermal")
-FUSED_WORDS = ("filtered",)  # odometry of robot_localization, made of the other topics
-# librealsense's own recordings: STREAM/image/data, STREAM/info/camera_info, and in STREAM/tf/0 the
-# transform from the device's first stream to this one.
+FUSED_WORDS = ("filtered",)  # words in names of fused odometry, as of robot_localization
+# Topics of librealsense's recordings: STREAM/image/data, STREAM/info/camera_info, and in
+# STREAM/tf/0 the transform from the device's first stream to this one.
 SDK_IMAGE, SDK_INFO, SDK_TF = "/image/data", "/info/camera_info", "/tf/0"
 
 
@@ -61,7 +61,7 @@ def find_topics(
 
     Args:
         types: Type of each topic.
-        wanted: Topics that are given by name.
+        wanted: Topics given by name.
         encodings: Returns the encoding of image topics, which identifies depth; without one,
             the word "depth" in the topic does.
 
@@ -93,7 +93,7 @@ def find_topics(
 
 
 def _images(types: Mapping[str, str], encodings: Mapping[str, str]) -> tuple[list[str], list[str]]:
-    """Return the topics that may be depth, and those that may be colour."""
+    """Return the possible topics of depth, and of colour."""
     images = [t for t, kind in types.items() if kind in (IMAGE, COMPRESSED)]
     images = [t for t in images if not OTHERS.search(t.lower())]
     depths = [
@@ -130,7 +130,7 @@ def _choose(what: str, topics: Sequence[str], types: Mapping[str, str], option: 
 
 
 def _narrow(topics: list[str], words: Sequence[str]) -> list[str]:
-    """Return the topics named by one of the words, all if none is."""
+    """Return the topics with one of the words in their name, all if there are none."""
     named = [topic for topic in topics if any(word in topic.lower() for word in words)]
     return named or topics
 

@@ -27,27 +27,28 @@ from services.detector.position.surface import DepthImage
 class JointPair(NamedTuple):
     """Appearance of the shoulders or the hips."""
 
-    width_m: float  # [m] distance of both, as a network marks them
-    ahead_m: float  # [m] in profile, the nearer one is marked ahead of the farther one
-    gain_front: float  # difference in depth of the surface over the joints', from the front
-    gain_back: float  # the same from behind
+    width_m: float  # [m] distance of both in the annotations of networks
+    ahead_m: float  # [m] offset in profile of the nearer one ahead of the farther one, as annotated
+    gain_front: float  # ratio of the surface's depth difference to the joints', from the front
+    gain_back: float  # ratio of the surface's depth difference to the joints', from behind
     sigma_along_m: float  # [m] standard deviation of the difference in depth
 
 
-# Fitted to renders of the simulated room. Shoulder joints are about 0.19 of stature apart; hips are
-# marked on the outside of their joints, which are 0.1 of stature apart
+# Fitted to renders of the simulated room. Shoulder joints have a distance of 0.19 of stature; hips
+# are annotated on the outside of their joints, which have a distance of 0.1 of stature
 PAIRS: Mapping[str, JointPair] = {
     "shoulders": JointPair(0.32, 0.01, gain_front=0.87, gain_back=0.63, sigma_along_m=0.04),
     "hips": JointPair(0.21, 0.04, gain_front=0.83, gain_back=0.67, sigma_along_m=0.035),
 }
-# Distance of two joints across the line of sight, below which the nearer arm or thigh hides the
-# farther joint, whose pixel then shows the nearer depth [m]
+# Distance of two joints across the line of sight below which the nearer arm or thigh hides the
+# farther joint [m]
 HIDING_M = 0.145
 SIGMA_ACROSS_M = 0.04  # standard deviation of a distance across the line of sight [m]
 SIGMA_WIDTH = 0.07  # standard deviation of people's widths, relative
 JOINT_PX = 2.1  # standard deviation of a joint in the image [px]
 DEPTH_PER_M = 0.0025  # standard deviation of a difference in depth, divided by z^2 [1/m]
-NOSE_M, EARS_M = 0.08, 0.125  # nose ahead of the ears, and distance of the ears, as marked [m]
+# Distance of the nose ahead of the ears, and between the ears, as annotated [m]
+NOSE_M, EARS_M = 0.08, 0.125
 SIGMA_FACE = 0.3  # standard deviation of the nose, over NOSE_M
 SIGMA_HEAD_RAD = 0.3  # standard deviation of the head's yaw on the chest [rad]
 SIDE_CONFIDENCE = 0.6  # mean confidence of a side's keypoints below which sigma grows
@@ -58,9 +59,10 @@ STEP_DEG = 3  # step of the angles [deg]
 ANGLES: F64 = np.radians(np.arange(-180, 180, STEP_DEG))
 SINE, COSINE = np.sin(ANGLES), np.cos(ANGLES)
 FROM_BEHIND = (1 + COSINE) / 2
-NEAR_RAD = math.radians(60)  # half the range of angles of mean and variance, about the best [rad]
+# Half the range of angles around the best one for mean and variance [rad]
+NEAR_RAD = math.radians(60)
 FAR_MAX = 0.1  # maximum probability of the other angles
-SPAN_M = 1.0  # range of distances between joints that are outliers [m]
+SPAN_M = 1.0  # range of distances of outlier joints [m]
 SIGMA_MAX_RAD = math.pi / 2  # maximum standard deviation of an estimated angle [rad]
 
 
@@ -92,7 +94,7 @@ def log_likelihood(observations: YawObservations, fx: float) -> F64:
     """Return the logarithm of the likelihood of each of `ANGLES`, NxA; fx in pixels."""
     flat = np.zeros((len(observations.z_m), len(ANGLES)))
     total: F64 = sum(_cues(observations, fx), flat)
-    # A network that is less confident of the joints of a side confuses the sides more often.
+    # Low confidence of the joints of a side makes confusion of the sides more likely.
     factors = sigma_factors(observations)[:, None]
     swapped = np.minimum(SWAPPED * factors**2, SWAPPED_MAX)
     turned = np.roll(total, len(ANGLES) // 2, axis=1)
@@ -103,7 +105,7 @@ def log_likelihood(observations: YawObservations, fx: float) -> F64:
 def expected_across(name: str) -> F64:
     """Return the expected distance from the left joint to the right one, to the right, by angle.
 
-    w cos(psi), less in profile, where the nearer joint is marked ahead of the other.
+    w cos(psi), reduced in profile, since the nearer joint is annotated ahead of the other.
     """
     pair = PAIRS[name]
     expected_m: F64 = pair.width_m * COSINE - pair.ahead_m * SINE**2
@@ -129,7 +131,7 @@ def _cues(observations: YawObservations, fx: float) -> Iterator[F64]:
     z_m = observations.z_m
     for name, pair in PAIRS.items():
         offsets = observations.pairs[name]
-        # Of joints, pixels and widths of people
+        # Variances of joints, pixels and widths of people
         joints_m = np.hypot(SIGMA_ACROSS_M, math.sqrt(2) * JOINT_PX * z_m / fx)
         sigma_m = np.hypot(joints_m[:, None], SIGMA_WIDTH * pair.width_m * COSINE)
         error_m = offsets.across_m[:, None] - expected_across(name)
@@ -141,7 +143,7 @@ def _cues(observations: YawObservations, fx: float) -> Iterator[F64]:
 
 
 def _head(observations: YawObservations) -> F64:
-    """Return the log likelihood by the head, which may be turned on the chest."""
+    """Return the log likelihood from the head, which may be turned relative to the chest."""
     forward, left = observations.ears_m / EARS_M, observations.nose_m / NOSE_M
     size = np.maximum(np.hypot(forward, left), 0.3)
     sigma_rad = np.hypot(SIGMA_HEAD_RAD, SIGMA_FACE / size)
@@ -160,7 +162,7 @@ def best_angles(log_p: F64) -> tuple[F64, F64]:
     """Return the most likely angle of each row and its standard deviation, infinite for a flat row.
 
     Both are of the angles around the best one. A small probability elsewhere, for example of the
-    opposite direction, is left to the filter over time; more increases the variance.
+    opposite direction, is left to the filter over time; a larger one increases the variance.
     """
     p = np.exp(log_p - log_p.max(axis=1, keepdims=True))
     p /= p.sum(axis=1, keepdims=True)
@@ -177,7 +179,7 @@ def best_angles(log_p: F64) -> tuple[F64, F64]:
 
 
 def sigma_factors(observations: YawObservations) -> F64:
-    """Return the factors by which sigma grows if the network is not confident of the joints."""
+    """Return the factors of sigma for low confidence of the joints."""
     side = observations.side
     unsure = (side > 0) & (side < SIDE_CONFIDENCE)
     return np.where(unsure, SIDE_CONFIDENCE / np.where(unsure, side, 1.0), 1.0)

@@ -1,6 +1,6 @@
 """The orientation network: yaws by images, trained on simulated people (scripts/train_orientation).
 
-It sees features that keypoints do not show: hair or a face, the back or the front of clothes.
+It uses features beyond keypoints: hair or a face, the back or the front of clothes.
 """
 
 import math
@@ -21,9 +21,9 @@ SIZE_PX = (64, 48)  # height and width of the input [px]
 SIZE_M = (1.1, 0.827)  # height and width of the window, at the person's depth [m]
 ABOVE_M = 0.5  # part of the window above the shoulders [m]
 LAYER_M = (-0.4, 0.5)  # depths of the person's mask, relative to the person's depth [m]
-OUTLIERS = 0.05  # probability of an image that shows something else
+OUTLIERS = 0.05  # probability of an image that does not show the person
 LOG_MIN = -50.0  # minimum log probability
-OUTSIDE_MM = 1  # depth outside of the image [mm]
+OUTSIDE_MM = 1  # depth assumed outside the image [mm]
 
 Image = TypeVar("Image", U8, U16)
 
@@ -38,7 +38,7 @@ class OrientationNetwork:
         session: The network.
 
     Raises:
-        ModelError: The network takes or gives something else.
+        ModelError: The input or output of the network has another form.
     """
 
     def __init__(self, session: Session) -> None:
@@ -54,7 +54,7 @@ class OrientationNetwork:
             raise ModelError(f"orientation network: expected an output of NxS, got {found}")
 
     def log_likelihood(self, images: F32) -> F64:
-        """Return the logarithm of the likelihood of `ANGLES` by N images (Nx4x64x48), NxA."""
+        """Return the log likelihood of `ANGLES` given N images (Nx4x64x48), NxA."""
         log_p = np.clip(self._run(images), LOG_MIN, 0.0)
         sectors = np.exp(log_p - log_p.max(axis=1, keepdims=True))
         sectors /= sectors.sum(axis=1, keepdims=True)
@@ -70,14 +70,14 @@ class OrientationNetwork:
 
 @cache
 def between(sectors: int) -> F64:
-    """Return the weights of values at the middles of S sectors at `ANGLES` between them, SxA."""
+    """Return the weights (SxA) that interpolate values of S sectors at `ANGLES`."""
     off = np.abs(ANGLES / (2 * math.pi / sectors) - np.arange(sectors)[:, None]) % sectors
     weights: F64 = np.maximum(1 - np.minimum(off, sectors - off), 0.0)
     return weights
 
 
 def upper_bodies(rgb: U8, image: DepthImage, keypoints: F32, depths_m: F64) -> F32:
-    """Return the upper bodies of N people as the network takes them, Nx4x64x48.
+    """Return the upper bodies of N people as input of the network, Nx4x64x48.
 
     Args:
         rgb: Colour image, HxWx3.
@@ -128,7 +128,7 @@ def _bordered(window: Image, edges: tuple[int, int, int, int], value: tuple[int,
 
 
 def _reduced(rgb: U8) -> U8:
-    """Return an image at the network's size: first by halves, which is fast."""
+    """Return an image at the network's size, reduced first by halves, which is fast."""
     height, width = SIZE_PX
     while rgb.shape[0] >= 2 * height and rgb.shape[1] >= 2 * width:
         even = rgb[: rgb.shape[0] // 2 * 2, : rgb.shape[1] // 2 * 2]

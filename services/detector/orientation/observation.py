@@ -1,6 +1,6 @@
 """Observation of bodies from one frame, for the joint likelihood of their yaws.
 
-Everything is measured from the line of sight to the torso: across it to the right, and along it.
+Offsets are relative to the line of sight to the torso: across to the right, and along it.
 """
 
 from collections.abc import Mapping
@@ -23,8 +23,8 @@ from services.detector.position.surface import DepthImage, read_windows
 from services.detector.position.visible_area import in_image
 
 SIDES = [[1, 3, 5, 7, 9, 11, 13, 15], [2, 4, 6, 8, 10, 12, 14, 16]]  # COCO: left, right
-# Minimum confidence of a keypoint; positions need more. Keypoints of little confidence are mostly
-# right, and the yaw is less certain with them
+# Minimum confidence of a keypoint, lower than for positions: keypoints of low confidence are mostly
+# correct, and raise the uncertainty of the yaw
 CONFIDENCE_MIN = 0.1
 WINDOW_MIN_PX = 5  # minimum side of a joint's window [px]
 WINDOWS_M = (0.1, 0.1, 0.2, 0.2)  # sides of the windows of shoulders and hips [m]
@@ -66,7 +66,7 @@ def observe_bodies(keypoints: F32, layers_m: F64, image: DepthImage) -> YawObser
     pairs = {}
     for k, (name, (left, right)) in enumerate(JOINTS.items()):
         deep_m = depths_m[:, 2 * k + 1] - depths_m[:, 2 * k]
-        # The position of a hidden joint is a guess.
+        # Positions of hidden joints are guesses.
         wide_m = np.where(np.isnan(deep_m), np.nan, across_m[:, right] - across_m[:, left])
         pairs[name] = JointOffsets(wide_m, deep_m / np.cos(rays_rad) - wide_m * np.tan(rays_rad))
     left_m, right_m = across_m[:, LEFT_EAR], across_m[:, RIGHT_EAR]
@@ -95,5 +95,5 @@ def _joint_depths(pixels: F64, layers_m: F64, image: DepthImage) -> F64:
         middle_m - REACH_M,
         middle_m + REACH_M,
     )
-    depths_m[~inside | (share < VISIBLE_MIN)] = np.nan  # a joint at NaN is not inside
+    depths_m[~inside | (share < VISIBLE_MIN)] = np.nan  # False for a joint at NaN
     return depths_m.reshape(-1, 4)

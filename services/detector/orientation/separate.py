@@ -26,25 +26,26 @@ from services.detector.orientation.angle import (
 )
 from services.detector.position.surface import DepthImage, keypoint_depth
 
-BASELINE_MIN_M = 0.1  # minimum distance of a pair; in a shorter one a joint hides the other [m]
+BASELINE_MIN_M = 0.1  # minimum distance of a pair; below it one joint hides the other [m]
 SHOULDER_RATIO_MAX = 0.90  # maximum shoulder width over torso height [Winter 2009]
 HIP_RATIO_MAX = 0.66  # maximum hip width over torso height [Winter 2009]
 TORSO_MIN_PX = 8.0  # minimum height of a torso with readable proportions [px]
 NOSE_OFFSET_MIN = 0.05  # minimum offset of the nose from the ears' middle, per torso height
 # Standard deviations, from the simulated room
-SIGMA_POINT_M = 0.05  # each point of a pair, across the pair [m]
-SIGMA_RATIO = 0.18  # ratio over the maximum ratio
+SIGMA_POINT_M = 0.05  # standard deviation of each point, across the pair [m]
+SIGMA_RATIO = 0.18  # standard deviation of a ratio over its maximum
 
 
 class FaceRule(NamedTuple):
-    """Rule of the side to which a person is turned, by the face."""
+    """Rule for the side to which a person is turned, from the face."""
 
-    by_nose: bool  # side of the nose to the ears' middle, else visible eyes and ears (4.17)
+    # True: side of the nose relative to the ears' middle; False: visible eyes and ears (4.17)
+    by_nose: bool
     confidence_min: float  # minimum confidence of visible eyes, ears and nose
 
 
-# MoveNet is as confident of a hidden ear as of a visible one: by visibility it gives the side of
-# 370 views in the simulated room no better than a coin, by the nose in 96 of 100 views
+# MoveNet has the same confidence for hidden and visible ears: on 370 views in the simulated room,
+# visibility gives a random side, the nose the correct one in 96 %
 FACE, MOVENET_FACE = FaceRule(False, 0.5), FaceRule(True, 0.3)
 
 
@@ -68,7 +69,7 @@ class YawPair:
             return None
         spread_rad = math.hypot(*(angle.sigma_rad for angle in psi))
         sigma_rad = spread_rad / len(psi)
-        if len(psi) == 2:  # sigma grows if both differ by more than it explains
+        if len(psi) == 2:  # a difference larger than sigma raises sigma
             sigma_rad *= max(1.0, abs(wrap(psi[0].rad - psi[1].rad)) / spread_rad)
         return YawEstimate(wrap(math.atan2(sines, cosines)), sigma_rad)
 
@@ -92,7 +93,7 @@ def separate_yaws(
 def vector_yaw(points_m: F64) -> YawEstimate | None:
     """Return psi_1 = atan2(d_x, -d_y), d = p_right - p_left of the shoulders, else of the hips.
 
-    A d shorter than the baseline is refused: one point hides the other. Keypoints are 17x3 in
+    A d shorter than the baseline is rejected: one point hides the other. Keypoints are 17x3 in
     metres, body frame of the camera, NaN if unknown.
     """
     pairs = (points_m[right] - points_m[left] for left, right in (SHOULDERS, HIPS))
@@ -118,7 +119,7 @@ def ratio_yaw(
         sign = 1 if wrap(psi_1.rad - ray_rad) >= 0 else -1
     if magnitude_rad is None or sign == 0:
         return None
-    # The slope of arccos grows without limit at 0 and pi, the error does not.
+    # The slope of arccos is unbounded at 0 and pi, the error is not.
     slope = 1 / max(math.sin(magnitude_rad), math.sqrt(SIGMA_RATIO))
     return YawEstimate(wrap(sign * magnitude_rad + ray_rad), SIGMA_RATIO * slope)
 

@@ -1,9 +1,9 @@
-"""From the surface to the axis of the body, and the covariance of positions there.
+"""Correction from the body's surface to its axis, and the covariance of positions.
 
-Depth is read on the side of a person that faces the camera. The axis of the torso, an upright
-ellipse, lies behind it: little from the front, more from the side, where arm and shoulder come
-first. A stereo camera measures disparity, so its error in depth grows with the square of the
-distance; the errors of the ellipse and of the joints are added (docs/method.md section 10).
+Depth is measured on the side of a person facing the camera. The axis of the torso, an upright
+ellipse, is behind it: less from the front, more from the side. A stereo camera measures disparity,
+so its error in depth grows with the square of the distance; the errors of the ellipse and of the
+joints are added (docs/method.md section 10).
 """
 
 import math
@@ -23,14 +23,15 @@ class Ellipse(NamedTuple):
 
 # Half the chest depth, and half the mean of shoulder and hip breadth, of adults, without clothes
 BODY = Ellipse(half_depth_m=0.125, half_width_m=0.205)
-RIM = 0.9  # used part of the half width: near the outline the surface is too steep
+# Maximum offset from the axis, relative to the half width: the surface is steep near the outline
+RIM = 0.9
 # Standard deviations of positions, from simulated people
-BODY_M = 0.035  # differences of bodies, clothes and arms, along the line of sight [m]
+BODY_M = 0.035  # bodies, clothes and arms, along the line of sight [m]
 JOINT_M = 0.04  # joint of a near person, across the line of sight [m]
 JOINT_PX = 2.0  # joint of a far person, across the line of sight [px]
 CENTROID_M = 0.04  # centroid of a mask or mean of keypoints from the torso, to the right [m]
-CENTROID_DOWN_M = 0.2  # the same, downward [m]
-SURFACE_M = 0.16  # surface that is not moved to the axis, along the line of sight [m]
+CENTROID_DOWN_M = 0.2  # centroid from the torso, downward [m]
+SURFACE_M = 0.16  # positions on the surface, along the line of sight [m]
 
 
 def surface_to_axis(right_m: F64, relative_rad: float | None, ellipse: Ellipse) -> F64:
@@ -42,7 +43,7 @@ def surface_to_axis(right_m: F64, relative_rad: float | None, ellipse: Ellipse) 
     Args:
         right_m: N points on the surface, to the right of the axis, in metres.
         relative_rad: Yaw from the line of sight, 0 = facing away, + to the left; None if it is
-            unknown: then the torso is taken to be as deep as wide, of the same area.
+            unknown: then the torso is a circle of the same area.
         ellipse: Cross section.
     """
     a, b = ellipse
@@ -89,7 +90,7 @@ def joint_sigma(z_m: F64, info: CameraInfo) -> F64:
 def variance_along(z_m: float, readings_m: F64, sigma_m: float, depth_error_per_m: float) -> float:
     """Return the variance, in m^2, of the mean of N readings along the line of sight.
 
-    All share `sigma_m`; the error of a single reading is `depth_error_per_m` z^2.
+    `sigma_m` is common to all; the error of a single reading is `depth_error_per_m` z^2.
     """
     count = len(readings_m)
     sensor_m2 = (depth_error_per_m * z_m**2) ** 2 / count
@@ -106,7 +107,7 @@ def variances_across(z_m: float, info: CameraInfo) -> tuple[float, float]:
 def covariance(position_m: F64, right_m2: float, down_m2: float, along_m2: float) -> F64:
     """Return the 3x3 covariance of a position from variances across and along its line of sight.
 
-    All in the optical frame; `right_m2` and `down_m2` are across the line of sight.
+    The frame is optical; `right_m2` and `down_m2` are across the line of sight.
     """
     # Plain floats: np.cross takes ten times as long for one vector.
     x, y, z = (position_m / np.linalg.norm(position_m)).tolist()

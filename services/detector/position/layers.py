@@ -1,10 +1,9 @@
 """Assignment of people to layers of depth, with occluders in front and a wall behind.
 
-Depth samples at many points of a person show several layers. The person's layer holds most samples
-and agrees with the size in the image: an occluder that covers half of a person stands nearer, and
-would need an implausibly small torso to appear as large. Samples in other layers do not count, nor
-do samples on another person: where two overlap, the one with the better score is in front
-(docs/method.md section 10).
+Depth samples at many points of a person show several layers. The person's layer has most samples
+and agrees with the size in the image: an occluder is nearer, and would need an implausibly small
+torso to appear as large. Samples in other layers or on another person do not count: of two
+overlapping people, the better score is in front (docs/method.md section 10).
 """
 
 import math
@@ -24,8 +23,8 @@ SIZE_SIGMA = 0.2  # standard deviation of the logarithm of people's sizes
 MISFIT = 0.02  # minimum weight of a possible layer by the person's size
 LARGER_MAX = 2.0  # maximum size of a person, relative to the mean
 SMALLER_MAX = 2.2  # ratio of the mean to the minimum height of a torso
-# Minimum score of a person's layer; a quarter of the samples of a person that appears half as large
-# as the mean reaches it
+# Minimum score of a person's layer, reached with a quarter of the samples of a person of half the
+# mean size
 SCORE_MIN = 0.005
 
 
@@ -38,17 +37,17 @@ class DepthSamples:
     weights: F64  # N, 1 on the torso
     size: BodySize | None = None  # None: unknown
     crown_px: tuple[float, float] | None = None  # [px] top of the person; None: unknown
-    margin_px: float = 0.0  # [px] outline of the person beyond the points and the crown
-    cut_off: bool = False  # one side of the image cuts the person off
+    margin_px: float = 0.0  # [px] margin of the outline beyond the points and the crown
+    cut_off: bool = False  # True if one side of the image cuts the person off
 
 
 @dataclass(frozen=True, slots=True)
 class PersonLayer:
-    """Layer of depth that a person is in."""
+    """Layer of depth of a person."""
 
     depth_m: float  # [m] its middle
-    own: Flags  # N, samples that no other person covers
-    along_m2: float = 0.0  # [m^2] variance of the depth: the torso may be in another layer
+    own: Flags  # N, samples not covered by other people
+    along_m2: float = 0.0  # [m^2] variance of the depth, since the torso may be in another layer
 
 
 class _Choice(NamedTuple):
@@ -64,7 +63,7 @@ NO_LAYER = _Choice(math.nan, 0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class LayerWindows:
-    """Windows of depth on one person, whose readings in the person's layer count."""
+    """Windows of depth on one person; only readings in the person's layer count."""
 
     pixels: F64  # [px] Nx2, their middles
     window_px: int  # [px] odd side
@@ -74,8 +73,8 @@ class LayerWindows:
 def assign_layers(people: Sequence[DepthSamples]) -> list[PersonLayer | None]:
     """Return the layer of each person of a frame, None without own samples.
 
-    People are assigned in the order of their scores, people of unknown size last. Samples that lie
-    on a person with a layer do not count for others.
+    People are assigned in the order of their scores, people of unknown size last. Samples on a
+    person with a layer do not count for others.
     """
     layers: list[PersonLayer | None] = [None] * len(people)
     finite = [np.isfinite(person.depth_m) for person in people]
@@ -116,9 +115,9 @@ def _best_layer(person: DepthSamples, own: Flags) -> _Choice:
     """Return the best layer of a person's own samples.
 
     Another layer of a fraction p of the sum of both squared scores, a gap away, makes the depth
-    uncertain by p (1 - p) gap^2. Readings of the best layer do not count for it: they are the
-    person's own arms and legs. The score is 0 if no layer is possible, or if the best layer holds
-    next to nothing of the person: furniture in front of a person out of range.
+    uncertain by p (1 - p) gap^2. Readings of the best layer do not count as gaps: they are the
+    person's arms and legs. The score is 0 without a possible layer, or if the best layer has too
+    few samples, as of furniture in front of a person out of range.
     """
     if not own.any():
         return NO_LAYER
@@ -147,10 +146,10 @@ def _best_layer(person: DepthSamples, own: Flags) -> _Choice:
 def _fit(depth_m: F64, person: DepthSamples) -> F64:
     """Return the weight of depths by the size of the person, 0 where all measures are impossible.
 
-    Farther away the person would be larger than people are, nearer smaller. Where widths alone are
-    known, a nearer person is turned: of bodies turned at random, a width has the density z / z_s.
-    The box of a cut-off person without a measure may hold an arm and much of the background: depths
-    weigh 1 / z.
+    At larger depths the person would be implausibly large, at smaller ones small. If only widths
+    are known, a nearer person may be turned: for random turns, a width has the density z / z_s. The
+    box of a cut-off person without a measure may contain much background, so depths are weighted by
+    1 / z.
     """
     size = person.size
     if size is None:
@@ -167,8 +166,8 @@ def _fit(depth_m: F64, person: DepthSamples) -> F64:
 def _on(person: DepthSamples, other: DepthSamples, layer: PersonLayer) -> Flags:
     """Return flags of a person's samples that lie on another person.
 
-    They lie inside the outline of the other, whose sample nearest in the image is as far away: a
-    head bent to the camera is in front of the layer of its torso.
+    They are inside the outline of the other person, at the depth of the nearest sample in the
+    image, since a head bent to the camera is in front of the torso's layer.
     """
     on = np.abs(person.depth_m - layer.depth_m) <= 2 * HALF_M
     on[on] = _inside(person.pixels[on], other)

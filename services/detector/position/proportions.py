@@ -35,8 +35,8 @@ JOINT_OFFSETS: F64 = np.array(
 class BodySize:
     """Depth of a person by the size in the image."""
 
-    depth_m: float  # [m] depth at which the largest measure of the torso would be of common size
-    farthest_m: float  # [m] depth at which the smallest measure would be
+    depth_m: float  # [m] depth at which the largest measure of the torso has the mean size
+    farthest_m: float  # [m] depth at which the smallest measure has the mean size
     has_height: bool  # True: height is known; widths alone are foreshortened from the side
 
 
@@ -47,7 +47,7 @@ def torso_middles(
 
     A joint lies at c + a l + b d, a and b its position in the body; c, l and d, the body's middle,
     its left and its down, are estimated from the known joints by least squares, with priors from
-    the yaw and an upright body. All four known: c is their mean.
+    the yaw and an upright body. With four known joints c is their mean.
 
     Joints are Nx4x2, to the right and downward at the person's depth, of standard deviations N. If
     no joint (Nx4) is known the variance is UNKNOWN_M2. Yaws are in the camera's body frame.
@@ -66,7 +66,7 @@ def torso_middles(
 
 
 def size_depth(joints_px: F64, known: Flags, info: CameraInfo) -> BodySize | None:
-    """Return the depth at which a torso would be of common size; None if unknown.
+    """Return the depth at which a torso has the mean size; None if unknown.
 
     A foreshortened torso appears smaller, so the largest of its measures counts, unless a joint is
     wrong. Joints are 4x2, u and v.
@@ -76,7 +76,7 @@ def size_depth(joints_px: F64, known: Flags, info: CameraInfo) -> BodySize | Non
     hips = [joint for joint, use in zip(joints_px[2:].tolist(), is_known[2:], strict=True) if use]
     has_height = bool(shoulders and hips)
     measures = [(shoulders, HALF_SHOULDERS_M), (hips, HALF_HIPS_M)]
-    # Common size over size in the image
+    # Mean size over size in the image
     depths_per_px = [
         2 * half_m / max(math.dist(*pair), 1.0) for pair, half_m in measures if len(pair) == 2
     ]

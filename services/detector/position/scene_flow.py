@@ -1,8 +1,8 @@
-"""Velocities of people by scene flow: motion of the torso's surface since the frame before.
+"""Velocities of people by scene flow: motion of the torso's surface since the previous frame.
 
-Pixels of a torso are followed into the image before, and back, by pyramids of [Lucas 1981] around
-the person alone; depth is read at both ends of each. The median motion over the time between both
-frames is the velocity (docs/method.md section 10).
+Pixels of a torso are tracked to the previous image and back by pyramids of [Lucas 1981] around the
+person; depth is read at both ends. The median motion over the time between both frames is the
+velocity (docs/method.md section 10).
 """
 
 import math
@@ -19,7 +19,7 @@ from services.detector.position.axis import covariance
 from services.detector.position.torso import LayeredTorso, TorsoJoints
 
 INTERVAL_MAX_S = 0.25  # maximum time between two compared frames [s]
-COLUMNS, ROWS = 5, 8  # points on a torso
+COLUMNS, ROWS = 5, 8  # grid of points on a torso
 MARGIN, MARGIN_DOWN = 0.25, 0.06  # margins relative to the joints' width and the box's height
 UPPER_BODY = 0.2, 0.2, 0.8, 0.55  # torso in a box without joints: left, top, right, bottom
 WINDOW_PX, LEVELS = 9, 2  # window and pyramid of the optical flow
@@ -46,7 +46,7 @@ class VelocityEstimate:
 
 @dataclass(frozen=True, slots=True)
 class FramePair:
-    """A frame, and the frame of the same camera before it."""
+    """A frame, and the previous frame of the same camera."""
 
     now: RgbdFrame
     before: RgbdFrame
@@ -59,14 +59,14 @@ class FramePair:
 
 
 class FrameHistory:
-    """Last frame of each camera; cameras are few, since each needs a calibration."""
+    """Last frame of each camera with a calibration."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._frames: dict[str, RgbdFrame] = {}  # last frames by camera
 
     def swap_frame(self, frame: RgbdFrame) -> RgbdFrame | None:
-        """Store a frame; return the frame before it if that is recent and of the same size.
+        """Store a frame; return the previous one if it is recent and of the same size.
 
         A late frame of another thread is not stored, unless the clock went back.
         """
@@ -83,7 +83,7 @@ class FrameHistory:
 def measure_velocities(
     pair: FramePair, torsos: Sequence[LayeredTorso | None]
 ) -> list[VelocityEstimate | None]:
-    """Return the velocities of torsos; None where too few points were followed."""
+    """Return the velocities of torsos; None with too few tracked points."""
     known = [torso for torso in torsos if torso is not None]
     found = iter(_velocities(pair, known) if known else ())
     return [None if torso is None else next(found) for torso in torsos]
@@ -120,10 +120,10 @@ def _velocities(
 def _estimate(points: F64, sigma_px: float, pair: FramePair) -> VelocityEstimate:
     """Return the velocity by points: u, v and depth now, and their motions into the past (Nx6).
 
-    Far away depth comes in steps of centimetres, and a median is one of them: the motion in depth
-    is the mean of the middle half. The surface of a body that sways or turns moves against its axis
-    for about `SURFACE_S`. As an error of single frames, independent of each other, it has the same
-    effect with 2 tau / dt times the variance.
+    The motion in depth is the mean of the middle half, since distant depth has steps of
+    centimetres, which a median keeps. The surface of a swaying or turning body moves relative to
+    its axis for about `SURFACE_S`. An independent error of each frame with 2 tau / dt times the
+    variance has the same effect.
     """
     info, dt_s, count = pair.info, pair.interval_s, len(points)
     ranked, middle = np.sort(points, axis=0), (count - 1) // 2
@@ -159,9 +159,9 @@ def _depths(pixels: F64, frame: RgbdFrame) -> F64:
 
 
 def _follow(pixels: F64, scale: float, pair: FramePair) -> F64:
-    """Return the pixels (Nx2) in the frame before, NaN where they were not found there.
+    """Return the pixels (Nx2) in the previous frame, NaN if lost.
 
-    The image around them is reduced by a scale, which takes a third of the time.
+    The image is reduced by a scale, which takes a third of the time.
     """
     shape = np.array(pair.now.depth_mm.shape[::-1])
     reach_px = REACH_PX / scale

@@ -12,7 +12,7 @@ STEP_MIN_M = 0.01  # minimum step of depth between connected neighbours [Liu 201
 STEP_PER_M = 0.01  # step of depth between connected neighbours, divided by z^2 [1/m]
 REACH_M = 0.4  # maximum distance of the person's pixels from the torso's depth [m]
 SEED_CONFIDENCE_MIN = 0.3  # minimum confidence of keypoints that are seeds
-PULL = 0.3  # distance of a seed from its joint to the torso's centre, off the outline
+PULL = 0.3  # shift of a seed from its joint to the torso's centre, off the outline
 FLOOD = 4 | cv2.FLOODFILL_MASK_ONLY | 1 << 8  # 4 neighbours, write 1 into the mask
 
 
@@ -49,7 +49,7 @@ def fill_holes(depth_mm: U16) -> U16:
     rows, columns = np.nonzero((read == 0) & (cv2.dilate(read, np.ones((3, 3), np.uint8)) > 0))
     padded = np.pad(depth_mm, 1)
     around = np.stack([padded[rows + i, columns + j] for i in range(3) for j in range(3)], axis=1)
-    around.sort(axis=1)  # the readings come last, after the zeros
+    around.sort(axis=1)  # readings are after the zeros
     count, hole = np.count_nonzero(around, axis=1), np.arange(len(rows))
     below = around[hole, 9 - count + (count - 1) // 2].astype(np.uint32)
     above = around[hole, 9 - count + count // 2]

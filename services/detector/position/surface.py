@@ -39,8 +39,8 @@ class PositionEstimate:
 def mask_centroid(mask: InstanceMask, image: DepthImage) -> F64 | None:
     """Return the surface point at the centroid of a mask: 3 in metres, optical frame.
 
-    None if that lies outside of the mask (a bent body) or on a pixel without a valid reading.
-    Source: docs/method.md section 2, mask [PIC4SeR].
+    None if the centroid is outside the mask (a bent body) or has no valid reading. Source:
+    docs/method.md section 2, mask [PIC4SeR].
     """
     moments = cv2.moments(mask.window, binaryImage=True)
     if moments["m00"] == 0:
@@ -107,7 +107,7 @@ def read_windows(
     height, width = image.depth_mm.shape
     sides_px = np.asarray(window_px).reshape(-1, 1)
     most_px = int(sides_px.max(initial=1)) // 2
-    # A wild coordinate must not overflow the integer.
+    # Clipped, since a wild coordinate would overflow the integer.
     bounded = np.minimum(np.maximum(pixels, -most_px - 1), max(height, width) + most_px)
     u, v = np.rint(bounded).astype(np.intp).T[..., None]
     reach = np.arange(-most_px, most_px + 1)
@@ -126,7 +126,7 @@ def read_windows(
     indices = (rows * width)[:, :, None] + columns[:, None]
     least_mm = _millimetres(np.ceil(np.multiply(nearest_m, 1000) - 1e-6), 1)
     span_mm = _millimetres(np.floor(np.multiply(farthest_m, 1000) + 1e-6), 1) - least_mm
-    # Nearer readings and missing ones wrap round and are sorted last.
+    # Nearer and missing readings wrap around and are sorted last.
     above_mm = image.depth_mm.reshape(-1)[indices.reshape(len(pixels), len(reach) ** 2)] - least_mm
     if inside is not None:
         inside = inside.reshape(above_mm.shape)
@@ -148,7 +148,7 @@ def _millimetres(depth_mm: npt.ArrayLike, least: int) -> U16:
 def keypoint_surfaces(people: Sequence[DetectedPerson], image: DepthImage) -> list[F32 | None]:
     """Return the depth of the surface at every keypoint of people: 17 in metres each, 0 if unread.
 
-    An occluder's surface counts as well. None without keypoints.
+    Surfaces of occluders count, too. None without keypoints.
     """
     pixels = [p.keypoints[:, :2] for p in people if p.keypoints is not None]
     if not pixels:

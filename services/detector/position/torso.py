@@ -1,8 +1,9 @@
-"""Position of the torso: the mean of both shoulders and both hips, also if some are hidden.
+"""Position of the torso: the mean of shoulders and hips, even if some are hidden.
 
-Motion capture and tracks mean this point. Depth is read in windows on the torso, off its outline;
-readings outside of the person's own layer of depth (a wall, an outstretched arm, an occluder) do
-not count. Each window gives the axis, their mean is the position (docs/method.md section 10).
+It is the reference point of tracks and motion capture. Depth is read in windows on the torso, off
+its outline; readings outside of the person's own layer of depth (a wall, an outstretched arm, an
+occluder) do not count. Each window gives the axis, their mean is the position (docs/method.md
+section 10).
 """
 
 import math
@@ -57,14 +58,15 @@ TORSO_ROWS = (
     0.425,
     0.50,
 )  # rows from chest to hips, relative to a mask's height
-PULL = 0.3  # distance of a window from its joint to the torso's middle, off the outline
-EDGE_PX = 8.0  # maximum distance of a guessed joint of a cut-off person from the image's edge [px]
+PULL = 0.3  # shift of a window from its joint to the torso's middle, off the outline
+# Distance from the image's edge within which a cut-off person's joints are guesses [px]
+EDGE_PX = 8.0
 WINDOW_SHARE = 0.12  # side of a window, relative to the torso's diagonal
-WINDOW_MIN_PX, WINDOW_MAX_PX = 5, 31  # limits of that side [px]
+WINDOW_MIN_PX, WINDOW_MAX_PX = 5, 31  # limits of the side of a window [px]
 MARGIN_SHARE = 0.25  # outline beyond the keypoints, relative to the torso's diagonal
-OTHER_WEIGHT = 0.5  # weight of a sample that is not on the torso
-AREA_WEIGHT = 2.0  # weight of all samples of the visible area together
-# Axis behind face and limbs, if the torso itself is hidden, and its standard deviation [m]
+OTHER_WEIGHT = 0.5  # weight of a sample off the torso
+AREA_WEIGHT = 2.0  # total weight of all samples of the visible area
+# Distance of the axis behind face and limbs if the torso is hidden, and its standard deviation [m]
 LIMB_OFFSET_M, LIMB_SIGMA_M = 0.06, 0.1
 
 
@@ -84,7 +86,7 @@ class TorsoJoints:
 
     joints_px: F64  # [px] 4x2, shoulders and hips
     known: Flags  # 4, joints that are confident and inside the image
-    diagonal_px: float  # [px] extent of the known ones, 0 if there are none
+    diagonal_px: float  # [px] extent of the known joints, 0 if there are none
     box_xyxy_px: F32  # [px] 4
     points: SamplePoints
 
@@ -94,11 +96,11 @@ LayeredTorso = tuple[TorsoJoints, PersonLayer]
 
 @dataclass(frozen=True, slots=True)
 class _Middle:
-    """Middle of a torso before its depth is read exactly."""
+    """Middle of a torso before its precise depth."""
 
     position_m: F64  # [m] 3, optical frame, at the depth of the person's layer
     across_m2: float  # [m^2] variance across the line of sight
-    along_m2: float  # [m^2] variance of the layer, along it
+    along_m2: float  # [m^2] variance of the layer along the line of sight
 
 
 class TorsoEstimator:
@@ -116,10 +118,10 @@ class TorsoEstimator:
     def find_torsos(
         self, people: Sequence[DetectedPerson], confidence_min: float, image: DepthImage
     ) -> list[LayeredTorso | None]:
-        """Return the torso of each person of a frame, and the layer of depth that it is in.
+        """Return the torso of each person of a frame, and its layer of depth.
 
-        Keypoints count that are more confident than the minimum and inside the image. None without
-        keypoints, or if no depth is the person's.
+        Keypoints above the minimum confidence and inside the image count. None without keypoints,
+        or without depth of the person.
         """
         torsos = [_joints(person, confidence_min, image.info) for person in people]
         known = [torso for torso in torsos if torso is not None]
@@ -240,7 +242,7 @@ def _window(torso_px: float) -> int:
 
 
 def _samples(people: Sequence[SamplePoints], image: DepthImage) -> list[DepthSamples]:
-    """Read depth for the first time: on torsos, at other keypoints, in the visible areas."""
+    """Return the first depth samples: on torsos, at other keypoints, in visible areas."""
     if not people:
         return []
     windows_px = [np.concatenate([points.torso_px, points.others_px]) for points in people]

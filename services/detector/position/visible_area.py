@@ -1,7 +1,7 @@
 """Visible area of a person's body in the image, by the box and the joints.
 
-It holds the chest and the visible parts below, also if the hips are hidden or cut off. A grid of
-depth samples there outvotes single readings of the background (docs/method.md section 10).
+It contains the chest and the visible parts below, even with hidden or cut-off hips. A grid of depth
+samples there outvotes readings of the background (docs/method.md section 10).
 """
 
 import math
@@ -13,12 +13,13 @@ from people4d.messages import F32, F64, CameraInfo
 from services.detector.position.surface import DepthImage, Flags
 
 EMPTY: F64 = np.zeros((0, 2))
-COLUMNS, ROWS = 6, 8  # samples of depth across and downward
+COLUMNS, ROWS = 6, 8  # number of depth samples across and downward
 WIDTH = 0.5  # width of the area, relative to the box
 EDGE_RATIO = 0.02  # maximum distance of a cut-off box from the edge, relative to the image's width
 BELOW_TOP = 0.3  # upper edge of the area without shoulders, relative to the box's height
 CROWN_M = 0.55  # distance of the torso's middle from the box's upper edge, without joints [m]
-BOX_SIGMA_M = 0.15  # standard deviation of that middle, across the line of sight [m]
+# Standard deviation of the torso's middle by the box, across the line of sight [m]
+BOX_SIGMA_M = 0.15
 # Middles of the cells of a square of side 1, Nx2
 GRID: F64 = np.stack(
     np.meshgrid((np.arange(COLUMNS) + 0.5) / COLUMNS, (np.arange(ROWS) + 0.5) / ROWS), axis=-1

@@ -41,7 +41,7 @@ class RecordingTruth:
 
 
 class NpzTruth:
-    """K people at N times, with ids "0" to K-1, without people whose position is NaN.
+    """K people at N times, with ids "0" to K-1, except positions of NaN.
 
     Raises:
         SourceError: The file does not exist, is not NPZ, or lacks an array.

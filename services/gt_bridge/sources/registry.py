@@ -1,4 +1,4 @@
-"""Readers of ground truth by name, and the one that suits a file."""
+"""Readers of ground truth by name, and the choice for a file."""
 
 import re
 from collections.abc import Callable, Iterable, Mapping
@@ -31,7 +31,7 @@ def is_live(truth: str) -> bool:
 
 @runtime_checkable
 class LiveTruthSource(Protocol):
-    """Truth that is captured now, and received in threads of the source."""
+    """Live truth, received in threads of the source."""
 
     @property
     def counters(self) -> Mapping[str, int]:

@@ -79,7 +79,7 @@ def stamped_truth(message: Any) -> Truth:
 
 
 def truth_of(message: Any, sequence: int) -> Truth:
-    """Return a deserialised People message as Truth, without people whose position is unknown.
+    """Return a deserialised People message as Truth, without people of unknown position.
 
     Raises:
         ValueError: The name of the frame is invalid.

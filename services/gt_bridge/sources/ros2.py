@@ -52,7 +52,8 @@ class Ros2Truth:
         self._transport: Ros2Transport | None = None
         self._lock = threading.Lock()
         self._ready: deque[Truth] = deque()
-        self._poses: dict[str, tuple[int, str, TruthPerson]] = {}  # by topic, of one stamp
+        # stamp, frame and person by topic
+        self._poses: dict[str, tuple[int, str, TruthPerson]] = {}
         self._since_s = 0.0
         self._late = Counter[str](late_poses=0, skipped_truth=0)
         self._silent = dict.fromkeys(self._topics)  # topics without a message so far
