@@ -1,4 +1,4 @@
-"""Cache of slow results, under keys of all their inputs."""
+"""Cache of slow results, with keys from all inputs."""
 
 import hashlib
 import os
@@ -50,7 +50,7 @@ def content_digest(path: Path) -> str:
     """Return a digest of a recording, a file or a folder.
 
     Raises:
-        SourceError: It cannot be read.
+        SourceError: The source cannot be read.
     """
     files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
     try:

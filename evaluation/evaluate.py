@@ -19,8 +19,9 @@ class RunReport:
 
     scores: RunScores
     switches: tuple[SwitchRow, ...]  # one row for each ID switch
-    images: tuple[SwitchImage, ...] = ()  # images of the first switches, if the recording is shown
-    trajectories: RunTrajectories | None = None  # if the recording is shown
+    # Images of the first switches; empty unless the recording is shown
+    images: tuple[SwitchImage, ...] = ()
+    trajectories: RunTrajectories | None = None  # trajectories; None unless the recording is shown
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class Evaluation:
     """All runs, method by method."""
 
     runs: tuple[RunReport, ...]  # one for each method and recording
-    rows: tuple[Row, ...]  # metrics of each
+    rows: tuple[Row, ...]  # metrics of each run
     overview: ReportTable  # the most important metrics
     tables: tuple[ReportTable, ...]  # all tables of the report
     figures: tuple[ReportFigure, ...]  # first recording of each scenario, and errors

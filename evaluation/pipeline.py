@@ -1,4 +1,4 @@
-"""The nodes of the services in one process, frame by frame: same input, same output."""
+"""The nodes of the services in one process, frame by frame, deterministic."""
 
 import threading
 from collections.abc import Iterable, Iterator, Sequence
@@ -49,7 +49,7 @@ def pipeline(
 
 
 def lockstep(camera: CameraConfig) -> CameraConfig:
-    """Return the camera in lock-step, each frame after the detections of the one before."""
+    """Return the camera in lock-step: each frame follows the detections of the previous one."""
     return msgspec.structs.replace(
         camera,
         playback="lockstep",

@@ -35,7 +35,7 @@ class Pool:
         self._executor: ProcessPoolExecutor | None = None
 
     def do(self, stage: str, work: Callable[[A], B], items: Sequence[A]) -> list[B]:
-        """Do picklable work on all items, and return the results in their order.
+        """Run picklable work on all items, and return the results in order.
 
         Raises:
             People4dError: A process was killed. Errors of the work are raised, too.
@@ -82,7 +82,7 @@ def _begin() -> None:
 
 @contextmanager
 def _one_thread_each() -> Iterator[None]:
-    """Limit processes that start in the block to one thread: libraries read this on loading."""
+    """Limit processes started in the block to one thread; libraries read the limit on loading."""
     before = {name: os.environ[name] for name in THREADS if name in os.environ}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     try:

@@ -26,7 +26,7 @@ class RandomScene(Config, frozen=True, kw_only=True, forbid_unknown_fields=True)
     # robot: 1 to 1.2 m high; head: 1.5 to 1.8 m; ceiling: 2.2 m, tilted down and to a side
     view: Literal["robot", "head", "ceiling", "any"] = "any"
     outfit: Literal["own", "dark", "random", "mixed"] = "mixed"  # mixed: half dark
-    furniture: bool = True  # desks, chairs, partitions; not in the square
+    furniture: bool = True  # True: desks, chairs, partitions, except in the square
     plain: bool = False  # True: without the errors of a low-cost camera
     depth_sensor: SensorName = "xtion"
     duration_s: Annotated[float, Meta(ge=1, le=600)] = 15.0  # [s]
@@ -38,8 +38,8 @@ class RandomScene(Config, frozen=True, kw_only=True, forbid_unknown_fields=True)
     # ring: towards the centre; row: neighbours overlap slightly; apart: no overlap
     layout: Literal["ring", "row", "apart"] = "ring"
     row_m: Annotated[float, Meta(ge=1, le=6)] = 2.8  # [m] distance of cameras in a row
-    clocks: Literal["alike", "free"] = "alike"  # free: each with its own offset, drift and rate
-    robot: bool = False  # the last camera drives
+    clocks: Literal["alike", "free"] = "alike"  # free: different offsets, drifts and rates
+    robot: bool = False  # True: the last camera is on a driving robot
 
     def __post_init__(self) -> None:
         """Check that a scene with a robot has a fixed camera."""

@@ -36,8 +36,8 @@ class Waypoint(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
     speed_mps: WalkingSpeed | None = None  # [m/s] speed to this position; None: the person's speed
     stop_s: NonNegative = 0.0  # [s] duration of the stop
     face_deg: float | None = None  # [deg] yaw during the stop, 0 = +x; None: on arrival
-    sit: bool = False  # sit on a stool during the stop
-    turn_head: bool = False  # turn the head during the stop
+    sit: bool = False  # True: sits on a stool during the stop
+    turn_head: bool = False  # True: turns the head during the stop
 
 
 class Gesture(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -65,7 +65,7 @@ class PersonPlan(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
     speed_mps: WalkingSpeed = 1.0  # [m/s] speed of free walking
     wait_s: NonNegative = 0.0  # [s] delay of the first step
     path: tuple[Waypoint, ...] = ()  # positions in order; empty: stands
-    repeat: bool = False  # repeat the path
+    repeat: bool = False  # True: the path is repeated
     outfit: Outfit = "own"  # clothes
     size: Annotated[float, Meta(ge=0.8, le=1.2)] = 1.0  # stature relative to the cast
     gestures: tuple[Gesture, ...] = ()

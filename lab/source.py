@@ -18,7 +18,7 @@ from people4d.messages.base import Count, NameOrEmpty
 from services.camera.source import Source, SourceItem
 from services.gt_bridge.config import GtBridgeConfig
 
-MAX_NS = 2**63 - 1  # later than any stamp
+MAX_NS = 2**63 - 1  # [ns] time after all stamps
 
 
 class LabOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):

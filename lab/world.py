@@ -21,7 +21,7 @@ from people4d.messages import F64, CameraInfo
 
 EPOCH_NS = 1_767_225_600 * 10**9  # start of all scenarios, 2026-01-01 00:00 UTC
 CAMERA_KEY = 0xCA3  # key of the random numbers of further cameras
-MAX_DEPTH_M = 5.0  # docs/method.md section 1
+MAX_DEPTH_M = 5.0  # maximum valid depth [m]; docs/method.md section 1
 
 
 class World:
@@ -99,7 +99,7 @@ class World:
 
     @cached_property
     def room(self) -> Room:
-        """The room, with its furniture and a stool for each person who sits down."""
+        """The room, with its furniture and a stool for each sitting person."""
         if self._first:
             return self._first.room
         stools = [w.to for person in self.scenario.people for w in person.path if w.sit]

@@ -18,7 +18,7 @@ from services.gait.steps.swings import FEET, Side
 
 LEVEL = 0.95  # Confidence level of the intervals
 LIMP_MIN = 5.0  # Minimum asymmetry of a limp [% of the mean step time]
-LIMP_CLEAR = 2.5  # Asymmetry outside of the interval of a limp [%]
+LIMP_CLEAR = 2.5  # Minimum distance of the interval from 0 for a clear limp [%]
 # Factor of the interval of the asymmetry of step times: neighbouring pairs share a landing, so the
 # variance of their mean is (6 + 2) / 6 of the variance of independent pairs
 SHARED = math.sqrt(4 / 3)
@@ -27,14 +27,14 @@ UNEVEN_MAX = 0.25  # Maximum deviation from the median step time of a foot for t
 
 @dataclass(frozen=True)
 class GaitParameter:
-    """One parameter of a walk, with the interval that holds its mean at 95 %."""
+    """One parameter of a walk, with the 95 % confidence interval of its mean."""
 
     name: str
     unit: str
     value: float | None  # None: too few steps
     low: float | None  # None: too few values
     high: float | None
-    count: int  # of values
+    count: int  # number of values
     definition: str
 
 
@@ -69,7 +69,7 @@ def gait_parameters(steps: Sequence[FootStep]) -> list[GaitParameter]:
 
 
 def limping_side(parameters: Sequence[GaitParameter]) -> str | None:
-    """Return the foot that is spared, by the asymmetry of step times; None if it is not clear.
+    """Return the spared foot by the asymmetry of step times; None if unclear.
 
     A person stands on a painful foot for a shorter time, so the other foot's step is shorter in
     time.
@@ -83,9 +83,9 @@ def limping_side(parameters: Sequence[GaitParameter]) -> str | None:
 
 
 def recognisable_limp(parameters: Sequence[GaitParameter]) -> float | None:
-    """Return the minimum asymmetry of step times, in %, that is recognised as a limp.
+    """Return the minimum recognisable asymmetry of step times [%].
 
-    By the interval of as many steps; None if it is not known.
+    It follows from the interval for this number of steps; None if unknown.
     """
     one = next(p for p in parameters if p.name == "step time asymmetry")
     if one.low is None or one.high is None:
@@ -140,9 +140,8 @@ def _time_asymmetry(
 ) -> GaitParameter:
     """Return (left - right) / mean of step times with Student's interval over pairs of steps.
 
-    A late landing makes a step longer and the next step shorter: their errors depend on each other,
-    the errors of pairs hardly do. Steps far from the median of their foot belong to turns or wrong
-    landings.
+    A late landing makes a step longer and the next one shorter, so errors of steps are correlated,
+    those of pairs hardly. Steps far from the median of their foot are turns or wrong landings.
     """
     middles = {foot: float(np.median(values)) for foot, values in times.items() if len(values)}
     pairs: list[tuple[float, float]] = []

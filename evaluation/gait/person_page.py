@@ -1,4 +1,4 @@
-"""The page of one person's gait: one HTML file that holds everything it shows."""
+"""The page of one person's gait: one self-contained HTML file."""
 
 import importlib.metadata
 from collections.abc import Sequence
@@ -39,7 +39,7 @@ def person_page(
 
 
 def _headline(parameters: Sequence[GaitParameter], steps: Sequence[FootStep]) -> str:
-    """Return the walk in two sentences: its means, and what is known of a limp."""
+    """Return the walk in two sentences: means, and a limp."""
     if not steps:
         return "No steps were found."
     known = {one.name: one.value for one in parameters if one.value is not None}

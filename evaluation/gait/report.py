@@ -39,8 +39,8 @@ STILLS, COLUMNS = 6, 2
 def read_run(source: str, box: BoxCorners | None, preset: str, settings: Sequence[str]) -> GaitRun:
     """Return a run with the configuration of a preset and the settings that override it.
 
-    Keypoints are of the float32 network, which finds more steps in turns than the int8 network
-    (benchmarks/gait_bodies.md); time does not count here.
+    Keypoints are from the float32 network, which finds more steps in turns than the int8 network
+    (benchmarks/gait_bodies.md) and is slower.
 
     Raises:
         ConfigError: A preset or setting is unknown, or a value is out of range.
@@ -133,7 +133,7 @@ class GaitReport:
 
 
 def frame_count(run: GaitRun) -> int:
-    """Return the approximate number of frames that will be played; at least 1.
+    """Return the approximate number of played frames, at least 1.
 
     Raises:
         SourceError: The source is of no known kind.

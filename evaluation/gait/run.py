@@ -45,7 +45,7 @@ class GaitRun:
     source: str  # recording, bag, folder or lab:SCENARIO
     method: Method  # detection and tracking; with `box` only playback
     gait: GaitConfig
-    # Of one person in the first frame, tracked by colour alone; None: all people, detected
+    # Box of one person in the first frame, tracked by colour alone; None: all detected people
     box: BoxCorners | None
 
 
@@ -63,7 +63,7 @@ def estimate_gait(run: GaitRun, on_frame: OnFrame) -> Iterator[int]:
 
 def _estimate_all(camera: CameraConfig, run: GaitRun, on_frame: OnFrame) -> Iterator[int]:
     method = run.method
-    # In one process messages that are absent when the next frame starts never come.
+    # In one process no message arrives after the next frame has started.
     tracker = msgspec.structs.replace(method.tracker, embedding_wait_s=0.0, reorder_wait_s=0.0)
     nodes = [*pipeline(method.detector, method.reid, tracker), build(run.gait, on_frame)]
     for step in play(camera, nodes):
@@ -115,7 +115,7 @@ def _check_results(results: Sequence[GaitResult] | None, observation: PersonObse
 
 
 class _EmptyDetector(Node):
-    """Answers each frame with no detections, so that lock-step playback goes on."""
+    """Answers each frame with empty detections, which continues lock-step playback."""
 
     inputs: tuple[type[Message], ...] = (RgbdFrame,)
 

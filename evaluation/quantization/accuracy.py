@@ -20,14 +20,14 @@ RECALL_LOSS_MAX = 0.01
 POSITION_LOSS_MAX_M = 0.005
 YAW_LOSS_MAX_DEG = 1.0
 
-Found = Mapping[tuple[int, int], Detection]  # by frame and person
+Found = Mapping[tuple[int, int], Detection]  # detections by frame and person
 
 
 @dataclass(frozen=True)
 class AccuracyLoss:
     """Losses of a network compared with another; negative values are gains."""
 
-    people: int  # views of people that have to be found
+    people: int  # number of views of people to be found
     recall: float  # loss of the share of found people
     position_m: float  # [m] growth of the mean position error of people that both found
     yaw_deg: float  # [deg] growth of the mean yaw error of these people

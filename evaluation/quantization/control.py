@@ -19,7 +19,7 @@ GROWTH = 1.5  # ratio of the numbers of float32 layers of successive candidates
 class QuantizedCandidate:
     """A network with some layers in float32, and its losses."""
 
-    floats: Sequence[str]  # convolutions in float32 besides the ends
+    floats: Sequence[str]  # convolutions in float32 in addition to the ends
     loss: AccuracyLoss
 
 

@@ -26,7 +26,7 @@ def images_of(folder: Path) -> Iterator[U8]:
     """Yield the images (HxWx3, RGB) of a folder in the order of their names.
 
     Raises:
-        ConfigError: The folder has no image, or one that cannot be read.
+        ConfigError: The folder has no image, or an unreadable one.
     """
     try:
         files = sorted(file for file in folder.iterdir() if file.suffix.lower() in SUFFIXES)

@@ -45,7 +45,7 @@ class Quantizer:
                 raise ValueError("it has no convolution")
             self._prepared = prepared
             self._ranges = self._calibrate(images)
-        except Exception as error:  # onnx and onnxruntime raise types of their own
+        except Exception as error:  # onnx and onnxruntime raise their own types
             reason = (str(error).splitlines() or [""])[0][:200]
             raise ModelError(f"model file {path} cannot be quantised: {reason}") from error
 
@@ -58,7 +58,7 @@ class Quantizer:
         """Operators up to the first convolution, and operators directly before an output.
 
         Int8 kernels are slower than float32 kernels for few channels, as at the input and the
-        outputs. Eight bits cannot hold joined coordinates up to 640 px and scores up to 1.
+        outputs. Eight bits cannot represent joined coordinates up to 640 px and scores up to 1.
         """
         nodes = list(self._graph.node)
         outputs = {output.name for output in self._graph.output}
@@ -68,8 +68,8 @@ class Quantizer:
                 readers.setdefault(name, []).append(node)
         first = next(index for index, node in enumerate(nodes) if node.op_type == "Conv")
         ends = {node.name for node in nodes[: first + 1]}
-        last: set[str] = set()  # results that make an output without another convolution
-        for node in reversed(nodes):  # against the order of the computation
+        last: set[str] = set()  # results that reach an output without another convolution
+        for node in reversed(nodes):  # in reverse order of the computation
             following = readers.get(node.output[0], [])
             makes = any(n.op_type != "Conv" and n.output[0] in last for n in following)
             if makes or outputs.intersection(node.output):
@@ -138,7 +138,7 @@ class Quantizer:
 
 
 class _Reader:
-    """Images one by one, as onnxruntime asks for them."""
+    """Iterator over images, as required by onnxruntime."""
 
     def __init__(self, name: str, images: Sequence[Array]) -> None:
         self._images: Iterator[Array] = iter(images)

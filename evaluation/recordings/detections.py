@@ -1,4 +1,4 @@
-"""Detections and embeddings of a recording: computed once, the same for every tracker."""
+"""Detections and embeddings of a recording, computed once for all trackers."""
 
 import os
 import time

@@ -1,4 +1,4 @@
-"""Ground truth at the stamps of frames, with flags of the people who have to be tracked."""
+"""Ground truth at the stamps of frames, with flags of people to be tracked."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -20,7 +20,7 @@ from people4d.messages import F64, CameraInfo, Truth, TruthPerson
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.sources.registry import open_truth
 
-VISIBLE_MIN = 0.35  # minimum visible share of a person who has to be tracked
+VISIBLE_MIN = 0.35  # minimum visible share of a person to be tracked
 LOST_NS = 2_000_000_000  # [ns] maximum gap of motion capture that is interpolated
 UNBOUNDED = 2**40  # number of messages in a buffer
 
@@ -63,7 +63,7 @@ class SampledTruth:
     def with_views(
         self, shares: Iterable[Mapping[str, float]], poses: Iterable[F64]
     ) -> "SampledTruth":
-        """Return it with visible shares and camera poses, one for each frame."""
+        """Return the truth with visible shares and camera poses, one for each frame."""
         views = zip(self.frames, shares, poses, strict=True)
         frames = [f and TruthFrame(f.people, f.captured, share, pose) for f, share, pose in views]
         return SampledTruth(self.frame_id, self.ids, tuple(frames))
@@ -72,8 +72,8 @@ class SampledTruth:
 def read_truth(recording: EvaluationRecording, stamps_ns: Sequence[int]) -> SampledTruth:
     """Return the truth at the stamps of frames.
 
-    In the virtual lab the visible share of people is known: by the pixel if the truth of each frame
-    lies beside the recording, else from the outlines of the bodies.
+    In the virtual lab the visible share of people is known: from pixels if there is a file with the
+    truth of each frame, else from the outlines of the bodies.
 
     Raises:
         SourceError: The recording has no truth, or it cannot be read.
@@ -92,7 +92,7 @@ def read_truth(recording: EvaluationRecording, stamps_ns: Sequence[int]) -> Samp
 def sample_truth(messages: Iterable[Truth], stamps_ns: Sequence[int], source: str) -> SampledTruth:
     """Return the people of messages of a source at other stamps.
 
-    Messages are by rising stamp; an older one begins a repetition, which is left out.
+    Messages are by rising stamp; an older one begins a repetition, which is ignored.
 
     Raises:
         SourceError: There is no message, or they are in several frames.

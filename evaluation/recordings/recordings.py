@@ -29,8 +29,10 @@ class EvaluationRecording:
     scenario: str  # common name of repetitions with other seeds
     path: Path  # recording, bag or folder
     seed: int | None = None  # seed of the simulation; None: no simulation, or unknown
-    simulation: Scenario | None = field(default=None, repr=False)  # None: not of the virtual lab
-    job: RenderJob | None = field(default=None, repr=False)  # rendering; None: it exists already
+    # Scenario of the virtual lab; None: not simulated
+    simulation: Scenario | None = field(default=None, repr=False)
+    # Rendering job; None for an existing file
+    job: RenderJob | None = field(default=None, repr=False)
 
     @property
     def truth_file(self) -> Path:
@@ -71,7 +73,7 @@ def render_recording(recording: EvaluationRecording, jobs: int, on_progress: OnP
         return
     truth = recording.truth_file if recording.job.truth_per_frame else None
     if truth:
-        truth.unlink(missing_ok=True)  # left by an interrupted run
+        truth.unlink(missing_ok=True)  # file of an interrupted run
     render(recording.job, Outputs(recording=recording.path, truth=truth), jobs, on_progress)
 
 

@@ -1,4 +1,4 @@
-"""Frames of the virtual lab as a camera would take them, with their ground truth."""
+"""Frames of the virtual lab in the form of a camera, with ground truth."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -16,10 +16,10 @@ from lab.truth.frames import PersonView, person_views
 from lab.world import World
 from people4d.messages import F64, U8, CameraInfo, Detection, RgbdFrame
 
-VISIBLE_MIN = 0.35  # minimum visible share of a person who has to be found
+VISIBLE_MIN = 0.35  # minimum visible share of a person to be found
 FACE_AND_TORSO = [0, 5, 6, 11, 12]  # COCO: nose, shoulders, hips
-# Scenario, seed and frames of the test split of the detector: four people cross before a standing
-# camera, four in a hall before a driving robot, two sit down.
+# Scenario, seed and frames of the detector's test split: four people in front of a static camera,
+# four in a hall in front of a driving robot, two sitting down.
 HELD_OUT = (
     ("four_crossing", 22, range(200, 360, 4)),
     ("pmrm1", 23, range(30, 430, 14)),
@@ -30,7 +30,7 @@ OVERLAP_MIN = 0.4  # minimum overlap of a detection's box with the true box
 
 @dataclass(frozen=True)
 class RenderedFrame:
-    """One frame and the people who have to be found in it."""
+    """One frame and the people to be found in it."""
 
     frame: RgbdFrame
     info: CameraInfo
@@ -55,7 +55,7 @@ def render(sequences: Sequence[tuple[str, int, range]]) -> Iterator[RenderedFram
 
 
 def rgbd_frame(renderer: FrameRenderer, index: int, view: DepthView) -> RgbdFrame:
-    """Draw a frame as the camera sends it."""
+    """Draw a frame in the form of the camera."""
     world = renderer.world
     return RgbdFrame(
         stamp_ns=world.stamp_ns(index),

@@ -44,7 +44,7 @@ class VisualMotion:
     The camera's mount replaces missing transforms. Detections mask people after their frame.
 
     Raises:
-        SourceError: It cannot be read.
+        SourceError: The recording cannot be read.
     """
 
     def __init__(

@@ -43,7 +43,7 @@ def floor_plans(recording: str, runs: Sequence[RunTrajectories]) -> bytes:
         axes = figure.add_subplot(rows, columns, k + 1)
         _floor_plan(axes, run, start_s, end_s)
         axes.set(title=run.method, xlabel="y (m)", ylabel="x (m)", aspect="equal")
-        axes.set_xlim(high[1], low[1])  # y to the left, x up, as the camera sees it
+        axes.set_xlim(high[1], low[1])  # y to the left, x up, as in the view of the camera
         axes.set_ylim(low[0], high[0])
         axes.grid(alpha=0.3)
     return png_of(figure)
@@ -198,7 +198,7 @@ def _style(k: int, method: str) -> dict[str, Any]:
 
 
 def hex_of(colour: Colour) -> str:
-    """Return a colour as matplotlib takes it."""
+    """Return a colour in the form of matplotlib."""
     return "#{:02x}{:02x}{:02x}".format(*colour)
 
 

@@ -24,7 +24,7 @@ def write(plan: EvaluationPlan, evaluation: Evaluation, folder: Path, command: s
     """Write all metrics as CSV files, images and the report.
 
     Returns:
-        The report, which names the command that regenerates it.
+        Path of the report, which states the command that regenerates it.
 
     Raises:
         SourceError: The folder cannot be written.

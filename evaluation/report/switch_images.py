@@ -19,11 +19,11 @@ from people4d.messages import U8, CompressedRgbdFrame, RgbdFrame
 from services.camera.source import SourceFrame
 from services.camera.sources import kind_of, open_source
 
-SWITCHES_MAX = 5  # switches of one run that have an image
-AROUND = 6  # frames before the last and after the first match
+SWITCHES_MAX = 5  # maximum number of switches of a run with an image
+AROUND = 6  # number of frames before the last and after the first match
 BODY_M = 2.3  # [m] side of the square around the person
 SIDE_PX = 210  # [px] side of its image
-NEAR_M = 0.2  # [m] minimum depth of a person that is shown
+NEAR_M = 0.2  # [m] minimum depth of a shown person
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def switch_images(run: EvaluationRun, output: RunOutput) -> tuple[SwitchImage, .
 
 
 def images_at(run: EvaluationRun, stamps_ns: Collection[int]) -> dict[int, U8]:
-    """Return the colour images of some stamps, as far as the recording has them."""
+    """Return the colour images of some stamps, if the recording has them."""
     path = run.recording.path
     if kind_of(str(path)) != "recording":
         camera = run.method.camera
@@ -73,7 +73,7 @@ def images_at(run: EvaluationRun, stamps_ns: Collection[int]) -> dict[int, U8]:
 
 
 def _rows(switch: IdSwitch, count: int) -> list[int]:
-    """Return the indices of the frames that are shown."""
+    """Return the indices of the shown frames."""
     last, first = switch.last_frame, switch.frame
     rows = {last - AROUND, last, (last + first) // 2, first - 1, first, first + AROUND}
     return sorted(row for row in rows if 0 <= row < count)

@@ -1,4 +1,4 @@
-"""Metrics of all runs as tables: mean and standard deviation, beside published results.
+"""Metrics of all runs as tables: mean and standard deviation, with published results.
 
 The columns are in tables.toml. The published results (published.csv, by our names of metrics) are
 reference points, measured elsewhere on other data: Intel NUC 11 (i5-1135G7), seven recordings of
@@ -73,7 +73,7 @@ def read_tables() -> dict[str, ReportTable]:
 
 
 def row_of(result: RunScores) -> Row:
-    """Return all metrics of a run but the processing rate."""
+    """Return all metrics of a run except the processing rate."""
     scores, row = result.scores, result.scores.row()
     for part, poses in scores.pose_parts.items():
         row |= {f"{part}_{name}": value for name, value in poses.row().items()}

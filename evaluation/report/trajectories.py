@@ -27,13 +27,13 @@ class RunTrajectories:
     """One method on one recording: N frames, K people."""
 
     method: str
-    stamps_s: F64  # N, since the first frame
+    stamps_s: F64  # N, time since the first frame
     persons: tuple[str, ...]  # K identities
     true: F64  # NxKx5, see the columns X to YAW; NaN where unknown
-    required: BOOL  # NxK, people who have to be tracked
+    required: BOOL  # NxK, people to be tracked
     tracked: F64  # NxKx5, same columns of the matched track; NaN without a match
     tracks: I64  # NxK, identity of the matched track; 0: none
-    paths: Mapping[int, F64]  # by identity of a track, Lx6: time [s], then the columns
+    paths: Mapping[int, F64]  # Lx6 by identity of a track: time [s], then the columns
     switches_s: tuple[float, ...]  # times of ID switches
     camera: CameraCoverage | None  # at the first frame; None: unknown, or it moves
 

@@ -1,1 +1,1 @@
-"""One method on one recording: tracks beside the ground truth, and their metrics."""
+"""One method on one recording: tracks, ground truth and metrics."""

@@ -54,7 +54,7 @@ def check_models(plan: EvaluationPlan) -> None:
 
 
 def warnings_of(plan: EvaluationPlan) -> list[str]:
-    """Return warnings about figures that the recordings cannot give."""
+    """Return warnings about figures unavailable from the recordings."""
     bare = [r.name for r in plan.recordings if r.job and r.job.fidelity == "geometry"]
     embedding = [method.name for method in plan.methods if method.reid]
     if not bare:

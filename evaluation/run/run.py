@@ -115,7 +115,7 @@ def score_run(run: EvaluationRun, output: RunOutput) -> RunScores:
 
 
 class OdometryDrift:
-    """Error of a robot's estimate of its own pose, which does not count against tracks.
+    """Error of a robot's estimate of its own pose, excluded from the errors of tracks.
 
     The estimate comes from the transforms and odometry of a recording, between the frame of the
     tracks and the optical frame of the camera.

@@ -74,7 +74,8 @@ class SkinnedBody:
         self._bones, self._shares = strongest(
             bend_weights(weights, self._vertices, figure.bones, ball)
         )
-        self._forms = np.pad(figure.keypoint_forms, ((0, 0), (0, 2), (0, 0)))  # none on the toes
+        # Toes carry no keypoints
+        self._forms = np.pad(figure.keypoint_forms, ((0, 0), (0, 2), (0, 0)))
         floor = np.array([0.0, 0.0, self.skeleton.heel[0, 2]])
         # Patterns are defined for 1.75 m; they scale with the stature.
         size = 1.75 / self.skeleton.stature_m

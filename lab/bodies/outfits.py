@@ -44,7 +44,7 @@ def dress_up(person: CastMember, outfit: Outfit, seed: int, number: int) -> Cast
         person: Person of the cast.
         outfit: Kind of clothes.
         seed: Seed of the scenario.
-        number: Index of the person in the scenario, so that random clothes differ.
+        number: Index of the person in the scenario, which random clothes depend on.
     """
     if outfit == "own":
         return person

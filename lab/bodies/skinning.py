@@ -48,7 +48,7 @@ def _skin(
         for k in range(bones.shape[1]):
             share = shares[v, k]
             if share == 0.0:
-                break  # the strongest come first
+                break  # the strongest bones are first
             m = transforms[bones[v, k]]
             sx += share * (m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3])
             sy += share * (m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3])

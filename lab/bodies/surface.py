@@ -164,7 +164,7 @@ def tubes(lines: Sequence[F64], radius_m: float, weights: F64, material: Materia
     for line in lines:
         along = np.gradient(line, axis=0)
         along /= np.linalg.norm(along, axis=1, keepdims=True)
-        # Any direction that is not along the line
+        # Any direction except along the line
         other = np.where(np.abs(along[:, :1]) < 0.7, (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
         u = np.cross(along, other)
         u /= np.linalg.norm(u, axis=1, keepdims=True)

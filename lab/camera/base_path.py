@@ -1,8 +1,8 @@
 """Path of the robot: a base that drives on the floor and carries the camera.
 
-Forward speed and turn rate of the plan's sections are joined by ramps, so the wheels never jump. A
-ramp is half a cosine, centred on the boundary of two sections, so distance and angle of the plan
-do not change. The base starts at the speed of its first section and stands after its last.
+Ramps join forward speed and turn rate of the plan's sections continuously. A ramp is half a cosine,
+centred on the boundary of two sections, which keeps distance and angle of the plan. The base starts
+at the speed of its first section and stands after the last one.
 """
 
 import math

@@ -103,7 +103,7 @@ def _camera(
 def _robot(
     floor: Floor, options: RandomScene, model: CameraPlan, rng: np.random.Generator
 ) -> CameraPlan:
-    """Return a camera that drives to and fro along the left edge of the floor, and turns."""
+    """Return a camera that drives back and forth along the left edge of the floor, and turns."""
     (left, low), (_, high) = floor
     pose = (left + 0.3, (low + high) / 2, 0.0)
     plan = _camera(options.cameras - 1, pose, options, model, rng)

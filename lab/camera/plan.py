@@ -33,18 +33,18 @@ class ImagePlan(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 
 class CameraPlan(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Camera, on a robot if it drives."""
+    """Camera, static or on a robot."""
 
     name: Name = "front"
     at: tuple[float, float, float] = (0.0, 0.0, 1.15)  # [m] x, y, z at the start, frame: map
     yaw_deg: float = 0.0  # [deg] at the start, 0 = +x
     pitch_deg: Annotated[float, Meta(ge=-80, le=80)] = 3.0  # [deg] downward
     roll_deg: Annotated[float, Meta(ge=-45, le=45)] = 0.0  # [deg] right side down
-    # people keep a distance, as from a robot; False: it hangs above their heads
+    # True: people keep a distance, as from a robot; False: the camera is above their heads
     avoided: bool = True
     width: CameraSide = 640  # [px]
     height: CameraSide = 480  # [px]
-    # [px] in both directions; D435i, colour image of 640x480
+    # [px] focal length in both directions; D435i, colour image of 640x480
     focal_px: Annotated[float, Meta(ge=10, le=10000)] = 615.0
     fps: Annotated[float, Meta(ge=1, le=120)] = 30.0  # [Hz]
     phase_s: NonNegative = 0.0  # [s] time of the first frame, less than 1 / fps

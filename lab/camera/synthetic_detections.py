@@ -48,13 +48,14 @@ class SyntheticDetectionsConfig(Config, frozen=True, kw_only=True, forbid_unknow
     """Errors of a pose network and of its depth readings."""
 
     keypoint_share: NonNegative = 0.009  # sigma in x and in y, relative to the height of the box
-    keypoint_least_px: NonNegative = 0.5  # [px] minimum standard deviation
+    keypoint_least_px: NonNegative = 0.5  # [px] minimum standard deviation of a keypoint
     box_share: NonNegative = 0.01  # standard deviation of each side, relative to the box's height
     recall: Probability = 0.99  # share of visible people that are detected
     miss_s: Positive = 0.1  # [s] correlation time of misses
-    false_alarms: Annotated[float, Meta(ge=0, le=100)] = 0.01  # mean number in a frame
-    # [m] from the torso's axis towards the camera, seen from the front or the back, and from the
-    # side; 0.12 and 0.17 for estimators of the surface
+    # Mean number of false alarms in a frame
+    false_alarms: Annotated[float, Meta(ge=0, le=100)] = 0.01
+    # [m] shift of positions from the torso's axis towards the camera, in front or back view, and in
+    # side view; 0.12 and 0.17 for estimators of the surface
     front_m: NonNegative = 0.0
     side_m: NonNegative = 0.0
     no_position: Probability = 0.01  # share of detections without depth

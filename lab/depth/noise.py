@@ -1,9 +1,9 @@
-"""Noise that is smooth in the image and in time, a pure function of both.
+"""Smooth noise, a pure function of image position and time.
 
 The knots of a grid are independent standard normal numbers; between two knots a and b the value is
 a cos(t) + b sin(t), t from 0 to pi/2. This is continuous with variance 1 everywhere, while linear
-interpolation has less variance between the knots. The same blends grids in time. There is no state
-from frame to frame, so frames may be computed in any order.
+interpolation has less variance between the knots. The same blends grids in time. Frames have no
+state, and may be computed in any order.
 """
 
 import math

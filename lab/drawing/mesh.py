@@ -41,7 +41,7 @@ class Pattern(IntEnum):
     PLAID = 2
     PRINT = 3
     PLACKET = 4  # row of buttons and fine vertical lines
-    BLOCKS = 5  # different brightness of chest and belly
+    BLOCKS = 5  # chest and belly of different brightness
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from lab.drawing.shading import SampleArrays, SceneArrays, SceneLighting, shade_
 from lab.drawing.shadows import pixels_from_map, room_shadow_maps, shadow_map
 from people4d.messages import F32, F64, U8, CameraInfo
 
-WHITE = 0.9  # reflectance of a sheet that is white with an exposure of 1
+WHITE = 0.9  # reflectance of a sheet that appears white with an exposure of 1
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def draw_surfaces(
     config: DepthSensorModel,
     threads: int = 1,
 ) -> SurfaceView:
-    """Draw meshes, at least one, for a depth imager beside the colour camera of the given pose."""
+    """Draw at least one mesh for a depth imager next to the colour camera of the given pose."""
     scene = join(meshes)
     beside = optical_from_map.copy()
     beside[0, 3] -= config.colour_offset_m

@@ -20,7 +20,7 @@ class Finish:
     material: Material
     # linear reflectance, red first, 0 to 1; radiance of a lamp
     colour: tuple[float, float, float]
-    # position in the solid texture, so that boards differ
+    # position in the solid texture, different for each board
     shift_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 

@@ -1,1 +1,1 @@
-"""Motion of people: gait, feet that stay where they stand, paths that avoid each other."""
+"""Motion of people: gait, stances without slip, paths without collisions."""

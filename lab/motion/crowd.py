@@ -19,8 +19,8 @@ Disc = tuple[float, float, float]  # [m] x, y and radius, frame: map
 
 DECIDE_EVERY = 10  # interval between decisions [steps of the simulation]
 HORIZON_S = 3.0  # duration of the extrapolation [s]
-COMFORT_M = 0.95  # distance of centres below which people deviate [m]
-PERSONAL_M = 0.62  # distance of centres below which people stop [m]
+COMFORT_M = 0.95  # distance of centres below which walkers deviate [m]
+PERSONAL_M = 0.62  # distance of centres below which walkers stop [m]
 ROBOT_EXTRA_M = 0.15  # additional distance from a robot [m]
 STANDING_RADIUS_M = 0.38  # radius of an obstacle that is passed at the distance of a person [m]
 STOOL_LESS_M, OWN_STOOL_LESS_M = 0.2, 0.35  # reduction of the distance from stools, own stool [m]
@@ -29,7 +29,7 @@ STOOL_LESS_M, OWN_STOOL_LESS_M = 0.2, 0.35  # reduction of the distance from sto
 _OFFSETS = np.radians([0, 8, -8, 16, -16, 26, -26, 38, -38, 52, -52, 70, -70, 90, -90, 115, -115])
 _SHARES = np.array([1.0, 0.8, 0.55, 0.3, 0.0])
 OFFSETS, SHARES = (grid.ravel() for grid in np.meshgrid(_OFFSETS, _SHARES, indexing="ij"))
-# A small additional cost of the left makes two people who meet head-on both pass on the right.
+# A small additional cost of the left makes head-on walkers both pass on the right.
 DETOUR_COST = (1.0 - np.cos(OFFSETS)) + 0.02 * (OFFSETS > 0) + 0.9 * (1.0 - SHARES) ** 2
 NEAR_COST, PERSONAL_COST, BOUND_COST, CHANGE_COST = 2.5, 6.0, 4.0, 0.15
 

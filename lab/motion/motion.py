@@ -21,7 +21,7 @@ from people4d.messages import F64
 
 BEFORE_S, AFTER_S = 1.5, 3.5  # simulated time before the start, and after the end, for whole steps
 ANYWHERE_M: F64 = np.array([[-np.inf, -np.inf], [np.inf, np.inf]])
-SMOOTH_S = 0.08  # smoothing of paths by the inertia of the body [s]
+SMOOTH_S = 0.08  # time constant of the smoothing of paths by the body's inertia [s]
 
 
 class PersonMotion:
@@ -79,7 +79,7 @@ def simulate(
     area_m: F64 = ANYWHERE_M,
     discs: Sequence[Disc] = (),
 ) -> tuple[PersonMotion, ...]:
-    """Return the motions of people who follow their plans and avoid each other.
+    """Return the motions of people by their plans, with collision avoidance.
 
     Args:
         people: Plans of the people.

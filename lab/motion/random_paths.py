@@ -14,8 +14,8 @@ SPEED_MPS, SPEED_SIGMA_MPS = 0.95, 0.2  # mean and standard deviation of indoor 
 POSITIONS = 24  # number of positions of a repeated path
 STOPS = 0.3  # share of positions with a stop
 STOP_S = (0.5, 5.0)  # minimum and maximum duration of a stop [s]
-STEP_M, NEAR_M = 1.2, 3.0  # minimum and, for people who stay near, maximum step of a path [m]
-NEAR = 0.5  # share of people who stay near
+STEP_M, NEAR_M = 1.2, 3.0  # minimum step of a path, and maximum step of local paths [m]
+NEAR = 0.5  # share of people with local paths
 TRIES = 2000  # maximum number of drawn positions
 
 
@@ -25,7 +25,7 @@ class FreeFloor:
 
     low_m: Position  # lower corner, frame: map
     high_m: Position  # upper corner
-    is_free: Callable[[Position], bool]  # False: too near furniture or a camera
+    is_free: Callable[[Position], bool]  # returns False too near furniture or a camera
 
     @property
     def area_m2(self) -> float:

@@ -1,4 +1,4 @@
-"""Motions of people who do not walk: standing, looking around and sitting."""
+"""Motions without walking: standing, looking around and sitting."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,8 @@ SWAY_M = np.array([0.0040, 0.0030, 0.0022, 0.0014, 0.0008])
 SIDEWAYS = 0.6  # ratio of sideways to forward sway
 BREATH_HZ, BREATH_RAD = 0.25, 0.006
 
-RESTING_SHOULDER_DEG, RESTING_ELBOW_DEG = 14.0, 48.0  # hands on the thighs
+# Arm angles with the hands on the thighs [deg]
+RESTING_SHOULDER_DEG, RESTING_ELBOW_DEG = 14.0, 48.0
 GAZE_RAD = 0.95  # maximum yaw of the head in looking around [rad]
 HIP_ABOVE_SEAT = 0.050  # height of the hip joints above the seat, relative to the stature
 
@@ -75,7 +76,7 @@ def breath(times_s: F64) -> F64:
 
 
 def gaze_around(times_s: F64, seed: int, index: int) -> F64:
-    """Return the gaze of a person who looks around [rad], T, positive to the left."""
+    """Return the gaze of looking around [rad], T, positive to the left."""
     phase = np.random.default_rng([seed, GAZE_KEY, index]).uniform(0, 2 * np.pi, 3)
     # Three slow, flattened waves: the gaze rests at either side.
     angle = 2 * np.pi * np.array([0.11, 0.19, 0.31]) * times_s[:, None] + phase

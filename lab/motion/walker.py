@@ -38,7 +38,7 @@ class Walker:
         stopping: True: the person stops at the goal.
         seated: Progress of sitting down, 0 standing to 1 seated.
         looking: True while the person looks around.
-        stool_m: Stool that the person uses or approaches, or None.
+        stool_m: Stool in use or approached; None: no stool.
     """
 
     def __init__(self, plan: PersonPlan, stature_m: float):
@@ -133,7 +133,7 @@ class Walker:
             if self._time_s - nearest_s > GIVE_UP_S:
                 return False
             yield
-        yield  # a path of reached positions takes at least a step each
+        yield  # each reached position takes at least one step
         return True
 
     def _arrived(self) -> bool:

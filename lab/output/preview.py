@@ -25,7 +25,7 @@ UNKNOWN = np.zeros((6, 6))  # covariance, not shown in images
 
 
 class Preview:
-    """Draws rendered frames beside their depth, masks and a map."""
+    """Draws rendered frames with their depth, masks and a map."""
 
     def __init__(self, renderer: FrameRenderer) -> None:
         self._renderer = renderer
@@ -53,7 +53,7 @@ class Preview:
         return range(0, self._world.frame_count, step)
 
     def few_frames(self, every_s: float | None = None) -> Sequence[int]:
-        """Return frames at an interval; None: as many as fill a page."""
+        """Return frames at an interval; None: the number that fills a page."""
         if every_s:
             return self.frames(every_s)
         last = self._world.frame_count - 1

@@ -16,7 +16,7 @@ from lab.truth.files import join_frames, save_frames
 from people4d.errors import SourceError
 from services.camera.ros.export import export
 
-# Number of frames of a chunk: a few seconds of work, lost by an interruption
+# Number of frames of a chunk: a few seconds of work, which an interruption loses
 CHUNK_FRAMES: dict[Fidelity, int] = {"geometry": 300, "depth": 60, "colour": 10}
 
 
@@ -35,7 +35,7 @@ class Outputs:
 
     @property
     def chunks(self) -> Path:
-        """Folder of finished chunks, beside the first output."""
+        """Folder of finished chunks, next to the first output."""
         return self.paths[0].with_name(f"{self.paths[0].name}.part")
 
 
@@ -48,7 +48,7 @@ def render(
         job: Scenario, fidelity and errors.
         outputs: Files to write.
         jobs: Number of processes; the result does not depend on it.
-        on_progress: Called with the present step and its finished share, 0 to 1.
+        on_progress: Called with the current step and its finished share, 0 to 1.
 
     Raises:
         SourceError: An output exists or cannot be written.

@@ -1,4 +1,4 @@
-"""Visible part of a person, computed from keypoints without images: a body of capsules."""
+"""Visible part of a person, from keypoints without images, with a body of capsules."""
 
 from dataclasses import dataclass
 
