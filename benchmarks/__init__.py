@@ -1,1 +1,1 @@
-"""Measured comparisons; each module prints its table and writes it beside itself."""
+"""Measured comparisons; each module prints its table and writes it to a page of its name."""

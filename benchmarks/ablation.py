@@ -36,15 +36,16 @@ from services.camera.source import SourceFrame
 from services.tracker.strongsort3d.config import COSINE_DISTANCE_MAX
 
 STRONG = "tracker.strongsort3d"
-ROUND_1_MAX = COSINE_DISTANCE_MAX["appearance"]  # 0.01 less with OSNet
+# Maximum cosine distance in round 1; 0.01 less with OSNet
+ROUND_1_MAX = COSINE_DISTANCE_MAX["appearance"]
 
 
 @dataclass(frozen=True)
 class Part:
     """One part of `best`."""
 
-    settings: tuple[str, ...]  # that switch it off
-    source: str = ""  # published method that it is
+    settings: tuple[str, ...]  # settings that disable the part
+    source: str = ""  # source of a published part
 
     @property
     def is_tracker(self) -> bool:
@@ -84,7 +85,7 @@ REAL = (
     Figure("> 0.5 m off %", "{:.1f}", 100.0),
 )
 DETECTORS = {"MoveNet": DEFAULT, "YOLO": "YOLOv8n-pose, OSNet"}
-EVENT_FRAMES = 20  # two seconds
+EVENT_FRAMES = 20  # number of frames of an event: two seconds
 TUNING_SEEDS, TEST_SEEDS = range(900, 905), range(906, 1000)  # seeds of lab scenes
 SIZE = "duration_s=12&width=320&height=240"
 LAB_GROUPS = (
@@ -108,7 +109,7 @@ Units = dict[str, F64]  # sums of each method, NxFx2 with N scenes or events
 
 
 def report_progress(stage: str, share: float) -> None:
-    """Print the share of a stage that is done."""
+    """Print the progress of a stage."""
     print(f"{stage} {share:.0%}", flush=True)
 
 

@@ -1,8 +1,8 @@
 """People tracked by four cameras at once, against the ground truth of the lab.
 
 Detections are synthetic (lab, geometry), and so are embeddings: a histogram for each person with
-noise and with gains of the camera. One tracker takes all cameras, beside one camera alone and a
-merger that joins tracks of single cameras to the nearest. Then faults of clocks and cameras.
+noise and with gains of the camera. One tracker with all cameras is compared with a single camera
+and with a merger of single-camera tracks. Faults of clocks and cameras follow.
 """
 
 import re
@@ -36,7 +36,7 @@ HEADER = [
     *("id the same after a hand-over in view", "after a gap", "ID switches a min"),
 ]
 COSTS = ((1, 10), (2, 10), (4, 10), (8, 10), (12, 10), (8, 20), (12, 30), (12, 60))
-FEW = 2  # scenes with faults and corrections
+FEW = 2  # number of scenes with faults and corrections
 COST_ABOUT = (
     "Processor time of the tracker's node, without transport: detections played at 15 Hz a camera "
     "with embeddings, each camera sees the ten nearest people; the median of three runs."
@@ -79,7 +79,7 @@ ABOUT = (
 
 
 def render_scene(kind: str, seed: int) -> Path:
-    """Return the recording of a scene, rendered unless the cache has it."""
+    """Return the recording of a scene, rendered if it is not in the cache."""
     job = RenderJob(scenario=_scene(kind, seed), seed=seed, fidelity="geometry")
     path = default_folder() / "cameras" / f"{seed}-{key_of(job)[:16]}.mcap"
     if not path.exists():
@@ -190,7 +190,7 @@ def _costs() -> str:
     """Return processor time of the tracker by cameras and people."""
     rows = []
     for cameras, people in COSTS:
-        # The median of three: the speed of a shared machine changes.
+        # Median of three, since the speed of a shared machine varies.
         share, tracks = sorted(cost(cameras, people, 5.0) for _ in range(3))[1]
         per_frame_ms = 1e3 * share / (cameras * RATE_HZ)
         rows.append(

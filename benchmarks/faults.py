@@ -37,14 +37,14 @@ ROBOT = "faults"
 SERVICES = ("detector", "reid", "tracker", "camera", "router")
 SIGNALS = {signal.SIGKILL: "killed", signal.SIGSTOP: "hung"}
 LONGEST_S = 40.0
-SETTLE_S = 2.0  # of undisturbed work before a fault and after it
-FEW = 4  # messages within that time, however slow the machine
-NEAR_M = 0.8  # a person who stands is found within this
+SETTLE_S = 2.0  # duration of undisturbed work before and after a fault [s]
+FEW = 4  # minimum number of messages in that time, for slow machines
+NEAR_M = 0.8  # maximum distance of a standing person from the known position [m]
 
 
 @dataclass
 class ReceivedTracks:
-    """One message about people, and when it came."""
+    """A message about people with its time of arrival."""
 
     at_s: float
     tracks: Tracks
@@ -97,11 +97,11 @@ class Ear:
 class Fault:
     """Cost of one fault."""
 
-    back_s: float | None  # [s] None: it did not come back in time
-    silence_s: float  # [s] maximum pause of people seen
-    lost: int  # frames without an answer in that pause
-    beyond: int  # and in all others
-    identities_same: bool  # whether everyone had the same identity afterwards
+    back_s: float | None  # [s] time until the service works again; None: not in time
+    silence_s: float  # [s] maximum interval between messages with confirmed tracks
+    lost: int  # number of frames without an answer in that interval
+    beyond: int  # number of other frames without an answer
+    identities_same: bool  # True if all identities are the same afterwards
 
 
 @dataclass
@@ -112,7 +112,7 @@ class Ledger:
     twice: set[int] = field(default_factory=set)
 
     def add_identities(self, current_m: dict[int, np.ndarray]) -> None:
-        """Add identities; one at another place than before was given twice."""
+        """Add identities; count duplicate ones, at a position other than before."""
         for identity, position_m in current_m.items():
             before = self.positions_m.setdefault(identity, position_m)
             if np.linalg.norm(before - position_m) > NEAR_M:
@@ -141,7 +141,7 @@ def main() -> None:
 
 
 def measure(folder: Path, times: int) -> tuple[dict[tuple[str, str], list[Fault]], Ledger]:
-    """Start the system, break it repeatedly, and stop it."""
+    """Start the system, cause faults repeatedly, and stop it."""
     state, port = State(folder / ROBOT), free_port()
     command = [sys.executable, "-m", "deploy.cli", "up", "--detach", "--robot", ROBOT]
     command += ["--port", str(port), "--source", "benchmarks.lib.system.standing:Standing"]
@@ -166,7 +166,7 @@ def measure(folder: Path, times: int) -> tuple[dict[tuple[str, str], list[Fault]
 def once(
     ear: Ear, ledger: Ledger, supervisor: Supervisor, service: str, number: signal.Signals
 ) -> Fault:
-    """Break a service once while all people are tracked, and wait until they are again."""
+    """Cause a fault of a service while all people are tracked, and wait for its end."""
     wait_for_people(ear)
     before = ear.received[-1].current_m
     pid = supervisor.processes()[f"{service}-1"].pid
@@ -189,7 +189,7 @@ def once(
 
 
 def wait_for_people(ear: Ear, since_s: float = 0.0) -> None:
-    """Wait until all people were in every message for SETTLE_S, from a time on."""
+    """Wait until all people are in every message for SETTLE_S, from a time on."""
 
     def well() -> bool:
         begin_s = time.monotonic() - SETTLE_S
@@ -204,13 +204,13 @@ def wait_for_people(ear: Ear, since_s: float = 0.0) -> None:
 def unanswered(a: ReceivedTracks, b: ReceivedTracks) -> int:
     """Return the number of frames without an answer between two messages."""
     step = b.tracks.sequence - a.tracks.sequence
-    if step < 0:  # a new camera counts from 0: the frames that it would have sent
+    if step < 0:  # a restarted camera counts from 0: frames it would have sent
         step = round((b.at_s - a.at_s) * RATE_HZ)
     return max(step - 1, 0)
 
 
 def same(before: dict[int, np.ndarray], after: dict[int, np.ndarray]) -> bool:
-    """Check that the same identities are at the same places."""
+    """Check that the same identities are at the same positions."""
     return before.keys() == after.keys() and all(
         np.linalg.norm(before[i] - after[i]) < NEAR_M for i in before
     )

@@ -38,7 +38,7 @@ the errors of a stereo sensor. Spreads are minimum and maximum over recordings a
 `default` is the service; `as published` lacks the additions of this project. The published figures
 [Liu 2018] are from its own recordings with a Kinect v2: compare orderings, not values."""
 
-DETECTED = (*CASES, *STEADY, *THREE)  # scenarios in which a detector is needed, too
+DETECTED = (*CASES, *STEADY, *THREE)  # scenarios that require a detector
 NEEDED = {
     "colour": (*gait_colour.WALKS, *gait_colour.SPEEDS),
     "points": tuple(CASES),
@@ -120,7 +120,7 @@ def colour(plan: Plan) -> Sections:
 
 
 def points(plan: Plan) -> Sections:
-    """Follow points by each feature, marked by hand as published."""
+    """Track points by each feature, marked by hand as published."""
     variants = {feature: gait_points.by_hand(feature) for feature in FEATURES}
     runs = _follow_all(plan, CASES, list(variants.values()))
     text = [
@@ -143,7 +143,7 @@ def points(plan: Plan) -> Sections:
 
 
 def service(plan: Plan) -> Sections:
-    """Track points as the service does."""
+    """Track points by the configuration of the service."""
     cases = {**CASES, **STEADY, **THREE}
     runs = _follow_all(plan, cases, [gait_points.SERVICE, gait_points.NO_KEYPOINTS])
     alone = {
@@ -219,7 +219,7 @@ def _follow(scenario: str, recording: int, variant: PointVariant, seed: int) -> 
 
 
 def _orderings(runs: Mapping[tuple[str, str], Sequence[PointResults]]) -> list[list[str]]:
-    """Return the published orderings, whether they are reproduced, and by how much."""
+    """Return the published orderings, with flags and margins of their reproduction."""
 
     def median_cm(case: str, feature: str, part: slice = slice(None)) -> float:
         errors = [run.surface_errors_m[part, :, RIGHT_HAND].ravel() for run in runs[case, feature]]
@@ -263,7 +263,7 @@ def _limbs_cm(runs: Mapping[tuple[str, str], Sequence[PointResults]]) -> str:
 
 
 def _joined(runs: Sequence[PointResults]) -> PointResults:
-    """Return runs as one, person after person."""
+    """Return joined runs, person after person."""
     flat = [
         [getattr(run, name).reshape(-1, 1, *getattr(run, name).shape[2:]) for run in runs]
         for name in PointResults.__dataclass_fields__
@@ -276,7 +276,7 @@ def _pool(plan: Plan) -> ProcessPoolExecutor:
 
 
 def _prepare(plan: Plan, parts: Iterable[str]) -> None:
-    """Make recordings, ground truth and detections that are not cached."""
+    """Create recordings, ground truth and detections missing in the cache."""
     names = dict.fromkeys(name for part in parts for name in NEEDED[part])
     for seed in plan.recordings:
         for name in names:

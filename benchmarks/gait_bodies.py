@@ -80,7 +80,7 @@ def compare(folder: Path, settings: Sequence[str] = ()) -> list[Tally]:
 
 
 def run_settings(folder: Path, settings: Sequence[str] = ()) -> tuple[str, ...]:
-    """Return the settings of a run: the rate of the frames, and odometry where the camera moves."""
+    """Return the settings of a run: the frame rate, and odometry if the camera moves."""
     with np.load(folder / "gt.npz") as file:
         fps = 1 / float(np.median(np.diff(file["t"])))
         moves = not np.allclose(file["T_world_cam"], file["T_world_cam"][:1])

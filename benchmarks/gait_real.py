@@ -177,7 +177,7 @@ def counts(known: StepsByEye, published: Sequence[tuple[float, str]]) -> StepCou
 
 
 def on_depth(run: Run, names: Sequence[str]) -> tuple[int, int]:
-    """Return how many measured points have their depth about their pixels, and how many are."""
+    """Return the number of measured points at the depth around their pixels, and of all."""
     near = known = 0
     for info, frame, results in run:
         for one in results:

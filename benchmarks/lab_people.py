@@ -28,7 +28,7 @@ GROUPS = {
     "two people, plain": f"random?people=2&plain=true&depth_sensor=d435i&outfit=own&{SIZE}",
 }
 RECORDED = f"random?density=0.15&view=robot&{SIZE}"
-FPS = 10.0  # of random scenes
+FPS = 10.0  # frame rate of random scenes [Hz]
 COLUMNS = (
     ("position_rmse_across_m", "across m", "{:.3f}"),
     ("position_rmse_along_m", "along m", "{:.3f}"),
@@ -61,7 +61,7 @@ def try_out(run_of_method: EvaluationRun) -> RunScores:
 
 
 def row(group: str, results: Sequence[RunScores]) -> list[str]:
-    """Return a line of the scenes of a group, as if they were one recording."""
+    """Return a row of the pooled scenes of a group."""
     figures = combine(result.scores for result in results).row()
     cells = [text(figures, figure, form) for figure, _, form in COLUMNS]
     false_alarms, duration_s = figures["false_alarms"], figures["duration_s"]
@@ -70,13 +70,13 @@ def row(group: str, results: Sequence[RunScores]) -> list[str]:
 
 
 def text(row: Row, figure: str, form: str) -> str:
-    """Return a figure as text, "-" where there is none."""
+    """Return a figure as text, "-" if undefined."""
     value = row[figure]
     return "-" if value is None else form.format(value)
 
 
 def report_progress(what: str, share: float) -> None:
-    """Print how far it is."""
+    """Print the progress of a stage."""
     print(f"{what} {share:.0%}", flush=True)
 
 

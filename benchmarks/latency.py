@@ -22,9 +22,7 @@ LIMITS_MS = (8.0, 15.0)  # [ms] wanted p50 and p99 of all stages but inference
 def stage_table(paths: Sequence[FramePath]) -> str:
     """Return the durations of all stages in the order of the path, and their share of the whole."""
     found: dict[tuple[str, bool], list[float]] = defaultdict(list)
-    for path in sorted(
-        paths, key=lambda path: -len(path.parts)
-    ):  # the longest path gives the order
+    for path in sorted(paths, key=lambda path: -len(path.parts)):  # order of the longest path
         for pieces, beside in ((path.parts, False), (path.beside, True)):
             for part in merge_stages(pieces):
                 found[part.name, beside].append(part.ms)
@@ -42,7 +40,7 @@ def stage_table(paths: Sequence[FramePath]) -> str:
 
 
 def kinds_table(paths: Sequence[FramePath]) -> str:
-    """Return all but inference, by kind of stage over all processes, longest first."""
+    """Return all stages except inference, by kind over all processes, longest first."""
     found: dict[str, list[float]] = defaultdict(list)
     for path in paths:
         sums: dict[str, float] = defaultdict(float)
@@ -61,7 +59,7 @@ def kinds_table(paths: Sequence[FramePath]) -> str:
 
 
 def sums_table(run: Playback) -> str:
-    """Return the sum of the stages beside the end-to-end time."""
+    """Return the sum of the stages and the end-to-end time."""
     named = [sum(p.ms for p in path.parts if p.stage != "other") for path in run.paths]
     every = [sum(p.ms for p in path.parts) for path in run.paths]
     end_to_end = run.end_to_end_ms

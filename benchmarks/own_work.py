@@ -32,8 +32,8 @@ from services.tracker.build import build as build_tracker
 from services.tracker.config import TrackerConfig
 
 LIMIT_MS = 4.0
-FRAMES = 75  # of the recording
-PAUSE_NS = 1_000_000_000  # between two rounds of the recording
+FRAMES = 75  # number of frames of the recording
+PAUSE_NS = 1_000_000_000  # pause between two rounds of the recording
 
 M = TypeVar("M", bound=Message)
 
@@ -43,7 +43,7 @@ class StoredRuns:
 
     def __init__(self, session: Session, images: int) -> None:
         self.input_shape, self.input_dtype = session.input_shape, session.input_dtype
-        self._session, self._images, self._next = session, images, -1  # the first run is to try it
+        self._session, self._images, self._next = session, images, -1  # the first run is a trial
         self._outputs: list[Mapping[str, Array]] = []
 
     def run(self, image: Array) -> Mapping[str, Array]:
@@ -57,7 +57,7 @@ class StoredRuns:
 
 
 class Chain:
-    """Nodes joined in memory; what a frame takes in each stage.
+    """Nodes joined in memory, with the times of a frame in each stage.
 
     Args:
         stored: Whether the detector's network runs but once for each image.
@@ -83,7 +83,7 @@ class Chain:
         self._camera = info.camera
 
     def run(self) -> Iterator[dict[str, float]]:
-        """Yield the milliseconds of each stage but inference, frame by frame, for ever."""
+        """Yield the times of all stages except inference [ms], frame by frame, endlessly."""
         stamps_ns = [frame.stamp_ns for frame in self._frames]
         length_ns = stamps_ns[-1] - stamps_ns[0] + PAUSE_NS
         for number in count():

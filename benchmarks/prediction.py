@@ -37,7 +37,7 @@ from services.predictor.config import PredictorConfig
 IMAGE = Path(__file__).parents[1] / "docs" / "pictures" / "prediction-calibration.png"
 SHOWN_S = (0.5, 1.0, 2.0, 3.0, 4.0, 5.0)
 LAB = ("lab:four_dense@301", "lab:three_crossing@301")
-ADE = PredictorConfig(step_s=0.4, steps=12)  # 4.8 s, as published figures have it
+ADE = PredictorConfig(step_s=0.4, steps=12)  # horizon of 4.8 s, as in published figures
 HISTORY_MIN = 8  # number of annotations before such a prediction
 WARM_UP, ROUNDS = 30, 200
 COUNTS = (1, 2, 5, 10, 50, 200)  # numbers of people
@@ -202,7 +202,7 @@ def costs(count: int) -> tuple[list[float], list[float]]:
 
 
 def crowd(count: int, time_s: float) -> Tracks:
-    """Return people who walk at 1 m/s in all directions."""
+    """Return people walking at 1 m/s in all directions."""
     people = []
     for number in range(count):
         angle = 2.4 * number

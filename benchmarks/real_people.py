@@ -38,7 +38,7 @@ from people4d.messages import F64
 from services.detector.config import shipped_model
 
 OUT = ROOT / "out" / "real_people"
-SAME_BOX = 0.5  # minimum overlap of a track's box with that of its detection
+SAME_BOX = 0.5  # minimum overlap of the boxes of a track and its detection
 
 
 def peer_results(

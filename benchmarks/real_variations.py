@@ -58,14 +58,14 @@ class VariationScores:
     images: ImageVariation
     order: OrderVariation
     scores: MarkScores
-    frames: Mapping[int, int]  # of the recording, by position in the order
+    frames: Mapping[int, int]  # frame of the recording by position in the order
 
     def outcomes(self, half: range) -> list[MarkOutcome]:
         """Return the outcomes of marks in a half of the recording."""
         return [o for o in self.scores.outcomes if self.frames[o.frame] in half]
 
     def owned(self, half: range) -> Share:
-        """Return the right identities of people less than half hidden."""
+        """Return the correct identities of people less than half occluded."""
         shown = [o for o in self.outcomes(half) if o.truth.mark.hidden != "mostly"]
         return figures(shown).owned
 
@@ -86,12 +86,12 @@ def score_detected(
 
 
 def total(shares: Sequence[Share]) -> Share:
-    """Return shares put together."""
+    """Return the sum of shares."""
     return Share(sum(s.part for s in shares), sum(s.total for s in shares))
 
 
 def percent(share: Share) -> str:
-    """Return a share in percent, "-" of nothing."""
+    """Return a share in percent, "-" for an empty total."""
     return f"{100 * ratio(share.part, share.total):.1f} %" if share.total else "-"
 
 

@@ -31,7 +31,7 @@ class Figures:
     rates_hz: list[float] = field(default_factory=list)
     ratios: list[float] = field(default_factory=list)  # rate over the rate of the bare network
     cpu_ms: list[float] = field(default_factory=list)
-    others_ms: dict[str, list[float]] = field(default_factory=dict)  # by rate, of every frame
+    others_ms: dict[str, list[float]] = field(default_factory=dict)  # times of all frames by rate
     memory_mb: list[float] = field(default_factory=list)
 
 

@@ -32,7 +32,7 @@ MAP_FROM_OPTICAL = transform_from((0.0, 0.0, 1.0), LINK_FROM_OPTICAL[:3, :3])
 
 
 def observations(people: int, frames: int, seed: int) -> list[Observation]:
-    """Return frames of people who walk back and forth across the image, with noise."""
+    """Return frames of people walking back and forth across the image, with noise."""
     rng = np.random.default_rng(seed)
     appearances = rng.normal(size=(people, DIMENSION))
     phase, forward_m = rng.uniform(0, 2 * np.pi, people), np.linspace(2.0, 5.0, people)
@@ -167,7 +167,7 @@ def main() -> None:
             walking = observations(people, asked.frames + WARM_UP, seed)
             frames = [payloads(frame, number) for number, frame in enumerate(walking)]
             gc.collect()
-            gc.freeze()  # as every process does once it has loaded
+            gc.freeze()  # as in every process after loading
             for preset in PRESETS:
                 found.setdefault(preset, []).append(times_ms(frames, tracked(node_of(preset))))
             found.setdefault("input decoded and encoded", []).append(times_ms(frames, copied))

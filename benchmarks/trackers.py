@@ -37,8 +37,8 @@ class Result:
     """Results of one tracker with one setting."""
 
     words: str
-    tracks: dict[str, list[BoxTracks]]  # by sequence
-    times_us: dict[str, list[float]]  # of each frame, by sequence
+    tracks: dict[str, list[BoxTracks]]  # tracks by sequence
+    times_us: dict[str, list[float]]  # times of frames by sequence
 
 
 def choices() -> Iterator[ImageSortConfig]:

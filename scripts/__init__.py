@@ -1,1 +1,1 @@
-"""Programs for those who build people4d; nothing here runs on a robot."""
+"""Programs for the development of people4d; none runs on a robot."""

@@ -27,13 +27,13 @@ from deploy.launcher.plan import COMPOSE_FILE
 ROOT = Path(__file__).resolve().parents[1]
 BASE = "docker.io/library/python:3.11-slim"
 PACKAGES = "python3,python3-venv,python-is-python3,ca-certificates"
-INSIDE = "PEOPLE4D_CONTAINERS"  # set in the network of its own
+INSIDE = "PEOPLE4D_CONTAINERS"  # environment variable inside the separate network
 VARIABLES = {"PEOPLE4D_CAMERA_SOURCE": "/data/crossing.mcap", "PEOPLE4D_CAMERA_LOOP": "true"}
 ORDER = ("router", "detector", "reid", "tracker", "gt_bridge", "camera")
 MESSAGES = 30
 READY_S = 180.0
 CLIENT_S = 120
-ADDRESS = "172.30.0.2"  # of the services; Zenoh offers no address of the loopback interface
+ADDRESS = "172.30.0.2"  # address of the services, since Zenoh announces no loopback address
 NETWORK = (
     "link set lo up",
     "link add eth0 type veth peer name eth1",

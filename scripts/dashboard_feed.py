@@ -1,7 +1,7 @@
 """Artificial messages of a pipeline, for the page of the dashboard.
 
-People walk in circles before one camera. Boxes, keypoints, positions, depth and tracks agree with
-each other.
+People walk in circles before one camera. Boxes, keypoints, positions, depth and tracks are
+consistent.
 """
 
 import math
@@ -125,7 +125,7 @@ class Feed:
         states = [(walker, walker.state(time_s), walker.joints(time_s)) for walker in self.walkers]
         rgb, depth = self._room[0].copy(), self._room[1].copy()
         people, tracks = [], []
-        states.sort(key=lambda one: -one[1][0][0])  # far ones first
+        states.sort(key=lambda one: -one[1][0][0])  # farthest first
         for index, (walker, (position, velocity, yaw), joints) in enumerate(states):
             points = apply(optical_from_map, joints)
             pixels = project(points, self.info)
@@ -289,7 +289,7 @@ class FeedThread:
         self._thread.start()
 
     def close(self) -> None:
-        """End it."""
+        """End the thread."""
         self._closed.set()
         self._thread.join()
 

@@ -39,7 +39,7 @@ class Link:
         delay_s: Delay of a packet [s].
         loss: Share of lost packets, 0 to 1.
         rate_bps: Bits a second.
-        queue_s: Longest wait of a packet for earlier packets [s]; others are lost.
+        queue_s: Maximum wait of a packet for earlier packets [s]; later ones are lost.
         up: False if all packets are lost.
     """
 
@@ -60,7 +60,7 @@ class Wire:
     def __init__(self, names: Sequence[str]) -> None:
         self.link = Link()
         self._ends = [_open_tun(name) for name in names]
-        self._free_s = [0.0, 0.0]  # when each direction can take the next packet
+        self._free_s = [0.0, 0.0]  # time at which each direction is free
         self._waiting: list[tuple[float, int, int, bytes]] = []
         self._chance = random.Random(0)
         self._stop, self._stopped = os.pipe()
@@ -80,7 +80,7 @@ class Wire:
             now_s = time.monotonic()
             while self._waiting and self._waiting[0][0] <= now_s:
                 _, _, end, packet = heapq.heappop(self._waiting)
-                with contextlib.suppress(OSError):  # its host is gone
+                with contextlib.suppress(OSError):  # its host has ended
                     os.write(self._ends[end], packet)
             wait_s = self._waiting[0][0] - now_s if self._waiting else None
             ready, _, _ = select.select([*self._ends, self._stop], [], [], wait_s)
@@ -191,7 +191,7 @@ def _connect(namespace: str, device: str, name: str, host: str, other: str) -> N
 
 
 def _end_all(namespace: str) -> None:
-    """End what still runs in a namespace that we made."""
+    """End all processes in a created namespace."""
     listed = subprocess.run(
         ["ip", "netns", "pids", namespace], capture_output=True, text=True, check=False
     )

@@ -49,7 +49,7 @@ ALLOW, NOTIFY, CONTINUE = 0x7FFF0000, 0x7FC00000, 1
 LOAD, EQUAL, RETURN = 0x20, 0x15, 0x06  # instructions of a filter
 NUMBER, MACHINE, TARGET = 0, 4, 48  # offsets of a call's number, machine and fifth argument
 RECEIVE, SEND = 0xC0502100, 0xC0182101
-NAME_SERVER = 53  # port
+NAME_SERVER = 53  # port of name servers
 RESOLVER = b"/run/systemd/resolve/"
 MESSAGES_MAX = 1024  # maximum number of messages of one call
 PROGRAM_MAX = 80  # maximum number of characters
@@ -74,7 +74,7 @@ class Contact:
         return not (ip.is_loopback or (ip.is_unspecified and self.call != "bind"))
 
     def __str__(self) -> str:
-        """Return it as one line."""
+        """Return the contact as one line."""
         return f"{self.call} {self.address} port {self.port}: {self.program}"
 
 

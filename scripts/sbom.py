@@ -18,7 +18,7 @@ LOCK = ROOT / "requirements.lock"
 
 
 def models(manifest: Path) -> list[dict[str, Any]]:
-    """Return the components of the weights beside a manifest; ModelError if one is altered."""
+    """Return the components of the weights of a manifest; ModelError if one is altered."""
     components = []
     for model in load_manifest(manifest).values():
         path = manifest.parent / model.file

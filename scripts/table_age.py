@@ -1,7 +1,7 @@
 """Names benchmark tables that are older than the code that they measure.
 
 Run `python -m scripts.table_age`; `make check` does. A table names the commit of its run. It is
-older if code in its paths differs since, comments and docstrings left out.
+older if code in its paths has changed since, except comments and docstrings.
 """
 
 import ast
@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[1]
 COMMIT = re.compile(r"^Made by .*commit ([0-9a-f]{7,40})(-dirty)?,", re.MULTILINE)
 COMMON = ("people4d", "common/geometry", "common/inference", "common/runtime", "common/transport")
 TRACKING = (*COMMON, "services/detector", "services/reid", "services/tracker")
-PATHS = {  # paths that a table depends on beside its own benchmark, by the name of the table
+PATHS = {  # paths that a table depends on in addition to its benchmark, by name of the table
     "odometry": (*COMMON, "services/visual_odometry"),
     "prediction": (*COMMON, "services/predictor", "services/tracker"),
     "trackers": (*COMMON, "services/tracker", "services/presets"),
@@ -35,7 +35,7 @@ def main() -> None:
 
 
 def age(table: Path) -> str:
-    """Return why a table is older than its code, empty if it is not."""
+    """Return the reason why a table is older than its code, empty if it is not."""
     match = COMMIT.search(table.read_text("utf-8"))
     if match is None:
         return "names no commit"

@@ -9,7 +9,8 @@ from typing import Any, TypeVar
 T = TypeVar("T")
 R = TypeVar("R")
 
-_work: list[tuple[Callable[[Any], Any], Sequence[Any]]] = []  # innermost last
+# Stack of nested calls, innermost last
+_work: list[tuple[Callable[[Any], Any], Sequence[Any]]] = []
 
 
 def each(work: Callable[[T], R], items: Sequence[T]) -> list[R]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from people4d.messages import F64
 
-ROUNDS = 2000  # resamples
+ROUNDS = 2000  # number of resamples
 SEED = 1
 
 
@@ -17,7 +17,7 @@ class Figure:
     title: str
     form: str = "{:.3f}"
     factor: float = 1.0
-    root: bool = False  # the root of the ratio
+    root: bool = False  # True: root of the ratio
     higher_is_better: bool = False
 
 

@@ -43,7 +43,7 @@ def commit() -> str:
 
 
 def write(script: str, title: str, *parts: str) -> None:
-    """Print a report and write it beside its script.
+    """Print a report and write it next to its script.
 
     Args:
         script: `__file__` of the benchmark.

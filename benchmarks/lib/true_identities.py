@@ -1,4 +1,4 @@
-"""Embeddings that tell all people apart: the upper bound of what appearance can give a tracker."""
+"""Embeddings that distinguish all people: the upper bound of appearance for a tracker."""
 
 from dataclasses import replace
 
@@ -10,13 +10,13 @@ from common.io.recording import RecordingWriter, open_recording
 from evaluation.run.run import EvaluationRun
 from people4d.messages import F32, Detections, Embeddings
 
-NEAR_M = 0.6  # [m] on the ground; a detection farther from all people is of none
+NEAR_M = 0.6  # [m] maximum distance on the ground of a detection from its person
 
 
 def with_true_identities(run: EvaluationRun) -> EvaluationRun:
     """Return a run whose embeddings are the identity of the nearest true person.
 
-    It is written beside the embeddings of the run.
+    It is written next to the embeddings of the run.
     """
     assert run.embeddings
     path = run.embeddings.with_name(f"{run.embeddings.stem}-true.mcap")
@@ -39,7 +39,7 @@ def with_true_identities(run: EvaluationRun) -> EvaluationRun:
 
 
 def _vector(run: EvaluationRun, number: int, detections: Detections, index: int) -> F32:
-    """Return the unit vector of a person; the last one is that of all others."""
+    """Return the unit vector of a person; all others share the last one."""
     ids, frame = run.truth.ids, run.truth.frames[number]
     vector = np.zeros(len(ids) + 1, np.float32)
     position_m, who = detections.detections[index].position_m, len(ids)

@@ -174,8 +174,8 @@ def keypoint_forms(regressor: F64, weights: F64, person: Mapping[str, F64]) -> F
     """Return the regressed keypoints as sums over bones, which posing keeps exact; 17xBx4.
 
     A keypoint is sum_v k_v sum_b w_vb M_b [x_v; 1] = sum_b M_b [sum_v k_v w_vb [x_v; 1]].
-    The regressor's ankles lie 16 mm above the joint and detectors' ankles do not: they become the
-    centre of the joint.
+    The regressor's ankles are 16 mm above the joint, unlike detectors' ankles, and are replaced by
+    its centre.
     """
     homogeneous = np.c_[person["vertices"], np.ones(len(weights))]
     forms: F64 = np.einsum("kv,vb,vc->kbc", regressor, weights, homogeneous, optimize=True)

@@ -34,7 +34,7 @@ def neutral_rotations(names: Sequence[str], heads: F64, hips_m: float) -> Mappin
     Args:
         names: Of the bones, anny's.
         heads: Bx3 rest positions of the bones' heads in metres, lab axes.
-        hips_m: Half the width of the hips, which the arms hang beside.
+        hips_m: Half the width of the hips, at which the arms hang.
     """
     at = dict(zip(names, heads, strict=True))
     rotations: dict[str, F64] = {}

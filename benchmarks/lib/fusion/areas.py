@@ -32,12 +32,12 @@ class AreaRun:
     """Output of the nodes of a site."""
 
     merged: Sequence[TimedTracks]
-    counters: Mapping[str, Mapping[str, int]]  # by node
+    counters: Mapping[str, Mapping[str, int]]  # counters by node
     bytes_sent: int  # size of all messages of areas to their neighbours
 
 
 def track_areas(scene: FusionScene, areas: Mapping[str, Sequence[str]], exchange: bool) -> AreaRun:
-    """Return the people of a site whose areas have a tracker each.
+    """Return the people of a site with one tracker for each area.
 
     Args:
         scene: The scene.

@@ -8,7 +8,8 @@ from msgspec.structs import replace
 from common.geometry.transforms import rotation_from_rpy
 from people4d.messages import Detections, Embeddings, Message
 
-Change = Callable[[int, Message], Message | None]  # by the true time; None: the message is lost
+# Change of a message at its true time; None: a lost message
+Change = Callable[[int, Message], Message | None]
 
 
 def covered(camera: str, from_ns: int) -> Change:
@@ -23,7 +24,7 @@ def covered(camera: str, from_ns: int) -> Change:
 
 
 def knocked(camera: str, degrees: float, from_ns: int) -> Change:
-    """Return the change by a camera that is turned about its upright axis at a time."""
+    """Return the change by a rotation of a camera about the vertical at a time."""
 
     def change(time_ns: int, message: Message) -> Message | None:
         if not isinstance(message, Detections) or message.camera != camera or time_ns < from_ns:
@@ -61,5 +62,5 @@ def dead(camera: str, from_ns: int) -> Change:
 
 
 def nothing(time_ns: int, message: Message) -> Message | None:  # noqa: ARG001
-    """Return a message as it is."""
+    """Return a message unchanged."""
     return message

@@ -1,4 +1,4 @@
-"""Tracks of several cameras of a scene: of one tracker, and of a merger of one tracker each."""
+"""Tracks of several cameras of a scene, by one tracker and by a merger of single trackers."""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence

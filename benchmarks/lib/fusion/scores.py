@@ -79,7 +79,7 @@ def double_share(matching: Matching) -> float:
 
 @dataclass(frozen=True)
 class HandOvers(Counts):
-    """Numbers of hand-overs from camera to camera, and of those with the same identity."""
+    """Numbers of hand-overs from camera to camera, in total and with the same identity."""
 
     overlapping: int = 0
     overlapping_same: int = 0

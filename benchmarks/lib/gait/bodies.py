@@ -61,8 +61,8 @@ def tally(
     """Return the comparisons of each true person.
 
     Args:
-        truth: Of N frames.
-        results: Of each frame.
+        truth: Truth of N frames.
+        results: Results of each frame.
         stamps_ns: N.
     """
     people = truth.joints_m.shape[1]

@@ -17,9 +17,9 @@ from people4d.messages import F64, U8
 from services.gait.colour.colour_layer import ColourLayer
 from services.gait.config import PUBLISHED_TAU, ColourLayerConfig
 
-SUCCESS = 0.5  # overlap from which on a frame counts
+SUCCESS = 0.5  # minimum overlap of a successful frame
 PARTICLES = tuple(range(20, 180, 20))
-# As published but for sigma: with 1 all particles weigh nearly the same.
+# Published settings except sigma, since 1 gives all particles nearly equal weights.
 PUBLISHED: dict[str, Any] = {"weights": "distance", "tau": PUBLISHED_TAU}
 PUBLISHED_SIGMA: dict[str, Any] = {**PUBLISHED, "sigma": 1.0}
 OURS: dict[str, Any] = {}

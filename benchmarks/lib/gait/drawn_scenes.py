@@ -28,10 +28,10 @@ SPEED_MPS = (0.6, 1.25)
 class SceneKind:
     """Common rules of the scenes of one kind."""
 
-    people: tuple[int, int]  # minimum and maximum
-    moves: bool = False  # the camera
-    alike: bool = False  # some people wear the same clothes
-    leave: bool = False  # some people leave the view and return
+    people: tuple[int, int]  # minimum and maximum number of people
+    moves: bool = False  # True: the camera moves
+    alike: bool = False  # True: some people wear the same clothes
+    leave: bool = False  # True: some people leave the view and return
 
 
 KINDS = {
@@ -42,7 +42,7 @@ KINDS = {
     "crowd": SceneKind((5, 6)),
     "moving_alike": SceneKind((3, 5), moves=True, alike=True, leave=True),
 }
-SEEDS = range(7100, 7136)  # written down before the first run; nothing is chosen on these scenes
+SEEDS = range(7100, 7136)  # seeds fixed before the first run; no constant is tuned on these scenes
 
 
 def drawn_scenes() -> Iterator[tuple[str, int]]:
@@ -120,7 +120,7 @@ def _colour(rng: np.random.Generator, value: float = 0.85) -> F64:
 def _people(
     rng: np.random.Generator, scene: Scene, styles: Sequence[Style], leave: bool
 ) -> tuple[Style, ...]:
-    """Return the people with paths that keep apart; fewer if a path was not found."""
+    """Return people on paths at a distance from each other; fewer if no path is found."""
     times_s = np.arange(1, scene.seconds / CHECK_S) * CHECK_S
     camera = scene.drive.poses(times_s)[:, :2] if scene.drive else np.zeros((len(times_s), 2))
     optical_m = camera + np.array((CAMERA_X_M, 0.0))
@@ -140,9 +140,9 @@ def _people(
 def _path(
     rng: np.random.Generator, width_m: float, *, leaves: bool, stays: bool
 ) -> tuple[Waypoint, ...]:
-    """Return waypoints in view, some with stops; the third is beside the view if `leaves`.
+    """Return waypoints in view, some with stops; the third is outside the view if `leaves`.
 
-    The waypoints of a person who `stays` are near the first one.
+    If `stays`, all waypoints are near the first one.
     """
     points = list[Waypoint]()
     for k in range(8):

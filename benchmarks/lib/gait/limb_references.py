@@ -11,9 +11,9 @@ from people4d.messages import F64
 
 JOINT = (9, 10, 15, 16)  # COCO: wrists, ankles
 BEFORE = (7, 8, 13, 14)  # elbows, knees
-HAND_REACH = 0.35  # of the forearm, from the wrist to the middle of the hand
-HAND_DEEP_M, FOOT_DEEP_M = 0.02, 0.03  # from the middle to the surface that the camera sees
-FOOT_AHEAD_M, FOOT_BELOW_M = 0.08, 0.03  # from the ankle to the middle of the foot
+HAND_REACH = 0.35  # distance from the wrist to the middle of the hand [forearms]
+HAND_DEEP_M, FOOT_DEEP_M = 0.02, 0.03  # distance from the middle to the visible surface [m]
+FOOT_AHEAD_M, FOOT_BELOW_M = 0.08, 0.03  # offset from the ankle to the middle of the foot [m]
 
 
 def references(joints_m: F64, camera_m: F64) -> F64:

@@ -32,16 +32,16 @@ Waypoint = tuple[float, ...]  # x_m, y_m, and at a stop: seconds and yaw_rad whi
 class Style:
     """A person and their walk."""
 
-    body: str  # of the simulator
-    path: tuple[Waypoint, ...]  # repeated
+    body: str  # name of the body in the simulator
+    path: tuple[Waypoint, ...]  # waypoints, repeated
     speed_mps: float = 0.9
     stride: float = 1.0  # factor of the recorded amplitude of the legs
     limp: float = 0.0  # (left - right) / mean of step times
-    lean_rad: float = 0.0  # of the torso
-    arms: str = "swing"  # or pockets, carry
+    lean_rad: float = 0.0  # [rad] forward lean of the torso
+    arms: str = "swing"  # swing, pockets or carry
     skirt: bool = False
-    size: tuple[float, float] = (1.0, 1.0)  # width and height, of the body's
-    clothes: Mapping[str, Any] = field(default_factory=dict)  # in place of the body's own
+    size: tuple[float, float] = (1.0, 1.0)  # width and height relative to the body's
+    clothes: Mapping[str, Any] = field(default_factory=dict)  # clothes in place of the body's own
 
 
 @dataclass(frozen=True)
@@ -51,11 +51,11 @@ class Scene:
     people: tuple[Style, ...]
     seconds: float = 12.0
     fps: float = 20.0
-    height_m: float = 1.15  # of the camera
+    height_m: float = 1.15  # [m] height of the camera
     robot_mps: float = 0.0  # speed of a camera that follows a person or drives ahead
     drive: "Drive | None" = None  # motion of the camera within the room
-    width_m: float = 3.5  # of the room
-    exposure: float = 1.0  # of the colour image
+    width_m: float = 3.5  # [m] width of the room
+    exposure: float = 1.0  # exposure of the colour image
     halved: bool = False  # images of half the width and height
 
 
@@ -66,7 +66,7 @@ class Drive:
     x: Wave
     y: Wave
     yaw: Wave
-    scale: tuple[float, float] = (1.0, 1.0)  # of distances and turns that odometry reports
+    scale: tuple[float, float] = (1.0, 1.0)  # factors of reported distances and turns of odometry
     gyro_rad: float = 0.0004  # standard deviation of a reported turn
 
     def poses(self, times_s: F64) -> F64:

@@ -35,7 +35,7 @@ CASES = {
 }
 LIMBS = [POINTS.index(name) for name in HANDS_AND_FEET]
 RIGHT_HAND = POINTS.index("right_hand")
-KEYPOINT_M = 0.1  # of a keypoint and the depth at it, standard deviation
+KEYPOINT_M = 0.1  # standard deviation of a keypoint and its depth [m]
 PUBLISHED_STATES = ("measured", "predicted")
 
 

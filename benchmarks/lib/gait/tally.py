@@ -14,16 +14,17 @@ from services.gait.estimator import GaitFrame, GaitResult
 class Tally:
     """Comparisons of one person, or of several."""
 
-    errors_m: dict[str, list[float]] = field(default_factory=dict)  # by limb and visibility
+    errors_m: dict[str, list[float]] = field(default_factory=dict)  # errors by limb and visibility
     measured_hidden: int = 0
-    measured_hidden_off: int = 0  # measured while hidden, with an error above HIDDEN_OFF_M
-    hidden: int = 0  # published while hidden
-    hidden_all: int = 0  # lost ones, too
+    # Number of hidden points measured with an error above HIDDEN_OFF_M
+    measured_hidden_off: int = 0
+    hidden: int = 0  # number of published hidden points
+    hidden_all: int = 0  # number of hidden points, including lost ones
     exchanged: dict[str, list[bool]] = field(default_factory=dict)  # by visibility
     covered: dict[str, list[bool]] = field(default_factory=dict)  # predicted points, by visibility
     visible: int = 0
     visible_measured: int = 0
-    visible_in_range: int = 0  # nearer than the farthest depth
+    visible_in_range: int = 0  # number of visible points within the range of depth
     true: int = 0
     found: int = 0
     true_in_range: int = 0

@@ -15,7 +15,7 @@ from people4d.messages import F64, U16, CameraInfo
 Hidden = Literal["no", "partly", "mostly"]
 HIDDEN: tuple[Hidden, ...] = ("no", "partly", "mostly")
 WINDOW_PX = 2  # [px] half side of the window around the mark in which depth is read
-EDGE_PX = 5  # [px] half side of the window in which an edge of depth is looked for
+EDGE_PX = 5  # [px] half side of the window searched for an edge of depth
 BODY_M = 0.35  # [m] maximum range of depths on one body in that window
 READINGS_MIN = 5  # minimum number of valid pixels in the window
 
@@ -63,7 +63,7 @@ class MarkView:
     def point_m(self, mark: Mark, depth_mm: U16) -> F64 | None:
         """Return the surface at a mark in the map, by the median depth.
 
-        None without depth, and at an edge of depth beside the person.
+        None without depth, and at an edge of depth.
         """
         readings_mm = _readings(mark, depth_mm, WINDOW_PX)
         if len(readings_mm) < READINGS_MIN:

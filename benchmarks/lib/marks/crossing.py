@@ -19,7 +19,7 @@ Pixel = tuple[int, int]
 # floor (median; half of them within 5 cm), wherever they walk.
 MOUNT_XYZ_M = (0.0, 0.0, 2.345)
 MOUNT_RPY_RAD = (-0.227, 0.464, 0.0)
-FPS = 10.0  # the image pairs have no stamps
+FPS = 10.0  # frame rate [Hz], since the image pairs have no stamps
 
 # Frames of filinha, from 0, with a point on each visible person, by a name for each person.
 # In frame 52 only the top of the head of "white" is visible, in 68 and 76 half of "striped".
@@ -59,7 +59,7 @@ def crossing_camera(shared: Path, start_s: float = 0.0, max_frames: int = 0) -> 
 
 
 def match(points: Sequence[Pixel], detections: Sequence[Detection]) -> list[tuple[int, int]]:
-    """Return the pairs (point, detection) where a box holds a point, each at most once."""
+    """Return pairs (point, detection) of points in boxes, each at most once."""
     cost = np.full((len(points), len(detections)), np.inf)
     for i, (u, v) in enumerate(points):
         for j, detection in enumerate(detections):

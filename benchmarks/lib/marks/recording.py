@@ -48,7 +48,7 @@ class MarkedRecording:
 
     camera: CameraConfig
     view: MarkView
-    truth: dict[int, tuple[MarkTruth, ...]]  # by frame
+    truth: dict[int, tuple[MarkTruth, ...]]  # annotations by frame
 
     def hypotheses(self, outputs: Sequence[FrameOutput]) -> dict[int, list[TrackedPerson]]:
         """Return the tracks in the image by frame."""

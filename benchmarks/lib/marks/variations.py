@@ -46,7 +46,7 @@ Order = Callable[[int], range]  # order of frames, given their number
 
 
 def unchanged(rgb: U8, depth_mm: U16, _rng: np.random.Generator) -> tuple[U8, U16]:
-    """Return the images as they are."""
+    """Return the images unchanged."""
     return rgb, depth_mm
 
 
@@ -138,7 +138,7 @@ def _mirrored(one: MarkTruth, view: MarkView) -> MarkTruth:
 
 
 class CachingModel:
-    """A model that runs once on each image."""
+    """A model with a cache, which runs once on each image."""
 
     def __init__(self, model: PersonModel, cache: Cache) -> None:
         self.name, self._model, self._cache = model.name, model, cache
@@ -156,7 +156,7 @@ class VariedDetections:
     """Detections and embeddings of augmented images, by frame."""
 
     start: tuple[CameraInfo, StaticTransform]
-    found: Mapping[int, Sequence[Detections]]  # by the step from frame to frame
+    found: Mapping[int, Sequence[Detections]]  # detections by the step from frame to frame
     embeddings: Sequence[Embeddings | None]
 
 

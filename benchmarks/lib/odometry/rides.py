@@ -20,7 +20,7 @@ from people4d.messages import F64, Detections, Odometry
 from services.tracker.image_sort.camera_turn import camera_direction, turn_between
 from services.tracker.image_sort.image_sort import BoxFrame, BoxTracks
 
-VISIBLE_MIN = 0.35  # minimum visible share of a person who has to be found
+VISIBLE_MIN = 0.35  # minimum visible share of a person to be found
 WAIT_S = 0.05
 
 
@@ -38,9 +38,9 @@ class Ride:
 
     name: str
     frames: tuple[BoxFrame, ...]
-    truth: tuple[GroundTruth, ...]  # of each frame
-    samples: tuple[Sample, ...]  # by arrival
-    fov_deg: float  # [deg] of the camera
+    truth: tuple[GroundTruth, ...]  # truth of each frame
+    samples: tuple[Sample, ...]  # odometry in the order of arrival
+    fov_deg: float  # [deg] field of view of the camera
 
     def turned(self) -> tuple[BoxFrame, ...]:
         """Return the frames with the turns that are known at their arrival."""

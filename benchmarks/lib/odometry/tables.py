@@ -30,7 +30,7 @@ class Run:
 
     scores: Scores
     switches: tuple[int, ...]  # frames with an ID switch, one entry for each
-    mean_us: float  # of an update
+    mean_us: float  # mean time of an update
     ride: Ride
 
 
@@ -110,7 +110,7 @@ def table2(rides: dict[int, list[Ride]], dynamic: ImageSortConfig) -> str:
 
 
 def faults(rides: dict[int, list[Ride]], settings: Settings) -> str:
-    """Return the figures with faults of odometry, beside the stated bound."""
+    """Return the figures with faults of odometry, and the stated bound."""
     config, plain = settings["SORT+Odom+Dynamic"], settings["SORT+Dynamic"]
     cases = [("no correction", plain, FAULTS["none"])]
     cases += [(name, config, fault) for name, fault in FAULTS.items()]

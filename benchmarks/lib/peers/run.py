@@ -28,8 +28,8 @@ class PeerRun:
     """Output of one tracker with one of its settings."""
 
     settings: str  # version of the package and settings, as text
-    rows: dict[str, F64]  # by sequence: frame from 1, identity, left, top, right, bottom
-    times_us: dict[str, list[float]]  # of each frame, by sequence
+    rows: dict[str, F64]  # tracks by sequence: frame from 1, identity, left, top, right, bottom
+    times_us: dict[str, list[float]]  # times of frames by sequence
 
 
 def run_peers(

@@ -1,1 +1,1 @@
-"""Predicted paths beside the true ones."""
+"""Comparison of predicted and true paths."""

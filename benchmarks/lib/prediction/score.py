@@ -1,4 +1,4 @@
-"""Scores of predictions: errors beside constant velocity, calibration, groups."""
+"""Scores of predictions: errors relative to constant velocity, calibration, groups."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -13,12 +13,12 @@ from people4d.messages import F64, PersonPrediction, Predictions, Tracks
 from services.predictor.build import build
 from services.predictor.config import PredictorConfig
 
-STANDING_M, GOING_ON_RAD, MOTION_S = 0.6, np.radians(25.0), 3.0  # as MotionProbabilities says
+STANDING_M, GOING_ON_RAD, MOTION_S = 0.6, np.radians(25.0), 3.0  # limits of MotionProbabilities
 
 
 @dataclass(frozen=True)
 class PredictionPairs:
-    """K predictions at H horizons, beside the truth (NaN if unknown)."""
+    """K predictions at H horizons, with the truth (NaN if unknown)."""
 
     horizons_s: F64  # H
     means_m: F64  # KxHx2
@@ -98,7 +98,7 @@ def predict_walks(
 def pairs_of(
     horizons_s: F64, people: Sequence[PersonPrediction], constant_m: F64, truth_m: F64
 ) -> PredictionPairs:
-    """Return predictions of K people beside constant velocity and truth (KxHx2)."""
+    """Return predictions of K people, with constant velocity and truth (KxHx2)."""
     return PredictionPairs(
         horizons_s=horizons_s,
         means_m=np.array([one.means_m for one in people]),
@@ -125,10 +125,10 @@ def predict_tracks(
         tracks: Tracks of a recording, in order.
         truth_m: True positions (2) of people by id, by stamp [ns].
         config: Configuration of the predictor.
-        match_m: Largest distance of a track from its person [m].
+        match_m: Maximum distance of a track from its person [m].
 
     Returns:
-        Predictions beside truth; constant velocity is the velocity of the track.
+        Predictions and truth; constant velocity is the velocity of the track.
     """
     node = build(config)
     stamps_ns = np.array(sorted(truth_m))

@@ -8,17 +8,17 @@ from people4d.messages import F32, U8
 from services.detector.models.base import DetectedPerson
 from services.detector.models.movenet import MoveNet
 
-STEP_PX = 37.0  # from one copy of a person to the next
+STEP_PX = 37.0  # distance of copies of a person [px]
 
 
 class Crowd(MoveNet):
-    """MoveNet whose people are copied beside themselves until there are `max_people`.
+    """MoveNet with people copied side by side up to `max_people`.
 
     The network, its results, depth and crops are real; the copies are not.
     """
 
     def detect(self, rgb: U8) -> list[DetectedPerson]:
-        """Return `max_people` people of an HxWx3 image in which there is one at least."""
+        """Return `max_people` people of an HxWx3 image with at least one person."""
         found, width = super().detect(rgb), rgb.shape[1]
         count = self._limits.max_people if found else 0
         return [_moved(found[k % len(found)], k // len(found), width) for k in range(count)]

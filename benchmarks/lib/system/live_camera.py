@@ -21,7 +21,7 @@ class LiveDemo(Source):
     Args:
         rate_hz: Frames in a second.
         frames: Number of frames in memory, repeated without end.
-        stride: Frames of the recording from one to the next.
+        stride: Step between used frames of the recording.
     """
 
     live = True
@@ -34,7 +34,7 @@ class LiveDemo(Source):
         self._period_s = 1 / rate_hz
 
     def __iter__(self) -> Iterator[SourceFrame]:
-        """Yield frames at their time, without end."""
+        """Yield frames at their times, endlessly."""
         begin_s = time.monotonic()
         for number in count():
             time.sleep(max(0.0, begin_s + number * self._period_s - time.monotonic()))

@@ -23,7 +23,7 @@ from people4d.messages import Detections, Tracks
 from services.detector.config import ModelSettings
 from services.detector.models.network import ImageInput
 
-WARM_UP = 30  # number of frames
+WARM_UP = 30  # number of frames before the measurement
 INFERENCE = ("inference", "inference_wait")
 BARE_S = 4.0
 BARE_SIZE = (256, 320)  # [px] input of a network with any size
@@ -32,11 +32,11 @@ BARE_SIZE = (256, 320)  # [px] input of a network with any size
 class Arrangement(NamedTuple):
     """Processes and cores of the system."""
 
-    together: bool = False  # one process for all but the router
-    reserved: bool = False  # one core for the detector's network, the others for all else
+    together: bool = False  # True: one process for all services except the router
+    reserved: bool = False  # True: one core for the detector's network only
 
     def __str__(self) -> str:
-        """Return it in words."""
+        """Return the arrangement in words."""
         name = "together" if self.together else "apart"
         return f"{name}, a core for the detector" if self.reserved else name
 
@@ -56,7 +56,7 @@ class Playback:
 
     @property
     def others_ms(self) -> list[float]:
-        """Return the time of each frame in all stages but inference [ms]."""
+        """Return the time of each frame in all stages except inference [ms]."""
         return [
             sum(part.ms for part in path.parts if part.stage not in INFERENCE)
             for path in self.paths
@@ -114,7 +114,7 @@ def play(
             now_ns, message = time.time_ns(), arrival.message
             path = monitor.add_arrival(arrival, now_ns, time.monotonic())
             if not isinstance(message, Tracks) or (message.trace and not path):
-                continue  # a prediction is of no frame
+                continue  # predictions have no frame
             count += 1
             if count == warm_up:
                 begin_s, begin_cpu_s = time.perf_counter(), _cpu_s()

@@ -29,7 +29,7 @@ class Cluster:
         self.endpoint = f"tcp/127.0.0.1:{free_port()}"
         self._processes: list[subprocess.Popen[bytes]] = []
         self._logs = logs
-        self._state = tempfile.TemporaryDirectory()  # no state of an earlier run
+        self._state = tempfile.TemporaryDirectory()  # separate state of each run
         self.start("router", "router", ())
 
     def start(self, service: str, instance: str, settings: Sequence[str]) -> None:
@@ -56,7 +56,7 @@ class Cluster:
         """Wait until the heartbeats of these processes report that they work.
 
         Raises:
-            TimeoutError: They do not in time.
+            TimeoutError: A process does not work in time.
         """
         waiting = set(instances)
         for health in client.messages(Health, timeout_s=READY_S):
@@ -89,7 +89,7 @@ def running(
         services: Name and settings ("field=value") of each, without the router. A repeated name
             gives several processes. The last service starts when the others are ready.
         logs: Folder of their output.
-        together: Whether they share one process.
+        together: True: one process for all services.
 
     Yields:
         A client of the system, connected before the last service starts.

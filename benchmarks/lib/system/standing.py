@@ -1,4 +1,4 @@
-"""A live camera before which three people stand."""
+"""A live camera with three standing people."""
 
 import time
 from collections.abc import Iterator
@@ -12,7 +12,7 @@ from services.camera.recording import RecordingOptions, RecordingSource
 from services.camera.source import MotionMessage, Source, SourceFrame
 
 RATE_HZ = 15.0
-FRAME = 84  # of the shipped recording: three people, apart
+FRAME = 84  # index of a frame of the shipped recording with three people
 PEOPLE = 3
 
 
