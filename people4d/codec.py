@@ -36,7 +36,7 @@ def encode(message: Message, publishing: Callable[[], Span] | None = None) -> by
     """Encode a message as MessagePack.
 
     Args:
-        message: The message.
+        message: Message to encode.
         publishing: Returns the last stage of its trace; called after all other fields are encoded.
     """
     fields = msgspec.to_builtins(message, enc_hook=_array_to_map, builtin_types=(bytes, memoryview))

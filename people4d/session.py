@@ -155,7 +155,7 @@ class ZenohSession:
         """Receive a topic; a latched topic begins with the last message of each key.
 
         Args:
-            topic: The topic.
+            topic: Topic to receive.
             own: Receive messages of this session, too.
         """
         key = topic.key_expression(self.robot)

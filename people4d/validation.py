@@ -29,7 +29,7 @@ class Rule(NamedTuple):
 
     Args:
         expected: The values that pass, for the error.
-        passes: The condition.
+        passes: Returns True for values that pass.
         describe: Writes a value that does not pass.
     """
 

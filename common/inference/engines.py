@@ -33,7 +33,7 @@ def open_session(
     Args:
         path: The .onnx file.
         threads: Maximum number of threads of one run.
-        engine: The engine.
+        engine: Name of the engine.
         cores: Cores of the network's thread; None: run in the threads of the callers.
 
     Raises:
@@ -80,7 +80,7 @@ def probe_image(session: Session, sides: tuple[int, int] = PROBE_SIDES) -> Array
     """Return an image of noise as input of a network: bytes to 255, floats to 1.
 
     Args:
-        session: The network.
+        session: Session of the network.
         sides: Height and width for a network of any size [px].
     """
     free = iter(sides)

@@ -97,7 +97,7 @@ class Checkpoint:
     A number is saved before it is published, the state four times a second.
 
     Args:
-        node: The node.
+        node: Node whose state is saved.
         store: Files of the state.
         activity: Reports that the state cannot be saved.
     """

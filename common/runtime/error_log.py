@@ -32,7 +32,7 @@ class ErrorLog:
         """Count a caught exception.
 
         Args:
-            error: The exception.
+            error: Caught exception.
             what: Failed operation, for the log.
         """
         kind = f"{type(error).__name__} in {_source_line(error)}"

@@ -50,7 +50,7 @@ class Inbox(MessageQueue):
         """Add a message of a service in this process unless it is assigned to another replica.
 
         Args:
-            topic: Its topic.
+            topic: Topic of the message.
             key: Full key that it would have on the network.
             message: The message in its decoded form.
         """

@@ -42,7 +42,7 @@ class Loop:
     """Runs a node on a bus until it is finished or stopped.
 
     Args:
-        node: The node.
+        node: Node to run.
         bus: Bus of its messages.
         process_id: Identity of this process.
         settings: Settings of the loop.

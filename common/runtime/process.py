@@ -84,7 +84,7 @@ def prepare(name: str, debug: bool) -> None:
     """Prepare this process to run loops: its log, libraries, signals and failing threads.
 
     Args:
-        name: Its name in the log.
+        name: Name of the process in the log.
         debug: Log debug messages.
     """
     logging.basicConfig(

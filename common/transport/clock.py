@@ -135,7 +135,7 @@ def serve_time(bus: QueryServer, clock: str = "", now_ns: Callable[[], int] = ti
     Args:
         bus: Bus of the queries.
         clock: Identity of the clock; empty for this machine's.
-        now_ns: The clock.
+        now_ns: Returns the time of the clock [ns].
     """
     clock = clock or clock_id()
 
@@ -153,7 +153,7 @@ class ClockMonitor:
         bus: Bus of the queries.
         clock: Identity of this clock, empty for this machine's; not compared if equal to the
             reference's.
-        now_ns: The clock.
+        now_ns: Returns the time of the clock [ns].
     """
 
     def __init__(

@@ -43,8 +43,8 @@ class Exchange:
         """Pass a message to the queues of all subscribers.
 
         Args:
-            topic: Its topic.
-            key: Its full key.
+            topic: Topic of the message.
+            key: Full key of the message.
             message: The message with its whole trace.
         """
         if topic.delivery != "latched" and topic.name not in self._takers:

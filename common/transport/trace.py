@@ -134,7 +134,7 @@ class Tracer:
     """Adds the stages of a process to the traces of messages.
 
     Args:
-        process_id: The process.
+        process_id: Identity of the process.
         on: False: traces do not change, and spans cost almost nothing.
     """
 
@@ -157,7 +157,7 @@ class Tracer:
         The node copies this trace, even if another message triggers the answer.
 
         Args:
-            message: The message.
+            message: Received message.
             received_ns: Wall clock at its reception [ns].
             decoded_ns: Wall clock after decoding [ns].
             taken_ns: Wall clock at the beginning of its handling [ns].

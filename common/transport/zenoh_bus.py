@@ -59,7 +59,7 @@ def is_private(environment: Mapping[str, str]) -> bool:
     """Check that $PEOPLE4D_PRIVACY forbids pixels to leave the host.
 
     Raises:
-        ConfigError: Its value is neither on nor off.
+        ConfigError: The value is neither on nor off.
     """
     text = environment.get("PEOPLE4D_PRIVACY", "")
     if text not in ("", "off", "on"):
@@ -117,7 +117,7 @@ class ZenohBus(ZenohSession):
         """Send a message on its key in the topic table.
 
         Args:
-            message: The message.
+            message: Message to send.
             publishing: Returns the last stage of its trace, called when it is encoded.
         """
         self.hand_over(message, publishing)

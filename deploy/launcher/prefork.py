@@ -91,7 +91,7 @@ def become(command: Sequence[str], variables: Mapping[str, str]) -> NoReturn:
     """Run `python -m MODULE ARGUMENTS` in this fork of supervisord, then exit.
 
     Args:
-        command: The command.
+        command: Command to run.
         variables: The whole environment.
     """
     for name in HANDLED:

@@ -39,7 +39,7 @@ class CameraImages:
     """Checks the images of a camera; the first ones define the size.
 
     Args:
-        name: Its name.
+        name: Name of the camera.
         intrinsics: Lens of the colour image, or its camera matrix (3x3) without distortion.
         pose: Pose (4x4) of the optical frame (x right, y down, z forward) in `parent` [m]; None:
             level at the origin.

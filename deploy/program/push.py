@@ -57,7 +57,7 @@ class Camera:
     The system is started without a camera: `people4d up --source push`.
 
     Args:
-        name: Its name in keys and messages.
+        name: Name of the camera in keys and messages.
         intrinsics: Lens of the colour image, or its camera matrix (3x3) without distortion.
         pose: Pose (4x4) of the optical frame (x right, y down, z forward) in `parent` [m], see
             `mount`; None: level at the origin.

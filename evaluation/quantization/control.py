@@ -36,7 +36,7 @@ def harm(
     in correlation with the float32 network, mean over outputs and images.
 
     Args:
-        quantizer: The network.
+        quantizer: Quantiser of the network.
         reference: The same network in float32.
         images: Inputs of the network.
         path: File of the candidates, overwritten.
@@ -71,7 +71,7 @@ def candidates(
     The file contains the last one.
 
     Args:
-        quantizer: The network.
+        quantizer: Quantiser of the network.
         path: File of the quantised network.
         score: Returns the losses of the network in a file.
         order: Returns the convolutions in the order in which they return to float32; called only

@@ -28,7 +28,7 @@ NEAR_M = 0.2  # [m] minimum depth of a shown person
 
 @dataclass(frozen=True)
 class SwitchImage:
-    """One ID switch."""
+    """Image of one ID switch."""
 
     method: str
     recording: str

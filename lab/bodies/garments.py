@@ -32,7 +32,7 @@ class HemLevels:
     waist: float  # upper end of the legwear
     legs: float  # lower end of the legwear
     shoe: float  # upper end of the shoes
-    floor: float  # bare soles
+    floor: float  # level of the bare soles
     tucked: bool  # True: the shirt is inside the legwear
 
 
@@ -193,7 +193,7 @@ def hung(piece: BodySurface, axis_x_m: float, free: F64) -> BodySurface:
     """Return cloth around the torso that bridges hollows.
 
     Args:
-        piece: The cloth.
+        piece: Close-fitting cloth.
         axis_x_m: Position of the torso's vertical axis.
         free: V, 0 for fixed cloth, 1 for hanging cloth.
     """

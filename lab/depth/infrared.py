@@ -38,7 +38,7 @@ def returned(mesh: Mesh, triangle: I32, optical_from_map: F64, rays: F64, depth_
     """Return the light returned to each pixel [1/m^2]: reflectance x cosine / distance^2.
 
     Args:
-        mesh: The scene.
+        mesh: Mesh of the scene.
         triangle: HxW face at each pixel, -1: none.
         optical_from_map: Transform into the depth imager, 4x4.
         rays: HxWx3 directions of the pixels, z = 1.

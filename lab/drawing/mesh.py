@@ -13,7 +13,7 @@ I32 = npt.NDArray[np.int32]
 
 
 class Material(IntEnum):
-    """Kinds of surface."""
+    """Materials of surfaces."""
 
     SKIN = 0
     HAIR = 1

@@ -206,7 +206,7 @@ class Renderer:
         """Return the radiance of each pixel.
 
         Args:
-            instant: The scene.
+            instant: Scene at one instant.
             base: Another instant in the same view, whose room and light are used; or None.
         """
         mesh = join([*instant.people, self.room.mesh])

@@ -59,7 +59,7 @@ def pose_arrays(
     """Return a person's pose at all times of a path.
 
     Args:
-        person: The person.
+        person: Person with individual differences.
         path: Path over the floor.
         seated: T, progress of sitting down, 0 to 1.
         looking: T, 1 while looking around.

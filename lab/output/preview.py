@@ -99,7 +99,7 @@ def write_sheet(
     Args:
         preview: Preview of the scenario.
         frames: Numbers of the frames.
-        path: The file.
+        path: Output file.
         progress: Called with the finished share, 0 to 1.
 
     Raises:

@@ -94,7 +94,7 @@ class Hub:
         """Send a packet to all viewers, from any thread.
 
         Args:
-            packet: The packet.
+            packet: Packet to send.
             stays: Send the last packet of its key to pages that open later.
         """
         loop = self._loop

@@ -32,8 +32,8 @@ class Delivery:
     """Sends the events of a journal from its own thread, each until it is accepted.
 
     Args:
-        receiver: The receiver.
-        file: The journal.
+        receiver: Receiver of the events.
+        file: File of the journal.
         robot: Name of the robot, part of each event.
     """
 

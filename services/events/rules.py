@@ -108,7 +108,7 @@ class EventRules:
         """Return the events of a message.
 
         Args:
-            tracks: The message.
+            tracks: Tracks of a frame.
             robot_m: Position of the robot's base in the frame of the tracks [m]; None if unknown.
         """
         self._made, self._frame_id = [], tracks.frame_id

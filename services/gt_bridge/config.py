@@ -14,8 +14,8 @@ from people4d.messages.base import Name, NonNegative, Positive
 class FixedTransform(Config, frozen=True, kw_only=True):
     """Calibrated pose of a child frame in a parent frame."""
 
-    parent: Name  # for example "map"
-    child: Name  # for example "mocap"
+    parent: Name  # parent frame, for example "map"
+    child: Name  # child frame, for example "mocap"
     xyz_m: tuple[float, float, float] = (0.0, 0.0, 0.0)  # origin of child in parent [m]
     # rotations about the fixed axes x, y and z of parent [rad]
     rpy_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)

@@ -43,8 +43,8 @@ def observe(
     the lowest scores are dropped.
 
     Args:
-        detections: The detections.
-        embeddings: Their embeddings, if there are any.
+        detections: Detections of the frame.
+        embeddings: Embeddings of the detections, or None.
         pose: Pose of the camera in the tracking frame.
         counters: Counters of dropped data.
         pose_before: Pose at the beginning of the interval of the measured velocities; without it

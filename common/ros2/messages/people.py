@@ -27,7 +27,7 @@ def people(message: RosPeople, convention: str = "nav2") -> Fields:
     Tags begin with id and group as text, at the indices expected by readers.
 
     Args:
-        message: The people.
+        message: Tracked people.
         convention: "nav2": positions and velocities, whose x and y are read.
             "sfm": position.z is the yaw [rad] and velocity.z its rate [rad/s].
     """

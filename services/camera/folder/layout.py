@@ -55,7 +55,7 @@ def named(
     """Pair files by times in their names, or else by the last number in their names.
 
     Args:
-        folder: The folder.
+        folder: Folder with the files.
         patterns: Patterns of colour and depth, relative to the folder; empty: the usual ones.
         stamps: Times of the frames [s] in the order of their numbers, or the frame rate [Hz].
         slop_s: Maximum time difference of a pair by times [s].

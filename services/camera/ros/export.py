@@ -79,9 +79,9 @@ def export(
     """Write one camera of a recording, odometry, people and truth to a new ROS 2 bag.
 
     Args:
-        recording: The recording.
+        recording: Recording to export.
         out: Folder of the bag; must not exist.
-        bag_format: Its format.
+        bag_format: Format of the bag.
         camera: Name of the camera; may be empty if there is only one.
         on_progress: Called with the progress, 0 to 1.
 

@@ -100,7 +100,7 @@ class NetworkModel:
     """A people model around a network; each kind reads the people from the network's outputs.
 
     Args:
-        session: The network.
+        session: Session of the network.
         settings: Thresholds and input size.
         name: Name of the model, for results; empty: its kind.
 

@@ -35,7 +35,7 @@ class OrientationNetwork:
     ones are to the left.
 
     Args:
-        session: The network.
+        session: Session of the network.
 
     Raises:
         ModelError: The input or output of the network has another form.

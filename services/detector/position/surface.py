@@ -79,7 +79,7 @@ def read_depth(pixels: F64, image: DepthImage, window_px: npt.ArrayLike = 1) -> 
 
     Args:
         pixels: u and v, rounded to the nearest pixel.
-        image: The depth.
+        image: Depth image.
         window_px: Odd side of the windows, one or N; parts beyond the image are left out.
     """
     return read_windows(pixels, image, window_px, 0.0, image.info.max_depth_m)[0]
@@ -96,7 +96,7 @@ def read_windows(
 
     Args:
         pixels: Nx2, u and v, rounded to the nearest pixel.
-        image: The depth.
+        image: Depth image.
         window_px: Odd side of the windows, one or N; parts beyond the image are left out.
         nearest_m: Minimum depth that counts, one or N; 0 is no reading.
         farthest_m: Maximum depth that counts, one or N.

@@ -36,7 +36,7 @@ def area_pixels(box_xyxy_px: F32, joints_px: F64, known: Flags, info: CameraInfo
         box_xyxy_px: Box of the person, may reach beyond the image.
         joints_px: Shoulders and hips, 4x2.
         known: Flags of the known ones, 4.
-        info: The camera.
+        info: Calibration of the camera.
     """
     left, top, right, bottom = cut_to_image(box_xyxy_px, info)
     if not (left < right and top < bottom):

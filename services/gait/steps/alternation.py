@@ -35,7 +35,7 @@ class Landing:
     """Landing of a foot in a walk."""
 
     swing: Swing
-    side: int  # of FEET
+    side: int  # index into FEET
     steps: int  # number of steps since the last landing, including this one; 0 if unknown
 
 

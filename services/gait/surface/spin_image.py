@@ -65,7 +65,7 @@ def _sample(count: int, wanted: int) -> I64:
 def _spin(
     at: F32, axes: F32, rows: I64, points: F32, normals: F32, cosine: float, images: F64
 ) -> None:
-    """Fill images; lengths are in bins, points and normals in columns."""
+    """Fill spin images; lengths are in bins, points and normals in columns."""
     bins = images.shape[1]
     half = np.float32(bins / 2)
     count = points.shape[1]

@@ -34,9 +34,9 @@ class AreaExchange:
     """Exchange of known people with the trackers of neighbours.
 
     Args:
-        config: The area.
+        config: Configuration of the area.
         frame_id: Frame of the tracks.
-        tracker: The tracker.
+        tracker: Tracker of the area.
 
     Raises:
         ConfigError: The tracker cannot recognise people, or an area is named without a number.
@@ -93,7 +93,7 @@ class AreaExchange:
         """Process a message of a neighbour, or of another process with the name of this area.
 
         Args:
-            message: The message.
+            message: Message from the other process.
             now_ns: Monotonic time.
             time_ns: Time of frames that arrive now; None before the first frame.
         """

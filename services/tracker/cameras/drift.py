@@ -106,7 +106,7 @@ class CameraDrift:
         """Compare the people of a frame with people of other cameras at the same time.
 
         Args:
-            observation: The frame.
+            observation: Observation of the frame.
             tracks: Tracks after the frame.
         """
         camera, stamp_ns = observation.camera, observation.stamp_ns

@@ -134,8 +134,8 @@ class FrameJoin:
         """Add a frame; count and drop a duplicate or late one.
 
         Args:
-            detections: The frame.
-            time_ns: Its stamp in the common time of all cameras.
+            detections: Detections of the frame.
+            time_ns: Stamp in the common time of all cameras.
             now_ns: Monotonic time.
             late: The tracker cannot go back to its time.
         """

@@ -51,7 +51,7 @@ class PastFrames:
     """The last frames of a tracker.
 
     Args:
-        track_filter: Its filters.
+        track_filter: Filters of the tracker.
     """
 
     def __init__(self, track_filter: TrackFilter) -> None:

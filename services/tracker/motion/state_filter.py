@@ -69,7 +69,7 @@ class KalmanFilter:
     """One motion model.
 
     Args:
-        motion: The model.
+        motion: Motion model.
         decay: Applied to unmatched tracks before each prediction.
     """
 

@@ -109,7 +109,7 @@ class VisibilityPolicy(TrackPolicy):
             P: Their covariances, Nx6x6.
             R: Noise of the detections, Mx3x3.
             d_cos: Cosine distances, NxM; NaN where unknown.
-            frame: The frame.
+            frame: Context of the frame.
         """
         return kalman.gate(x, P, frame.positions_m, R)
 
