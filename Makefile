@@ -38,6 +38,7 @@ check: $(VENV)/.dev
 	$(BIN)/python -m scripts.message_docs --check
 	$(BIN)/python -m scripts.conventions
 	$(BIN)/python -m scripts.table_age
+	$(BIN)/python -m benchmarks readme --check
 
 format: $(VENV)/.dev
 	$(BIN)/ruff format .

@@ -1,7 +1,14 @@
-"""Run one benchmark: `python -m benchmarks NAME`; without a name, list them."""
+"""Run one benchmark: `python -m benchmarks NAME`; without a name, list them.
+
+A group, such as `speed`, runs one after the other, with the options that all of them take.
+"""
 
 import importlib
+import os
+import subprocess
 import sys
+import time
+from collections.abc import Sequence
 
 GROUPS = {
     "accuracy": {
@@ -13,11 +20,10 @@ GROUPS = {
         "trackers": "SORT in the image beside other packages on MOT15",
     },
     "speed": {
-        "together": "services in one process and apart, beside the bare network",
+        "together": "services in one process and apart, beside the bare network; stages",
         "peers": "the pipeline beside other packages, from image to tracks",
         "own_work": "time of a frame beside the networks, in one thread",
         "tracker_cost": "time of the tracker by number of people",
-        "latency": "time of a frame by stage",
         "load": "rate and latency with 1 to 20 people and 1 to 6 cameras",
     },
     "cameras": {
@@ -40,17 +46,35 @@ GROUPS = {
 
 
 def main() -> None:
-    """Run the named benchmark with the other arguments, or list all."""
-    names = {name for group in GROUPS.values() for name in group}
-    if len(sys.argv) < 2 or sys.argv[1] not in names:
+    """Run the named benchmark or group with the other arguments, or list all."""
+    name = sys.argv[1] if len(sys.argv) > 1 else ""
+    if name == "readme" or any(name in group for group in GROUPS.values()):
+        sys.argv[:2] = [f"python -m benchmarks {name}"]
+        os.environ["OMP_NUM_THREADS"] = "1"  # as in every process of the system, before NumPy
+        importlib.import_module("cv2").setNumThreads(1)
+        importlib.import_module(f"benchmarks.{name}").main()
+    elif name in GROUPS:
+        sys.exit(run_group(name, sys.argv[2:]))
+    else:
         for group, benchmarks in GROUPS.items():
             print(f"{group}:")
-            for name, content in benchmarks.items():
-                print(f"    {name:16} {content}")
+            for one, content in benchmarks.items():
+                print(f"    {one:16} {content}")
+        print("readme: figures of README from the tables")
         sys.exit("Usage: python -m benchmarks NAME [--help] [options]")
-    name = sys.argv.pop(1)
-    sys.argv[0] = f"python -m benchmarks {name}"
-    importlib.import_module(f"benchmarks.{name}").main()
+
+
+def run_group(group: str, arguments: Sequence[str]) -> str | None:
+    """Run the benchmarks of a group, each in a process of its own; return those that failed."""
+    failed = []
+    for number, name in enumerate(GROUPS[group], 1):
+        print(f"{name}, {number} of {len(GROUPS[group])}", flush=True)
+        begin_s = time.monotonic()
+        command = [sys.executable, "-m", "benchmarks", name, *arguments]
+        if subprocess.run(command, check=False).returncode:
+            failed.append(name)
+        print(f"{name}: {(time.monotonic() - begin_s) / 60:.1f} minutes", flush=True)
+    return f"failed: {', '.join(failed)}" if failed else None
 
 
 if __name__ == "__main__":

@@ -11,7 +11,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-import cv2
 import msgspec
 import numpy as np
 
@@ -283,7 +282,6 @@ def main() -> None:
     asked = parser.parse_args()
     parts = {name: part for name, part in PARTS.items() if name in (asked.part or PARTS)}
     parts = {name: part for name, part in parts.items() if part.is_tracker or not asked.tracker}
-    cv2.setNumThreads(1)
     found: dict[tuple[str, str], tuple[Units, tuple[Figure, ...]]] = {
         key: (simulated_units(scenes, parts, asked.cache.absolute(), asked.jobs), SIMULATED)
         for key, scenes in recordings(asked.other, asked.lab_scenes, asked.cache).items()

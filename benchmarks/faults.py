@@ -33,6 +33,15 @@ from deploy.launcher.supervisor import Supervisor
 from people4d.client import Client
 from people4d.messages import Health, Message, Tracks
 
+STARTS = (
+    "deploy.cli.system.up",
+    "deploy.launcher.prefork",
+    "services.camera.__main__",
+    "services.detector.__main__",
+    "services.reid.__main__",
+    "services.tracker.__main__",
+    "services.router.__main__",
+)
 ROBOT = "faults"
 SERVICES = ("detector", "reid", "tracker", "camera", "router")
 SIGNALS = {signal.SIGKILL: "killed", signal.SIGSTOP: "hung"}

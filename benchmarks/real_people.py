@@ -7,7 +7,6 @@ other packages, see `lib/peers/mot.py`.
 
 from collections.abc import Iterator, Mapping, Sequence
 
-import cv2
 import numpy as np
 
 from benchmarks.lib import options
@@ -120,7 +119,6 @@ def main() -> None:
     parser = options.parser(__doc__, "shared")
     parser.add_argument("--peers", nargs="*", default=[], help="interpreters with other packages")
     arguments = parser.parse_args()
-    cv2.setNumThreads(1)
     camera = crossing_camera(arguments.shared)
     recording, _ = marked(camera, read_frames(MARKS / "filinha.json"))
     results = list[Result]()

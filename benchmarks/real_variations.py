@@ -8,8 +8,6 @@ recording, see real_people.py.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-import cv2
-
 from benchmarks.lib import options
 from benchmarks.lib.marks.annotations import read_frames
 from benchmarks.lib.marks.crossing import FPS, crossing_camera
@@ -112,7 +110,6 @@ def row(name: str, results: Sequence[VariationScores]) -> list[str]:
 def main() -> None:
     """Measure and write the table."""
     asked = options.parser(__doc__, "shared").parse_args()
-    cv2.setNumThreads(1)
     camera = crossing_camera(asked.shared)
     recording, images = marked(camera, read_frames(MARKS / "filinha.json"))
     lines, caches = list[list[str]](), dict[str, list[Cache]]()

@@ -1,108 +1,153 @@
 """Services together in one process beside the same services apart: rate, latency and memory.
 
-Both with all cores for all threads, and with one core reserved for the detector's network. Rate and
-processor time: lock-step playback from memory, two frames in flight, rounds in turns, beside
-`session.run` of onnxruntime alone in one thread. Latency of all stages but inference: a live camera
-at 60 % of the rate of each, and at 30 Hz. Memory: proportional set size of all processes and the
-router.
+Both with all cores for all threads, and with one core reserved for the detector's network. Each
+round measures every arrangement: rate and processor time in lock-step playback from memory, two
+frames in flight; all stages but inference with a live camera at 60 % of that rate, and at 30 Hz.
+The references are the same network, and the float network, alone in one thread in the same round.
 """
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from benchmarks.lib import options
-from benchmarks.lib.system.playback import Arrangement, bare_hz, live, lockstep, play
+from benchmarks.lib.system.bare import FLOAT, bare_ms
+from benchmarks.lib.system.playback import Arrangement, Playback, live, lockstep, play
+from benchmarks.lib.system.stages import stage_tables
 from benchmarks.lib.table import markdown, spread, write
 from common.runtime.latency import percentiles
 
-RATE_SHARE = 0.6
-LIMITS_MS = {True: (5.0, 10.0), False: (8.0, 15.0)}  # together or apart: p50 and p99
-
-
+FRAMES, QUICK_FRAMES = 150, 20
+RATE_SHARE, RATE_HZ = 0.6, 30.0
+SHARE_LOAD, RATE_LOAD = f"{RATE_SHARE:.0%} load", f"{RATE_HZ:.0f} Hz"
+# Wanted, together and apart: share of the bare rate with the float network and in 8 bits; p50 and
+# p99 of all but inference as a multiple of a run of the float network; memory [MB]
+SHARES = {True: (0.97, 0.85), False: (0.93, 0.70)}
+MULTIPLES = {True: (0.40, 0.80), False: (0.55, 1.10)}
+MEMORY_MB = {True: 280, False: 400}
+CAMERA_MB = 150
 ARRANGEMENTS = [Arrangement(one, reserved) for reserved in (False, True) for one in (True, False)]
+
+Key = tuple[str, str, str]  # arrangement, load, figure
 
 
 @dataclass
 class Figures:
-    """Figures of one arrangement, over its rounds."""
+    """Figures of a detector over the rounds."""
 
-    rates_hz: list[float] = field(default_factory=list)
-    ratios: list[float] = field(default_factory=list)  # rate over the rate of the bare network
-    cpu_ms: list[float] = field(default_factory=list)
-    others_ms: dict[str, list[float]] = field(default_factory=dict)  # times of all frames by rate
-    memory_mb: list[float] = field(default_factory=list)
+    values: dict[Key, list[float]] = field(default_factory=lambda: defaultdict(list))
+    wanted: dict[Key, str] = field(default_factory=dict)
+    paced: list[Playback] = field(default_factory=list)  # apart, at a share of the rate
+
+    def add(self, key: Key, value: float, wanted: str = "") -> None:
+        """Add the figure of a round."""
+        self.values[key].append(value)
+        self.wanted[key] = wanted
+
+    def rows(self) -> list[list[str]]:
+        """Return the rows of the table."""
+        rows = []
+        for key, values in self.values.items():
+            form = "{:.2f}" if " of " in key[2] else "{:.1f}"
+            rows.append([*key, spread(values, form), self.wanted[key]])
+        return rows
 
 
-def measure(model: Sequence[str], rounds: int, frames: int) -> dict[Arrangement, Figures]:
-    """Measure all arrangements in turns."""
-    found = {one: Figures() for one in ARRANGEMENTS}
-    (name,) = (text.partition("=")[2] for text in model if text.startswith("model="))
+def add_round(
+    figures: Figures, detector: Sequence[str], one: Arrangement, bare: tuple[float, float], n: int
+) -> None:
+    """Measure an arrangement once.
+
+    Args:
+        figures: Figures to add to.
+        detector: Settings of the detector.
+        one: Arrangement.
+        bare: Time of a run of the network, and of the float network [ms].
+        n: Number of frames.
+    """
+    name, own_ms, float_ms = str(one), *bare
+    fast = play(lockstep(n), n, detector, one)
+    share = SHARES[one.together][own_ms < float_ms]
+    figures.add((name, "lock-step", "frames a second"), fast.rate_hz)
+    rate_share = fast.rate_hz * own_ms / 1e3
+    wanted = "" if one.reserved else f"at least {share:.2f}"
+    figures.add((name, "lock-step", "part of the bare network"), rate_share, wanted)
+    figures.add((name, "lock-step", "processor ms a frame"), fast.cpu_ms)
+    loads = {SHARE_LOAD: RATE_SHARE * fast.rate_hz, RATE_LOAD: RATE_HZ}
+    for load in (SHARE_LOAD,) if one.reserved else loads:
+        run = play(live(loads[load]), n, detector, one)
+        add_live(figures, one, load, run, float_ms)
+        if one == Arrangement() and load == SHARE_LOAD:
+            figures.paced.append(run)
+
+
+def add_live(figures: Figures, one: Arrangement, load: str, run: Playback, float_ms: float) -> None:
+    """Add latency and memory of a live run."""
+    p50, _, p99 = percentiles(run.others_ms)
+    for name, ms, limit in zip(("p50", "p99"), (p50, p99), MULTIPLES[one.together], strict=True):
+        wanted = "" if one.reserved else f"at most {limit:.2f}"
+        title = f"all but inference, {name}"
+        figures.add((str(one), load, f"{title} [ms]"), ms)
+        figures.add((str(one), load, f"{title}, part of a float run"), ms / float_ms, wanted)
+    if load == RATE_LOAD:
+        memory = sum(run.memory_mb.values())
+        wanted = f"at most {MEMORY_MB[one.together]}"
+        figures.add((str(one), load, "memory with the router [MB]"), memory, wanted)
+        if not one.together:
+            camera = run.memory_mb["camera-1"]
+            figures.add((str(one), load, "camera's memory [MB]"), camera, f"at most {CAMERA_MB}")
+
+
+def measure(detectors: Sequence[str], rounds: int, frames: int) -> dict[str, Figures]:
+    """Measure all detectors and arrangements in turns."""
+    found = {detector: Figures() for detector in detectors}
     for number in range(rounds):
-        bare = bare_hz(name)
-        for one in ARRANGEMENTS if number % 2 == 0 else reversed(ARRANGEMENTS):
-            print(f"rate, round {number + 1} of {rounds}, {one}", flush=True)
-            run = play(lockstep(frames), frames, model, one)
-            found[one].rates_hz.append(run.rate_hz)
-            found[one].ratios.append(run.rate_hz / bare)
-            found[one].cpu_ms.append(run.cpu_ms)
-    for one, figures in found.items():
-        share_hz = RATE_SHARE * float(np.median(figures.rates_hz))
-        for load, rate_hz in ((f"{RATE_SHARE:.0%} load", share_hz), ("30 Hz", 30.0)):
-            print(f"{load}, {rate_hz:.1f} Hz, {one}", flush=True)
-            run = play(live(rate_hz), frames, model, one)
-            figures.others_ms[f"{load}, {run.rate_hz:.1f} frames/s"] = run.others_ms
-            figures.memory_mb.append(run.memory_mb)
-    return found
-
-
-def rows(figures: dict[Arrangement, Figures]) -> list[list[str]]:
-    """Return the rows of the table."""
-    found = []
-    for one, measured in figures.items():
-        name = str(one)
-        rate = spread(measured.rates_hz, "{:.1f}")
-        found.append([name, "lock-step", "frames a second", rate, ""])
-        found.append([name, "lock-step", "of the bare network", spread(measured.ratios), ""])
-        cpu = spread(measured.cpu_ms, "{:.1f}")
-        found.append([name, "lock-step", "processor ms a frame", cpu, ""])
-        for load, times_ms in measured.others_ms.items():
-            p50, _, p99 = percentiles(times_ms)
-            limit = "wanted: {:g} and {:g}".format(*LIMITS_MS[one.together])
-            found.append([name, load, "all but inference", f"{p50:.1f}, {p99:.1f} ms", limit])
-        memory = f"{np.median(measured.memory_mb):.0f} MB"
-        found.append([name, "live", "memory with the router", memory, ""])
+        for detector, figures in found.items():
+            settings = detector.split(",")
+            (model,) = (text.partition("=")[2] for text in settings if text.startswith("model="))
+            bare = bare_ms(model), bare_ms(FLOAT)
+            for one in ARRANGEMENTS if number % 2 == 0 else reversed(ARRANGEMENTS):
+                print(f"round {number + 1} of {rounds}, {model}, {one}", flush=True)
+                add_round(figures, settings, one, bare, frames)
     return found
 
 
 def main() -> None:
     """Measure with the models named on the command line."""
-    parser = options.parser(__doc__)
+    parser = options.parser(__doc__, "rounds", "quick")
     parser.add_argument(
         "detectors",
         nargs="*",
-        default=["model=movenet-multipose", "model=movenet-multipose-int8"],
+        default=[f"model={FLOAT}", f"model={FLOAT}-int8"],
         help="settings of the detector with commas between: model=...,engine=openvino",
     )
-    parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--frames", type=int, default=200)
-    flags = parser.parse_args()
-    sections = []
-    for texts in flags.detectors:
-        table = rows(measure(texts.split(","), flags.rounds, flags.frames))
-        sections.append(f"## Detector: {texts.replace(',', ', ')}")
-        sections.append(
-            markdown(["", "load", "", "median (spread), or p50 and p99", "wanted"], table)
-        )
+    asked = parser.parse_args()
+    rounds, frames = (1, QUICK_FRAMES) if asked.quick else (asked.rounds, FRAMES)
+    found = measure(asked.detectors, rounds, frames)
+    header = ("", "load", "", "median (least to most)", "wanted")
+    sections = list[str]()
+    for detector, figures in found.items():
+        title = f"## Detector: {detector.replace(',', ', ')}"
+        sections += [title, markdown(header, figures.rows())]
+    paced = found[asked.detectors[-1]].paced
+    paths = [path for run in paced for path in run.paths]
+    tables = stage_tables(paths, [ms for run in paced for ms in run.end_to_end_ms])
+    rate_hz = np.median([run.rate_hz for run in paced])
     write(
         __file__,
         "Services together in one process, and apart",
         "Camera, detector, re-ID and tracker, in one process or in four, and a subscriber to "
         "people and detections through the router; 640x480, three people, played from memory, one "
-        "network thread. The bare network is `session.run` of onnxruntime alone in one thread, in "
-        "the same round. With a core for the detector: `PEOPLE4D_DETECTOR_CORES` names the last "
-        "core, and the subscriber does not use it. "
-        "See [docs/launch/together.md](../docs/launch/together.md).",
+        f"network thread; {rounds} rounds of {frames} frames. The bare network is `session.run` of "
+        "onnxruntime alone in one thread, in the same round; a float run is one of "
+        f"`{FLOAT}`. With a core for the detector: `PEOPLE4D_DETECTOR_CORES` names the last core, "
+        "and the subscriber does not use it. Memory: proportional set size; the camera holds 24 "
+        "frames, 37 MB. See [docs/launch/together.md](../docs/launch/together.md).",
         *sections,
+        f"## Stages of a frame: {asked.detectors[-1]}, apart, {SHARE_LOAD}, {rate_hz:.1f} Hz",
+        "Stages are explained in [docs/operation/latency.md](../docs/operation/latency.md).",
+        *tables,
+        dry=asked.quick,
     )

@@ -15,6 +15,7 @@ SHARED: dict[str, dict[str, Any]] = {
         "default": default_folder(),
         "help": "folder of renderings and detections",
     },
+    "rounds": {"type": int, "default": 3, "help": "rounds in turns: median, least and most"},
     "quick": {"action": "store_true", "help": "less of everything; nothing is written"},
     "dry": {"action": "store_true", "help": "print the table, do not write it"},
 }

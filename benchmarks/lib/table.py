@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
 
+import cv2
 import numpy as np
+import onnxruntime
 import psutil
 
 
@@ -25,32 +27,48 @@ def markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def machine() -> str:
-    """Return the machine and the version of the code, in one line."""
+    """Return the machine and the versions of what ran, in one line."""
     model = platform.machine()
     cpuinfo = Path("/proc/cpuinfo")
     if cpuinfo.exists():
         names = [x for x in cpuinfo.read_text().splitlines() if x.startswith("model name")]
         model = names[0].partition(":")[2].strip() if names else model
-    return f"{model}, {psutil.cpu_count()} cores, Python {platform.python_version()}, {commit()}"
+    versions = {
+        "Python": platform.python_version(),
+        "onnxruntime": onnxruntime.__version__,
+        "OpenCV": cv2.__version__,
+        "NumPy": np.__version__,
+    }
+    named = [f"{name} {version}" for name, version in versions.items()]
+    return ", ".join([model, f"{psutil.cpu_count()} cores", *named, commit()])
 
 
 def commit() -> str:
-    """Return the commit, marked if the tree has changes, and today's date."""
-    folder = Path(__file__).parent
-    git = ("git", "-C", str(folder), "describe", "--always", "--dirty", "--abbrev=7")
-    done = subprocess.run(git, check=False, capture_output=True, text=True)
-    return f"commit {done.stdout.strip() or 'unknown'}, {date.today().isoformat()}"
+    """Return the commit, marked if code differs from it, and today's date.
+
+    Tables written before, in the same sitting, are no difference.
+    """
+    head = _git("rev-parse", "--short=7", "HEAD") or "unknown"
+    changed = _git("diff", "--name-only", "HEAD", "--", ":/", ":(top,exclude)*.md")
+    return f"commit {head}{'-dirty' if changed else ''}, {date.today().isoformat()}"
 
 
-def write(script: str, title: str, *parts: str) -> None:
+def _git(*arguments: str) -> str:
+    command = ["git", "-C", str(Path(__file__).parent), *arguments]
+    return subprocess.run(command, check=False, capture_output=True, text=True).stdout.strip()
+
+
+def write(script: str, title: str, *parts: str, dry: bool = False) -> None:
     """Print a report and write it next to its script.
 
     Args:
         script: `__file__` of the benchmark.
         title: First line.
         parts: Paragraphs and tables.
+        dry: Whether it is only printed.
     """
     command = f"`python -m benchmarks {Path(script).stem}`"
     text = "\n\n".join([f"# {title}", f"Made by {command} on {machine()}.", *parts]) + "\n"
     print(text)
-    Path(script).with_suffix(".md").write_text(text, encoding="utf-8")
+    if not dry:
+        Path(script).with_suffix(".md").write_text(text, encoding="utf-8")

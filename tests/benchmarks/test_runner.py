@@ -13,8 +13,8 @@ NAMES = [name for group in GROUPS.values() for name in group]
 NAMES_MAX = 20
 
 
-def test_at_most_20_benchmarks_in_six_groups() -> None:
-    assert len(NAMES) <= NAMES_MAX
+def test_at_most_20_names_in_six_groups() -> None:
+    assert len([*NAMES, "readme"]) <= NAMES_MAX
     assert len(GROUPS) == 6
 
 

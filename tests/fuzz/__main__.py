@@ -1,8 +1,6 @@
 """Fuzz every decoder and file reader for the same time, and write benchmarks/fuzz.md."""
 
 import argparse
-import os
-import platform
 import re
 import shutil
 import tempfile
@@ -13,6 +11,13 @@ from tests import ROOT
 from tests.fuzz import harness
 from tests.fuzz.target import Target
 
+STARTS = (
+    "tests.fuzz.messages",
+    "tests.fuzz.files",
+    "tests.fuzz.state",
+    "tests.fuzz.clients",
+    "tests.fuzz.sequences",
+)
 STATISTICS = (r"stat::number_of_executed_units:\s+(\d+)", r"stat::peak_rss_mb:\s+(\d+)")
 PROGRESS = re.compile(r"cov: (\d+) ft: \d+")
 OTHER_FILES = (".txt", ".dict")  # files beside the findings
@@ -76,9 +81,11 @@ def main() -> None:
 
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(flags.jobs) as pool:
         rows = list(pool.map(work, chosen))
+    from benchmarks.lib.table import machine  # noqa: PLC0415 (no part of the fuzzed processes)
+
     lines = [HEADER, ["---"] * len(HEADER), *rows]
     page = PAGE.format(
-        machine=f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}",
+        machine=machine(),
         total=sum(int(cells[1]) for cells in rows if cells[1].isdigit()),
         minutes=flags.minutes,
         table="\n".join(f"| {' | '.join(line)} |" for line in lines),

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from scripts import table_age
+from tests import ROOT
 
 BEFORE = '"""Doc."""\n\n\ndef f(x):\n    """Doc."""\n    return x  # comment\n'
 TABLE = "# Table\n\nMade by `python -m benchmarks own` on a machine, commit {}, 2026-01-01.\n"
@@ -13,41 +14,62 @@ TABLE = "# Table\n\nMade by `python -m benchmarks own` on a machine, commit {}, 
 
 @pytest.fixture
 def repository(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Repository of one file of code, committed, and a table that names its commit."""
+    """Repository of a benchmark with code imported and started, and a table of its commit."""
     monkeypatch.setattr(table_age, "ROOT", tmp_path)
-    for folder in ("people4d", "benchmarks"):
+    for folder in ("people4d", "benchmarks", "services", "models"):
         (tmp_path / folder).mkdir()
-    (tmp_path / "people4d" / "code.py").write_text(BEFORE)
-    for command in (
-        ("init", "-q"),
-        ("add", "."),
-        ("-c", "user.name=x", "-c", "user.email=x@x", "commit", "-qm", "x"),
-    ):
-        subprocess.run(["git", "-C", str(tmp_path), *command], check=True)
-    commit = (table_age.git("rev-parse", "--short", "HEAD") or "").strip()
-    (tmp_path / "benchmarks" / "own.md").write_text(TABLE.format(commit))
+    own = 'STARTS = ("services.one",)\n\n\ndef main():\n    import people4d.code\n'
+    (tmp_path / "benchmarks" / "own.py").write_text(own)
+    for file in ("people4d/code.py", "services/one.py", "services/other.py"):
+        (tmp_path / file).write_text(BEFORE)
+    subprocess.run(["git", "-C", str(tmp_path), "init", "-q"], check=True)
+    (tmp_path / "benchmarks" / "own.md").write_text(TABLE.format(committed(tmp_path)))
     return tmp_path
 
 
+def committed(repository: Path) -> str:
+    """Commit all files; return the commit."""
+    for command in (
+        ("add", "."),
+        ("-c", "user.name=x", "-c", "user.email=x@x", "commit", "-qm", "x"),
+    ):
+        subprocess.run(["git", "-C", str(repository), *command], check=True)
+    return (table_age.git("rev-parse", "--short", "HEAD") or "").strip()
+
+
+@pytest.mark.parametrize("file", ["people4d/code.py", "services/one.py"])
 @pytest.mark.parametrize(
     ("code", "expected"),
     [
         (BEFORE, ""),
         (BEFORE.replace("Doc.", "Other words.").replace("# comment", ""), ""),
         (BEFORE.replace("return x", "return x + 1"), "1 files since"),
-        (None, "1 files since"),
     ],
 )
 def test_table_is_older_than_changed_code_only(
-    repository: Path, code: str | None, expected: str
+    repository: Path, file: str, code: str, expected: str
 ) -> None:
-    file = repository / "people4d" / "code.py"
-    if code is None:
-        file.unlink()
-    else:
-        file.write_text(code)
+    (repository / file).write_text(code)
     assert table_age.age(repository / "benchmarks" / "own.md").startswith(expected)
     assert bool(table_age.age(repository / "benchmarks" / "own.md")) == bool(expected)
+
+
+def test_code_that_is_not_imported_ages_no_table(repository: Path) -> None:
+    (repository / "services" / "other.py").unlink()
+    assert not table_age.age(repository / "benchmarks" / "own.md")
+
+
+def test_preset_ages_tables_if_a_value_changes(
+    repository: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(table_age, "DATA", {"people4d/code.py": "models"})
+    preset, table = repository / "models" / "one.toml", repository / "benchmarks" / "own.md"
+    preset.write_text("x = 1  # comment\n")
+    table.write_text(TABLE.format(committed(repository)))
+    preset.write_text("x = 1\n")
+    assert not table_age.age(table)
+    preset.write_text("x = 2\n")
+    assert "models/one.toml" in table_age.age(table)
 
 
 @pytest.mark.parametrize(
@@ -60,3 +82,31 @@ def test_table_without_a_known_commit_is_older(
     table = repository / "benchmarks" / "own.md"
     table.write_text(TABLE.format(commit))
     assert table_age.age(table) == expected
+
+
+@pytest.mark.parametrize(
+    ("start", "file"),
+    [
+        ("benchmarks.together", "services/tracker/node.py"),
+        ("benchmarks.together", "services/router/__main__.py"),
+        ("benchmarks.together", "models"),
+        ("benchmarks.faults", "deploy/launcher/prefork.py"),
+        ("benchmarks.real_people", "services/presets/*.toml"),
+        ("tests.fuzz.__main__", "services/camera/recording.py"),
+    ],
+)
+def test_table_depends_on_what_its_benchmark_imports_and_starts(start: str, file: str) -> None:
+    assert file in table_age.paths(start)
+
+
+def test_module_that_starts_processes_names_them() -> None:
+    files = [*(ROOT / "benchmarks").rglob("*.py")]
+    starting = [f for f in files if "sys.executable" in f.read_text() or "SCRIPT)" in f.read_text()]
+    runner = ROOT / "benchmarks" / "__main__.py"
+    named = [f for f in starting if f != runner]
+    assert len(named) >= 4
+    for file in named:
+        assert "\nSTARTS = (" in file.read_text(), file
+        assert all(
+            table_age.file_of(name) for name in table_age.needed(file) if "services." in name
+        )

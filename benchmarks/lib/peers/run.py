@@ -11,6 +11,7 @@ import numpy as np
 
 from people4d.messages import F64
 
+STARTS = ("benchmarks.lib.peers.mot",)
 SCRIPT = Path(__file__).with_name("mot.py")
 
 

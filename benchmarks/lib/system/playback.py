@@ -9,24 +9,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
 import psutil
 
+from benchmarks.lib.system.bare import INFERENCE
 from benchmarks.lib.system.live_camera import LiveDemo, StoredDemo
-from benchmarks.lib.system.services import running
+from benchmarks.lib.system.services import READY_S, running
 from common.inference.cores import VARIABLE
-from common.inference.onnx import OnnxSession
-from common.io.weights import choose, find, folders, load_manifest
 from common.runtime.monitor import FramePath, Monitor
 from common.transport.trace import ProcessId
 from people4d.messages import Detections, Tracks
-from services.detector.config import ModelSettings
-from services.detector.models.network import ImageInput
 
+STARTS = (
+    "services.camera.__main__",
+    "services.detector.__main__",
+    "services.reid.__main__",
+    "services.tracker.__main__",
+)
 WARM_UP = 30  # number of frames before the measurement
-INFERENCE = ("inference", "inference_wait")
-BARE_S = 4.0
-BARE_SIZE = (256, 320)  # [px] input of a network with any size
 
 
 class Arrangement(NamedTuple):
@@ -50,7 +49,7 @@ class Playback:
 
     rate_hz: float  # tracked frames a second
     cpu_ms: float  # processor time of all processes for one frame
-    memory_mb: float  # proportional set size of all processes
+    memory_mb: dict[str, float]  # proportional set size of each process by instance
     paths: list[FramePath]  # path of every frame to the subscriber; empty without tracing
     end_to_end_ms: list[float]  # [ms] from the camera's stamp to the subscriber
 
@@ -95,6 +94,9 @@ def play(
         model: Settings of the detector.
         one: Its processes and cores.
         cameras: Number of such cameras.
+
+    Raises:
+        TimeoutError: The system stopped, or did not start.
     """
     named = [("camera", (*camera, f"camera=c{k}")) for k in range(cameras)]
     services = [("tracker", ()), ("reid", ()), ("detector", model), *named]
@@ -110,7 +112,7 @@ def play(
         running(services, Path(logs), together=one.together) as client,
         _leaving_core(one.reserved),
     ):
-        for arrival in client.arrivals(Tracks, Detections, timeout_s=30):
+        for arrival in client.arrivals(Tracks, Detections, timeout_s=READY_S):
             now_ns, message = time.time_ns(), arrival.message
             path = monitor.add_arrival(arrival, now_ns, time.monotonic())
             if not isinstance(message, Tracks) or (message.trace and not path):
@@ -123,31 +125,12 @@ def play(
                 end_to_end_ms.append((now_ns - message.stamp_ns) / 1e6)
             if count == warm_up + frames:
                 break
+        else:
+            raise TimeoutError(f"{count} of {warm_up + frames} frames, then none for {READY_S} s")
         rate_hz = frames / (time.perf_counter() - begin_s)
         cpu_ms = 1e3 * (_cpu_s() - begin_cpu_s) / frames
-        pss = [child.memory_full_info().pss for child in psutil.Process().children()]
-    return Playback(rate_hz, cpu_ms, sum(pss) / 2**20, paths, end_to_end_ms)
-
-
-def bare_hz(model: str, seconds: float = BARE_S) -> float:
-    """Return runs a second of a network alone, in one thread.
-
-    Args:
-        model: Name in the manifest, or path of an .onnx file.
-        seconds: Time to measure.
-    """
-    path = Path(model)
-    if path.suffix != ".onnx":
-        path = find(choose(model, load_manifest()), folders(""))
-    session = OnnxSession(path, threads=1)
-    image = ImageInput.from_session(session, ModelSettings(), BARE_SIZE)
-    tensor = image.tensor(np.full((image.height, image.width, 3), 114, np.uint8), 1.0)
-    session.run(tensor)
-    runs, start_s = 0, time.perf_counter()
-    while time.perf_counter() - start_s < seconds:
-        session.run(tensor)
-        runs += 1
-    return runs / (time.perf_counter() - start_s)
+        memory_mb = _memory_mb()
+    return Playback(rate_hz, cpu_ms, memory_mb, paths, end_to_end_ms)
 
 
 @contextmanager
@@ -175,3 +158,12 @@ def _cpu_s() -> float:
     """Return the processor time of this process's children so far [s]."""
     times = [child.cpu_times() for child in psutil.Process().children()]
     return sum(t.user + t.system for t in times)
+
+
+def _memory_mb() -> dict[str, float]:
+    """Return the proportional set size of this process's children by instance [MB]."""
+    found = {}
+    for child in psutil.Process().children():
+        _, _, instance = " ".join(child.cmdline()).partition("--instance ")
+        found[instance.partition(" ")[0]] = child.memory_full_info().pss / 2**20
+    return found

@@ -14,7 +14,8 @@ from common.transport.trace import JOINED
 from people4d.client import Client
 from people4d.messages import Health
 
-READY_S = 60.0
+STARTS = ("services.router.__main__", "deploy.joined")
+READY_S = 120.0
 CONNECT_S = 20.0
 
 

@@ -1,0 +1,250 @@
+"""README's figures, written from the tables: `python -m benchmarks readme`.
+
+A figure is not shown if its table is older than its code; its row names the command that makes the
+table. `--check` fails if README differs from what the command would write.
+"""
+
+import re
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks.lib import options
+from benchmarks.lib.system.bare import FLOAT
+from benchmarks.lib.table import markdown
+from scripts import table_age
+
+BEGIN, END = "<!-- figures -->", "<!-- /figures -->"
+BLOCK = re.compile(f"{BEGIN}.*?{END}", re.DOTALL)
+INT8 = f"Detector: model={FLOAT}-int8"
+
+
+class Table:
+    """Figures of a file with tables.
+
+    Args:
+        path: The file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._name, self._rows = path.name, list(_rows(path.read_text("utf-8")))
+
+    def cell(self, column: str, *labels: str, section: str = "") -> str:
+        """Return the cell of the row that begins with these labels.
+
+        Args:
+            column: Title of the column, or its beginning.
+            labels: First cells of the row.
+            section: Beginning of the heading above the table.
+
+        Raises:
+            LookupError: There is no such cell.
+        """
+        for heading, row in self._rows:
+            if heading.startswith(section) and tuple(row.values())[: len(labels)] == labels:
+                for title, cell in row.items():
+                    if title.startswith(column):
+                        return cell
+        raise LookupError(f"{self._name} has no {column!r} of {labels} in {section!r}")
+
+    def best(self, column: str, label: str) -> str:
+        """Return the highest cell of a column among rows whose first cell matches a pattern."""
+        cells = [row for _, row in self._rows if re.search(label, next(iter(row.values())))]
+        return max((row[column] for row in cells), key=number)
+
+
+def _rows(text: str) -> Iterator[tuple[str, dict[str, str]]]:
+    """Yield the rows of all tables, by column, with the heading above; columns need no title."""
+    heading, header = "", list[str]()
+    for line in text.splitlines():
+        if not line.startswith("|"):
+            heading = line.lstrip("# ") if line.startswith("## ") else heading
+            header = []
+        elif not header:
+            header = [title or f" {k}" for k, title in enumerate(_cells(line))]
+        elif not line.startswith("| ---"):
+            yield heading, dict(zip(header, _cells(line), strict=True))
+
+
+def _cells(line: str) -> list[str]:
+    return [cell.strip() for cell in line.strip().strip("|").split("|")]
+
+
+def number(cell: str) -> float:
+    """Return the first number of a cell."""
+    found = re.search(r"-?\d+(\.\d+)?", cell)
+    if not found:
+        raise LookupError(f"{cell!r} has no number")
+    return float(found[0])
+
+
+def median(cell: str) -> str:
+    """Return a cell without its spread."""
+    return cell.partition(" (")[0]
+
+
+def percent(cell: str) -> str:
+    """Return the percentage of a cell such as "215 (94 %)"."""
+    return cell.partition("(")[2].rstrip(")")
+
+
+def real_people(table: Table) -> str:
+    """Return the identity of annotated people, beside other packages on the same boxes."""
+    column = "correct identity"
+    ours = percent(table.cell(column, "MoveNet, appearance (default)"))
+    other = percent(table.best(column, r"^MoveNet, [^:]+: "))
+    return f"identity correct in {ours}; best other package {other}"
+
+
+def simulated(table: Table) -> str:
+    """Return the figures of the test split of the second simulator."""
+    columns = ("position m", "velocity m/s", "yaw deg", "ID switches a min", "IDF1 %")
+    section = "Test split: second simulator"
+    cells = [table.cell(column, "best", section=section) for column in columns]
+    form = "position RMSE {} m, velocity {} m/s, yaw {} degrees, {} ID switches a minute, IDF1 {} %"
+    return form.format(*cells)
+
+
+def real_events(table: Table) -> str:
+    """Return the figures of events of annotated people in the test split."""
+    section = "Test split: MoveNet"
+    right, off = (table.cell(c, "best", section=section) for c in ("identity %", "> 0.5 m off %"))
+    return f"identity correct in {right} %, {off} % of positions off by more than 0.5 m"
+
+
+def mot15(table: Table) -> str:
+    """Return the figures of SORT in the image, beside the best other package."""
+    columns = ("MOTA %", "IDF1 %", "HOTA %")
+    ours = [f"{column[:4]} {table.cell(column, 'ours, chosen')}" for column in columns]
+    others = [f"{column[:4]} {table.best(column, '^(?!ours).*, chosen')}" for column in columns]
+    return f"{', '.join(ours)}; best of other packages: {', '.join(others)}"
+
+
+def of_arrangements(*figures: tuple[str, str, str]) -> Callable[[Table], str]:
+    """Return the text of figures of the services together and apart: load, figure, unit."""
+
+    def text(table: Table) -> str:
+        parts = []
+        for one in ("together", "apart"):
+            cells = [
+                f"{median(table.cell('median', one, load, figure, section=INT8))}{unit}"
+                for load, figure, unit in figures
+            ]
+            parts.append(f"{one} {', '.join(cells)}")
+        return "; ".join(parts)
+
+    return text
+
+
+def peers(table: Table) -> str:
+    """Return the share of the bare network that is left, beside other packages."""
+    column = "of the bare network, onnxruntime"
+    ours = median(table.cell(column, "ours, the same network, together"))
+    other = median(table.best(column, "^(?!ours|bare)"))
+    return f"{ours} of the bare network; best other package {other}"
+
+
+def own_work(table: Table) -> str:
+    """Return the own work of a frame as part of a run of the float network."""
+    share = table.cell("median", "part of a run of the float network")
+    return f"{median(share)} of a run of the float network"
+
+
+def tracker_cost(table: Table) -> str:
+    """Return the tracker's time by number of people."""
+    cells = [f"{median(table.cell('p50 ms', 'best', n))} ms with {n}" for n in ("3", "50", "200")]
+    return ", ".join(cells)
+
+
+def faults(table: Table) -> str:
+    """Return the pause of tracks after a fault of the detector, and how identities survive."""
+    silences = [median(table.cell("silence", "detector", kind)) for kind in ("killed", "hung")]
+    counts = [table.cell("kept", "tracker", kind) for kind in ("killed", "hung")]
+    return (
+        f"detector: no tracks for {silences[0]} s and {silences[1]} s; tracker: identities kept "
+        f"in {counts[0]} and {counts[1]}"
+    )
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of README."""
+
+    what: str
+    table: str
+    text: Callable[[Table], str]
+
+
+LATENCY = "all but inference, {} [ms]"
+ROWS = (
+    Row("six annotated real people in a room, the same boxes for all", "real_people", real_people),
+    Row("simulated people of a second simulator, test split", "ablation", simulated),
+    Row("augmented real people, events of the test split", "ablation", real_events),
+    Row("MOT15, three sequences not tuned on, boxes alone", "trackers", mot15),
+    Row(
+        "frames a second, int8; part of the bare network",
+        "together",
+        of_arrangements(
+            ("lock-step", "frames a second", " Hz"), ("lock-step", "part of the bare network", "")
+        ),
+    ),
+    Row(
+        "latency beside inference at 30 Hz, median and 99th percentile",
+        "together",
+        of_arrangements(
+            ("30 Hz", LATENCY.format("p50"), " ms"), ("30 Hz", LATENCY.format("p99"), " ms")
+        ),
+    ),
+    Row(
+        "memory of four services and the router",
+        "together",
+        of_arrangements(("30 Hz", "memory with the router [MB]", " MB")),
+    ),
+    Row("YOLOv8n-pose from image to tracks, in one process", "peers", peers),
+    Row("own work of a frame beside the networks, one thread", "own_work", own_work),
+    Row("tracker, by number of people", "tracker_cost", tracker_cost),
+    Row("a service killed; hung", "faults", faults),
+)
+
+
+def block() -> str:
+    """Return README's block of figures, from the tables that are as new as their code."""
+    folder = table_age.ROOT / "benchmarks"
+    older = {name: table_age.age(folder / f"{name}.md") for name in {row.table for row in ROWS}}
+    rows = []
+    for row in ROWS:
+        command = f"`python -m benchmarks {row.table}`"
+        text = f"table is older than its code; {command} makes it"
+        if not older[row.table]:
+            text = row.text(Table(folder / f"{row.table}.md"))
+        rows.append([f"{row.what} ([{row.table}](benchmarks/{row.table}.md))", text])
+    return f"{BEGIN}\n{markdown(('what', 'measured'), rows)}\n{END}"
+
+
+def written(text: str) -> str:
+    """Return the text of README with the block of today.
+
+    Raises:
+        ValueError: It has no place for the block.
+    """
+    if not BLOCK.search(text):
+        raise ValueError(f"README.md has no {BEGIN} and {END}")
+    made = block()
+    return BLOCK.sub(lambda _: made, text)
+
+
+def main() -> None:
+    """Write README, or check it."""
+    parser = options.parser(__doc__)
+    parser.add_argument("--check", action="store_true", help="fail if README differs")
+    asked = parser.parse_args()
+    path = table_age.ROOT / "README.md"
+    text = path.read_text("utf-8")
+    if (table_age.git("rev-parse", "--is-shallow-repository") or "true").strip() == "true":
+        sys.exit(None if asked.check else "The age of tables needs the whole history of git.")
+    new = written(text)
+    if asked.check and new != text:
+        sys.exit("README.md has other figures than the tables: run `python -m benchmarks readme`")
+    if not asked.check:
+        path.write_text(new, encoding="utf-8")
