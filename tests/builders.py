@@ -1,4 +1,4 @@
-"""Messages and their parts for tests: plain defaults, of which a test names what it is about."""
+"""Messages and their parts for tests, with plain defaults; a test states only relevant fields."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -40,7 +40,7 @@ def thread_hook() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def shared() -> Path:
-    """Folder of reference inputs beside the repository; skips where it is absent."""
+    """Folder of reference inputs next to the repository; skips if it is absent."""
     if not (SHARED / "data").is_dir():
         pytest.skip("reference data (../shared) is not beside the repository")
     return SHARED

@@ -97,7 +97,7 @@ class Watcher:
                 return found
 
     def wait_for_counters(self, **counters: int) -> Health:
-        """Return the first heartbeat whose counters are at least these."""
+        """Return the first heartbeat with counters not below these."""
         return self.wait(
             Health, lambda h: all(h.counters.get(n, -1) >= count for n, count in counters.items())
         )

@@ -47,7 +47,7 @@ def names(evidence: Evidence) -> Iterator[Diagnostic]:
     twice = sorted(name for name, v in evidence.vitals.items() if len(v.pids) > 1)
     trackers = [v.last for v in evidence.of_service("tracker")]
     if twice:
-        what = f"several processes call themselves {', '.join(twice)}, or one started anew just now"
+        what = f"several processes call themselves {', '.join(twice)}, or one has just restarted"
         yield problem("twice", what, "Give each its own name: --instance.", *twice)
     elif len(trackers) > 1:
         listing = ", ".join(f"{t.instance} on {t.host} (process {t.pid})" for t in trackers)
@@ -60,8 +60,8 @@ def unannounced(evidence: Evidence) -> Iterator[Diagnostic]:
     present = {name for robot, _, name in evidence.present if robot == evidence.robot}
     absent = sorted(set(evidence.vitals) - present)
     if present and absent:
-        what = f"heartbeats come of {listed(absent)}, which are not there"
-        hint = "They ended just now, or somebody invents them, which keys prevent: people4d keys."
+        what = f"heartbeats come of {listed(absent)}, which are not announced"
+        hint = "They ended just now, or are forged, which keys prevent: people4d keys."
         yield warning("unannounced", what, hint, *absent)
 
 
@@ -221,7 +221,7 @@ def people(evidence: Evidence) -> Iterator[Diagnostic]:
         )
         yield warning("people", what, hint)
     elif not with_position:
-        what = f"{len(found)} people are found, none of them has a position"
+        what = f"{len(found)} people are found, but none has a position"
         hint = "Depth is missing where people are: are they within the sensor's range?"
         yield problem("people", what, hint)
     elif evidence.tracks and not any(message.tracks for message in evidence.tracks):

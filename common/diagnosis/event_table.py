@@ -7,10 +7,10 @@ OTHER_TYPES = "Build the nodes with the definitions in common/ros2/definitions, 
 
 # Unreadable messages of ROS 2: counter, problem, and hint.
 UNREADABLE = (
-    ("bad_message", "messages of ROS 2 come that are not of their type", OTHER_TYPES),
+    ("bad_message", "messages of ROS 2 are not of the declared type", OTHER_TYPES),
     ("other_type", "a topic of ROS 2 has another type, or another definition of it", OTHER_TYPES),
     (
-        *("other_qos", "a publisher of ROS 2 is less reliable than asked for: nothing of it comes"),
+        *("other_qos", "a publisher of ROS 2 is less reliable than requested: no messages arrive"),
         "Let it publish reliably, or latched, as ros2 topic info -v shows it.",
     ),
     (
@@ -79,7 +79,7 @@ EVENTS: tuple[tuple[str, Level, str, str, str, str], ...] = (
     ),
     (
         *("ros2", "warning", "ros2_bridge", "tf_loops"),
-        "transforms on /tf close a loop; the last one is left out",
+        "transforms on /tf close a loop; the last one is dropped",
         "Two nodes publish the same frames: ros2 run tf2_tools view_frames shows which.",
     ),
     (

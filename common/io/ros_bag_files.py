@@ -20,7 +20,7 @@ def remedy_of(path: Path) -> str:
         ".active": "Its recorder was killed: run `rosbag reindex` and name it .bag.",
         ".zstd": unpack,
         ".zst": unpack,
-        ".db3-wal": "Give the .db3 file beside it.",
+        ".db3-wal": "Give the .db3 file next to it.",
     }
     return remedies.get(path.suffix, "")
 

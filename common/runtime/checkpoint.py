@@ -112,9 +112,9 @@ class Checkpoint:
         try:
             node.restore(saved.state, saved.next_number)
         except DecodeError as error:
-            log.warning("%s: it begins anew", error)
+            log.warning("%s: it starts empty", error)
         except Exception:  # undetected damage; a restart must not fail for ever
-            log.exception("the saved state is damaged: it begins anew")
+            log.exception("the saved state is damaged: it starts empty")
             node.restore(b"", saved.next_number)
         self.save_number()
 

@@ -220,6 +220,6 @@ def _check_runs(name: str, services: Sequence[Service], every: Sequence[Service]
         return
     for service in every:
         if service.name == name:
-            raise ConfigError(f"{name} does not run unless asked for", f"Add {service.option}.")
+            raise ConfigError(f"{name} is not enabled", f"Add {service.option}.")
     names = ", ".join(service.name for service in services)
     raise ConfigError(f"there is no service {name!r}", f"Services are {names}.")

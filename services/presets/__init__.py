@@ -55,7 +55,7 @@ def preset_settings(name: str) -> list[str]:
                 )
             if service not in SERVICES:
                 raise ConfigError(
-                    f"preset {name} sets {service:.80}, which is none of a method",
+                    f"preset {name} sets {service:.80}, which is not part of a method",
                     f"Presets are for {', '.join(SERVICES)}; put the rest into a configuration.",
                 )
             settings |= _flat(service, table, MAX_DEPTH)

@@ -23,7 +23,7 @@ Fields = dict[str, Any]
 LISTEN_S = 20.0
 ASK_S = 4.0  # then the history is asked for again: on a busy machine an answer may be lost
 NAMES = 500
-DETECTIONS_MAX = 512  # of a message
+DETECTIONS_MAX = 512  # maximum number of detections in a message
 FRESH_S = 0.3  # a frame older than 1 s is dropped
 HOUR_NS = 3_600_000_000_000
 EXTREME: list[Any] = [
@@ -47,7 +47,7 @@ def attack(run: Callable[["Attacker"], None]) -> Callable[["Attacker"], None]:
 
 
 class Attacker:
-    """A session with the router of somebody's system."""
+    """A session with the router of another system."""
 
     def __init__(self, endpoint: str, robot: str, names: int) -> None:
         self.names = names

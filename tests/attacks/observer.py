@@ -23,7 +23,7 @@ from tests.integration.system import ROBOT, System
 ATTACKER = Path(__file__).with_name("attacker.py")
 CAMERA = "front"
 PEOPLE = 3
-NEAR_M = 0.8  # a person who stands is found within this
+NEAR_M = 0.8  # maximum distance of a standing person from the known position [m]
 # Messages about everyone before an attack, in which the machine's own pauses are measured
 CALM = 6
 WAIT_S = 40.0
@@ -35,9 +35,9 @@ TOKENS_S = 0.5  # between two looks for tokens of processes
 class Snapshot:
     """A system at one time."""
 
-    pids: dict[str, int]  # by instance
+    pids: dict[str, int]  # process number by instance
     memory_mb: dict[str, float]  # resident, by instance
-    positions_m: dict[int, F64]  # by identity, in the last frame in which all were matched
+    positions_m: dict[int, F64]  # positions by identity, in the last frame with all people matched
     errors: int  # exceptions in all processes since their start
 
 
@@ -46,11 +46,13 @@ class Observer:
     """Receives people and heartbeats of a system in a thread of its own."""
 
     system: System
-    arrivals_s: list[float] = field(default_factory=list)  # of messages with matched people
+    # Arrivals of messages with matched people
+    arrivals_s: list[float] = field(default_factory=list)
     healths: dict[str, Health] = field(default_factory=dict)  # the last genuine one, by instance
     evidence: Evidence = field(default_factory=lambda: Evidence(robot=ROBOT))
-    positions_m: dict[int, F64] = field(default_factory=dict)  # of the last such message
-    identities: set[int] = field(default_factory=set)  # of all people since `begin`
+    # Positions in the last message with matched people
+    positions_m: dict[int, F64] = field(default_factory=dict)
+    identities: set[int] = field(default_factory=set)  # identities of all people since `begin`
     calm_s: float = 0.0  # longest pause of people before the attack, by this machine alone
     discontent_before: set[str] = field(default_factory=set)  # checks of the doctor, likewise
     # Monotonic time of each part of the expected report, once it came
@@ -110,7 +112,7 @@ class Observer:
                 raise TimeoutError(f"people {self.positions_m}, {reasons}")
 
     def wait_for_people(self, count: int = 3) -> None:
-        """Wait for some more messages with everyone."""
+        """Wait for more messages with all people."""
         enough = len(self.arrivals_s) + count
         self.wait(lambda: len(self.arrivals_s) >= enough)
 
@@ -198,7 +200,7 @@ class Observer:
 
 
 def same_people(before: dict[int, F64], after: dict[int, F64]) -> bool:
-    """Check that everyone is where they were, under the same identity."""
+    """Check that all people have unchanged positions and identities."""
     return before.keys() == after.keys() and all(
         np.linalg.norm(before[i] - after[i]) < NEAR_M for i in before
     )

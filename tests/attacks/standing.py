@@ -1,9 +1,9 @@
-"""The camera of the attacked system: three people who stand, few frames a second."""
+"""The camera of the attacked system: three standing people, few frames a second."""
 
 from benchmarks.lib.system.standing import Standing
 
 
 class StandingPeople(Standing):
-    """Shows people who stand, at a rate that a busy machine keeps up with."""
+    """Shows standing people, at a rate possible on a busy machine."""
 
     rate_hz = 6.0

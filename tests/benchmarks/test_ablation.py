@@ -1,4 +1,4 @@
-"""Verdicts of the ablation, on units made by hand."""
+"""Verdicts of the ablation, on manually written units."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Comparison of points of tracked people with joints: who is compared with whom."""
+"""Comparison of points of tracked people with joints: pairs of people."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Differences between methods with their intervals, on units made by hand."""
+"""Differences between methods with their intervals, on manually written units."""
 
 import numpy as np
 import pytest

@@ -50,7 +50,7 @@ def test_constant_velocity_and_truth_by_hand(tmp_path: Path) -> None:
 
 
 def scored(error_m: float, motion: tuple[float, float, float]) -> PredictionPairs:
-    """Build one prediction 3 s ahead of variance 1 m^2, of a person who walks along x."""
+    """Build one prediction 3 s ahead with variance 1 m^2, for a person walking along x."""
     return PredictionPairs(
         horizons_s=np.array([3.0]),
         means_m=np.array([[[3.0, error_m]]]),

@@ -61,7 +61,7 @@ class Echo(Node):
 
 
 class Source(Node):
-    """Sends a given number of Truth messages, one at each tick, then is finished."""
+    """Sends a number of Truth messages, one at each tick, and finishes."""
 
     def __init__(self, count: int) -> None:
         self.left = count

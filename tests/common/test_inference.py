@@ -1,4 +1,4 @@
-"""Sessions of both engines on networks of one node, made here."""
+"""Sessions of both engines on networks of one node, built in the tests."""
 
 import sys
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""Threads and cores of networks: who runs where, and in which order."""
+"""Threads and cores of networks: their cores and their order."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""Valid but odd messages: those of a broken camera or another vendor's node."""
+"""Valid but unusual messages, as from a broken camera or another vendor's node."""
 
 import itertools
 from collections.abc import Iterator

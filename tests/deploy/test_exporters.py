@@ -40,7 +40,7 @@ __all__ = ["talking"]  # a fixture
 
 
 def give(exporter: Exporter, frames: int) -> None:
-    """Give an exporter heartbeats and frames of a system on two hosts."""
+    """Pass heartbeats and frames of a system on two hosts to an exporter."""
     exporter.healths = healths()
     clocks = clocks_of(healths())
     for number in range(frames):

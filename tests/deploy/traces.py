@@ -10,7 +10,7 @@ from tests.contract.examples import BY_NAME
 
 MS = 1_000_000
 BEGIN_NS = 1_700_000_000_000 * MS
-AHEAD_MS = 250.0  # of the clock of host "brain"
+AHEAD_MS = 250.0  # lead of the clock of host "brain" [ms]
 
 
 def span(stage: str, start_ms: float, end_ms: float, process: str) -> Span:
@@ -19,7 +19,7 @@ def span(stage: str, start_ms: float, end_ms: float, process: str) -> Span:
 
 
 def trace_of(number: int, until: str = "tracker") -> tuple[Span, ...]:
-    """Return the trace of a frame, of which one comes every 20 ms and takes 45 ms."""
+    """Return the trace of a frame; frames arrive every 20 ms and take 45 ms."""
     t = 20.0 * number
     detector = f"detector-{1 + number % 2}@nuc"
     b = t + AHEAD_MS  # the same moment on the clock of "brain"

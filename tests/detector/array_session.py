@@ -1,4 +1,4 @@
-"""A network that is made of arrays."""
+"""A network with constant outputs."""
 
 from collections.abc import Mapping
 
@@ -8,7 +8,7 @@ from common.inference.session import Array
 
 
 class ArraySession:
-    """Gives the same outputs for every image, and keeps the last image it was given."""
+    """Returns constant outputs, and stores the last image."""
 
     def __init__(
         self,

@@ -28,7 +28,7 @@ def detections(frame: int, *positions_m: Sequence[float]) -> Detections:
 
 
 def truth(frame: int, **positions: tuple[float, float]) -> Truth:
-    """Truth of standing people who face the camera, by x and y in the map."""
+    """Truth of standing people facing the camera, by x and y in the map."""
     people = tuple(
         TruthPerson(
             id=name, position_m=np.array([x, y, 0.0]), velocity_mps=np.zeros(3), yaw_rad=np.pi

@@ -32,7 +32,7 @@ SQUARE = np.array([[0.0, 0], [2, 0], [2, 2], [0, 2]])
 
 
 def walk(file: Path, seconds: Iterable[int], in_zone: bool) -> Path:
-    """Write tracks of a person, one a second, who stands in the zone or beside it."""
+    """Write one track a second of a person standing inside or outside the zone."""
     person = track(position_m=np.array([1.0 if in_zone else 5.0, 1.0, 1.0]))
     with RecordingWriter(file) as writer:
         for second in seconds:

@@ -1,1 +1,1 @@
-"""Hostile bytes for every decoder and every file reader, made by a coverage-guided fuzzer."""
+"""Hostile bytes for all decoders and file readers, from a coverage-guided fuzzer."""

@@ -20,7 +20,7 @@ STARTS = (
 )
 STATISTICS = (r"stat::number_of_executed_units:\s+(\d+)", r"stat::peak_rss_mb:\s+(\d+)")
 PROGRESS = re.compile(r"cov: (\d+) ft: \d+")
-OTHER_FILES = (".txt", ".dict")  # files beside the findings
+OTHER_FILES = (".txt", ".dict")  # suffixes of files other than findings
 
 TABLE = ROOT / "benchmarks" / "fuzz.md"
 HEADER = ["target", "executions", "coverage", "peak MB", "findings"]

@@ -1,4 +1,4 @@
-"""People, tracks and a camera, made in one line each."""
+"""People, tracks and a camera, built in one line each."""
 
 import math
 

@@ -70,7 +70,7 @@ def start(
         robot: Name of the robot.
         instance: Service and number, for example "detector-1".
         settings: "field=value" of its configuration.
-        environment: Variables beside those of this process.
+        environment: Variables in addition to the environment of this process.
     """
     service = instance.partition("-")[0]
     command = [sys.executable, "-m", f"services.{service}", "--robot", robot]

@@ -104,7 +104,7 @@ def seconds(wait: Callable[[], object]) -> float:
 
 
 def shows_people(tracks: Tracks) -> bool:
-    """Return whether a message shows someone who was seen in its frame."""
+    """Return True if a message has a person detected in its frame."""
     return any(person.state == "confirmed" for person in tracks.tracks)
 
 

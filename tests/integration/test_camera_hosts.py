@@ -1,4 +1,4 @@
-"""One tracker of the cameras of three hosts, each with a router of its own, one of which dies."""
+"""One tracker with cameras of three hosts, each with a router; one host fails."""
 
 import contextlib
 from collections.abc import Iterator

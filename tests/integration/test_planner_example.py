@@ -16,7 +16,7 @@ EXAMPLE = ROOT / "docs" / "examples" / "planner.py"
 
 
 def people(sequence: int) -> Tracks:
-    """One person 3 m ahead who comes at 2 m/s: 1 m away in a second."""
+    """One person 3 m ahead, approaching at 2 m/s: 1 m away in a second."""
     track = builders.track(
         id=7,
         position_m=np.array([3.0, 0.0, 1.0]),

@@ -1,4 +1,4 @@
-"""A program that gives the frames of a running system's camera."""
+"""A program that pushes the frames of a running system's camera."""
 
 import threading
 from collections.abc import Iterator

@@ -80,7 +80,7 @@ def test_hung_listener_does_not_delay_the_others(network: Network) -> None:
 
 
 def until_heard(publisher: zenoh.Publisher, listener: "subprocess.Popen[str]") -> None:
-    """Publish until a listener has told that it heard something."""
+    """Publish until a listener reports a message."""
     assert listener.stdout
     end_s = time.monotonic() + WAIT_S
     while time.monotonic() < end_s:

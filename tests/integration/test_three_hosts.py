@@ -1,4 +1,4 @@
-"""Commands of docs/launch/hosts.md on three hosts made of network namespaces."""
+"""Commands of docs/launch/hosts.md on three hosts in network namespaces."""
 
 import os
 import re
@@ -25,7 +25,7 @@ TIMEOUT_S = 100.0
 
 
 def environment(host: str, home: Path) -> dict[str, str]:
-    """Return the variables of a user who has just logged in."""
+    """Return the variables of a new login."""
     inherited = {k: v for k, v in os.environ.items() if not k.startswith("PEOPLE4D_")}
     bin_folder = str(Path(sys.executable).parent)
     return {
@@ -125,7 +125,7 @@ def write_slow(path: Path) -> None:
 
 
 def heard(run: Callable[[str, str], str], folder: Path, router: str, wanted: set[str]) -> set[str]:
-    """Record people for some seconds at a time until those of all cameras came."""
+    """Record people in intervals until messages of all cameras have arrived."""
     found = set[str]()
     for attempt in range(10):  # frames come once a second and camera
         file = f"people{attempt}-{len(wanted)}.mcap"

@@ -20,7 +20,7 @@ OTHERS = ([-1.0, 0.0], [0.0, -1.0])
 
 
 class Feeding:
-    """A publisher of detections and a subscriber to tracks, beside a tracker process."""
+    """A publisher of detections and a subscriber to tracks, for a tracker process."""
 
     def __init__(self, network: Network, folder: Path) -> None:
         self.robot = network.robot()

@@ -1,4 +1,4 @@
-"""Worlds that several tests share, made once, and the people in view in them."""
+"""Worlds shared by several tests, built once, and the people in view."""
 
 from dataclasses import dataclass
 from functools import cache

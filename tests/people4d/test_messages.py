@@ -1,4 +1,4 @@
-"""Messages check their fields when made, and so when decoded."""
+"""Messages check their fields on creation and on decoding."""
 
 import re
 from typing import Any

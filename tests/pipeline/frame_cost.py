@@ -39,7 +39,7 @@ KINDS = ("calls", "array_calls", "lines")
 FOLDERS = ("people4d", "common", "services")
 OWN = tuple(str(ROOT / folder) for folder in FOLDERS)
 
-Costs = dict[str, dict[str, float]]  # by kind of cost and file, for one frame
+Costs = dict[str, dict[str, float]]  # cost of one frame by kind and file
 
 
 class Counting:

@@ -74,12 +74,12 @@ def match_people(people: Sequence[TruthPerson], tracks: Sequence[Track]) -> list
     return list(zip(matches.rows.tolist(), matches.columns.tolist(), strict=True))
 
 
-Pair = tuple[int, TruthPerson, Track]  # frame, and who is taken for whom
+Pair = tuple[int, TruthPerson, Track]  # frame, person and matched track
 
 
 @pytest.fixture(scope="module")
 def pairs(messages: list[Message]) -> list[Pair]:
-    """Everyone of the truth with a track within 1 m, so that the distances are least in all."""
+    """Pairs of people and tracks within 1 m, with the minimum sum of distances."""
     truth = [m for m in messages if isinstance(m, Truth)]
     found: list[Pair] = []
     for frame, message in enumerate(m for m in messages if isinstance(m, Tracks)):
@@ -140,7 +140,8 @@ def test_positions_lie_on_the_axis_of_the_body(messages: list[Message], pairs: l
 
 
 def test_velocity_follows_the_person(pairs: list[Pair]) -> None:
-    """Much better than to say that everyone stands, although they stop and turn all the time."""
+    """The error is far below a constant velocity of 0, although people stop and turn all the
+    time."""
     errors, speeds = [], []
     for _, person, track in settled(pairs):
         assert person.velocity_mps is not None

@@ -1,4 +1,4 @@
-"""Inputs of other people's systems, where they are beside the repository: played right or refused.
+"""Inputs of other systems, if available next to the repository: played correctly or refused.
 
 Each holds 30 frames of the demo recording with three people in the layout of another driver,
 recorder or exporter.

@@ -22,7 +22,7 @@ UNKNOWN_MPS = 300.0
 
 
 def tracked(positions: list[list[float]], ids: list[int] | None = None) -> TrackedMotion:
-    """Build positions of people whose velocities are unknown."""
+    """Build positions of people with unknown velocities."""
     count = len(positions)
     return TrackedMotion(
         np.array(ids or range(1, count + 1), np.int64),

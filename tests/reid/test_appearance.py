@@ -14,7 +14,7 @@ from services.reid.embedders import load_embedder
 
 @dataclass
 class MeanInput:
-    """A network whose vectors are the mean of each channel that it is given."""
+    """A network whose vectors are the means of the input channels."""
 
     input_shape: tuple[int | None, ...] = (None, 4, 48, 24)
     input_dtype: np.dtype[np.generic] = field(default_factory=lambda: np.dtype(np.float32))

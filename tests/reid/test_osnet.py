@@ -17,7 +17,7 @@ from services.reid.osnet import OsnetEmbedder
 
 @dataclass
 class MeanColour:
-    """A network whose vectors are the mean colour that it is given."""
+    """A network whose vectors are the mean colours of its input."""
 
     input_shape: tuple[int | None, ...] = (None, 3, 256, 128)
     input_dtype: np.dtype[np.generic] = field(default_factory=lambda: np.dtype(np.float32))

@@ -1,4 +1,4 @@
-"""A router that requires credentials, and sessions with those of any role."""
+"""A router that requires credentials, and sessions with credentials of any role."""
 
 import contextlib
 import threading

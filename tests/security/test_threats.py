@@ -33,7 +33,7 @@ def test_without_keys_processes_listen_on_this_machine_only(mode: str) -> None:
 
 
 def test_without_keys_everybody_who_connects_may_publish_people(network: Network) -> None:
-    """A fact that the documentation states, so that such a system is not taken for a safe one."""
+    """The documentation states this fact, so such a system is not mistaken for a safe one."""
     config = read_config(None, "client", network.environment)
     with zenoh.open(config) as planner, zenoh.open(config) as stranger:
         listener = Listener(planner, f"{PREFIX}/people")

@@ -43,7 +43,7 @@ def driven(number: int) -> Odometry:
 
 
 def detected(number: int) -> Detections:
-    """One person who stands and one who walks along y at 0.5 m/s, both measured without error."""
+    """A standing person, and one walking along y at 0.5 m/s, both measured without error."""
     optical_from_odom = invert(transform_from_odometry(driven(number)) @ MOUNT)
     people = []
     for position_m in (STANDING, WALKING + np.array([0.0, 0.05 * number, 0.0])):

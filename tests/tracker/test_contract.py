@@ -32,7 +32,7 @@ def make(name: str) -> Tracker:
 
 
 def scene(seed: int, frames: int = 25, people: int = 4) -> list[Observation]:
-    """People who walk at random, with misses, noise and uneven time steps."""
+    """Randomly walking people, with misses, noise and uneven time steps."""
     rng = np.random.default_rng(seed)
     positions, speeds = (
         rng.uniform([2, -1.5], [5, 1.5], (people, 2)),
@@ -265,7 +265,7 @@ def test_prediction_moves_and_grows_uncertain_until_the_track_ends(name: str) ->
 
 
 def two_people(number: int) -> Observation:
-    """Two people who walk towards the camera at 1 m/s."""
+    """Two people walking towards the camera at 1 m/s."""
     red = person(5.0 - 0.1 * number, -1.0, 0, embedding=RED)
     return frame(number, red, person(6.0 - 0.1 * number, 1.0, 1, embedding=BLUE))
 

@@ -285,7 +285,7 @@ def test_published_states() -> None:
 
 
 def walk(target: TrackerNode, frames: int = 10, start: int = 0) -> list[Tracks]:
-    """Feed one frame each 100 ms, of a person who walks to the right at 0.5 m/s."""
+    """Feed a frame every 100 ms of a person walking to the right at 0.5 m/s."""
     results = []
     for number in range(start, start + frames):
         now_ns = number * FRAME_MS * MS

@@ -253,12 +253,12 @@ def _show(found: CalibrationResult) -> None:
         f"(RMS). Positions are relative to {shown(found.reference)}."
     )
     for a, b in found.contradicting:
-        console.print(f"[yellow]{shown(a)} and {shown(b)} contradict the others, left out[/]")
+        console.print(f"[yellow]{shown(a)} and {shown(b)} contradict the others: excluded[/]")
     odd = ", ".join(found.adjustment.odd_floors)
     if odd:
         console.print(
-            f"[yellow]The floor before {shown(odd)} is not on a level with that of the others: "
-            "left out[/]"
+            f"[yellow]The floor before {shown(odd)} differs from the floor of the others: "
+            "excluded[/]"
         )
     console.print(shown(floor_text(found)))
 

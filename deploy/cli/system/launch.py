@@ -87,7 +87,7 @@ def _attend_to_end(launcher: Launcher, request: LaunchRequest) -> None:
                 end.pop_all()
                 raise People4dError(
                     "supervisord was killed: the services run on, but none is restarted",
-                    "End them with people4d down, or start anew with people4d up.",
+                    "End them with people4d down, or restart with people4d up.",
                 ) from error
             console.print("Stopped by people4d down.")
 

@@ -94,7 +94,7 @@ class StampGuard:
         self._strays = {c: s for c, s in self._strays.items() if now_ns - s[0] < REPORTED_NS}
         return [
             f"frames in the name of camera {camera} with stamps {abs(ahead_s):.1f} s "
-            f"{'ahead of' if ahead_s > 0 else 'behind'} its clock are left out: does another "
+            f"{'ahead of' if ahead_s > 0 else 'behind'} its clock are dropped: does another "
             "publisher use its name?"
             for camera, (_, ahead_s) in self._strays.items()
         ]

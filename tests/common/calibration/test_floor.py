@@ -27,7 +27,7 @@ LEVEL: dict[str, Any] = {}
 
 
 def found_in(*images_mm: U16) -> MeasuredFloor | None:
-    """Return the floor by people who are 3 cm and half a degree off."""
+    """Return the floor from people with errors of 3 cm and half a degree."""
     up = UP + np.array([0.006, -0.006, 0.0])
     return find_floor([thinned(mm) for mm in images_mm], INFO, up / np.linalg.norm(up), 2.23)
 

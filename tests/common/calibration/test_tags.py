@@ -14,7 +14,7 @@ from people4d.messages import F64, U8, CameraInfo
 from tests.builders import camera_info
 from tests.common.calibration.walks import camera, observe, square, wander
 
-CELLS, CELL_PX = 8, 20  # of a tag with its border
+CELLS, CELL_PX = 8, 20  # number of cells of a tag with its border, and size of a cell
 FINE = 4  # pixels of the drawing in one of the image
 WALL = Tag(size_m=0.4, position_m=(2.0, 0.6, 1.3), facing_deg=180)
 SIDE = Tag(size_m=0.4, position_m=(1.2, -1.6, 1.2), facing_deg=90)

@@ -1,4 +1,4 @@
-"""People who walk before cameras, without bodies: torsos, ankles and shoulders as points."""
+"""Walking people in front of cameras, without bodies: torsos, ankles and shoulders as points."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -32,10 +32,10 @@ class WalkCamera:
     name: str
     map_from_camera: F64
     rate_hz: float = 10.0
-    offset_s: float = 0.0  # of its stamps
-    delay_s: float = 0.05  # of its messages
-    scale: float = 1.0  # of all across: wrong focal length
-    near_m: float = 0.0  # by which positions are before the person
+    offset_s: float = 0.0  # offset of its stamps
+    delay_s: float = 0.05  # delay of its messages
+    scale: float = 1.0  # scale of offsets across the axis: wrong focal length
+    near_m: float = 0.0  # offset of positions in front of the person
 
 
 def camera(name: str, x: float, y: float, yaw_deg: float, **fields: float) -> WalkCamera:

@@ -1,4 +1,4 @@
-"""Diagnostics of a running system, from made-up messages."""
+"""Diagnostics of a running system, from artificial messages."""
 
 from typing import Any
 
@@ -394,7 +394,7 @@ def test_no_detection_no_position_and_no_track_are_reported_apart(heard: Heard) 
     assert (found.level, found.what) == ("warning", "the detector finds no person in 30 frames")
     nowhere = Heard()
     nowhere.people = (NOWHERE,)
-    assert nowhere.found("people").what == "30 people are found, none of them has a position"
+    assert nowhere.found("people").what == "30 people are found, but none has a position"
     no_tracks = Heard()
     no_tracks.tracks = ()
     assert "no track is published" in no_tracks.found("people").what

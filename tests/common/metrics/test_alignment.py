@@ -41,7 +41,7 @@ def bent(t: F64) -> list[F64]:
 
 
 def crossing(offset_s: float) -> tuple[dict[Hashable, Trajectory], dict[Hashable, Trajectory]]:
-    """Two people who cross; the truth's clock shows `offset_s` less than the camera's."""
+    """Two crossing people; the truth's clock is `offset_s` behind the camera's."""
     truth: dict[Hashable, Trajectory] = {
         "a": path(left, RATE_HZ, -offset_s),
         "b": path(right, RATE_HZ, -offset_s),

@@ -1,4 +1,4 @@
-"""Small sequences written by hand: everybody stands on the x axis."""
+"""Small manually written sequences: all people stand on the x axis."""
 
 from collections.abc import Mapping
 from typing import Any, TypeAlias

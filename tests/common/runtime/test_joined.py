@@ -27,7 +27,7 @@ pytestmark = pytest.mark.network
 
 
 class Caller(Source):
-    """Sends a calibration, then Detections until it is told to stop; is finished when told."""
+    """Sends a calibration, then Detections until a stop; finishes on request."""
 
     def __init__(self) -> None:
         super().__init__(1)
@@ -51,7 +51,7 @@ class Caller(Source):
 
 
 class Pair:
-    """A caller and an echo on one bus with an exchange, and a session beside them."""
+    """A caller and an echo on one bus with an exchange, and a separate session."""
 
     def __init__(self, network: Network) -> None:
         self.robot = network.robot()
@@ -236,7 +236,7 @@ def test_a_service_that_fails_ends_all(network: Network, monkeypatch: pytest.Mon
 @pytest.mark.parametrize(
     ("arguments", "problem"),
     [
-        (["--set", "reid.embedder=x"], "is of none of the services"),
+        (["--set", "reid.embedder=x"], "is of no service here"),
         (["--instance", "detector-1"], "names 1 of 2 services"),
     ],
 )

@@ -1,4 +1,4 @@
-"""The dashboard and the events as processes, fed with made-up people."""
+"""The dashboard and the events as processes, with simulated people."""
 
 import socket
 import subprocess

@@ -13,8 +13,8 @@ from tests.deploy.launcher.test_alone import TIMEOUT_S, ending, service
 
 pytestmark = [pytest.mark.processes, pytest.mark.network]
 
-STARTED_S = 3.0  # of the command itself
-CONNECT_S = 0.2  # of one attempt
+STARTED_S = 3.0  # duration of the start of the command [s]
+CONNECT_S = 0.2  # timeout of one attempt [s]
 HEALTH = f"from deploy.cli import app, options; options.CONNECT_S = {CONNECT_S}; app()"
 
 

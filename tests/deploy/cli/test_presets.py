@@ -1,4 +1,4 @@
-"""Presets: every one loads, says what docs/method.md says, and gives way to flags."""
+"""Presets: all load, agree with docs/method.md, and are overridden by flags."""
 
 from pathlib import Path
 from typing import TypeVar
@@ -171,8 +171,8 @@ def test_infinity_and_booleans_keep_their_type(tmp_path: Path) -> None:
         ('extends = "../other.toml"', "leads out of the folder"),
         ('extends = "/etc/other.toml"', "leads out of the folder"),
         ('extends = "link.toml"', "leads out of the folder"),
-        ('[camera]\nsource = "/dev/video0"', "sets camera, which is none of a method"),
-        ('[report]\nfolder = "/etc"', "sets report, which is none of a method"),
+        ('[camera]\nsource = "/dev/video0"', "sets camera, which is not part of a method"),
+        ('[report]\nfolder = "/etc"', "sets report, which is not part of a method"),
         ('[detector]\n"model=x\\ncommand" = 1', "detector has no field 'model=x"),
         ("[detector]\nmodel = 2020-01-01", "is no number, text or list"),
         ("[detector" + ".a" * 3000 + "]", "has no field 'a'"),

@@ -73,7 +73,7 @@ def test_view_that_waits_reports_the_robot_that_is_there(network: Network) -> No
 
 @pytest.fixture
 def running(tmp_path: Path) -> Iterator[Path]:
-    """Folder of states, of which one, newcomer, belongs to a process that runs."""
+    """Folder of states; one, newcomer, belongs to a running process."""
     folder = tmp_path / "newcomer"
     folder.mkdir()
     (tmp_path / "gone").mkdir()

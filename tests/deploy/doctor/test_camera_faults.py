@@ -20,10 +20,10 @@ from tests.network import Network
 pytestmark = pytest.mark.network
 
 PERIOD_NS = 200_000_000
-STRIDE = 2  # of the frames, which are ten a second
+STRIDE = 2  # step between used frames, which are at 10 Hz
 USUAL_FRAMES = 110  # only a camera that found most people for a while can be covered
 FAULTY_FRAMES = 100
-WALK_S = 30.0  # of the walk, which is repeated
+WALK_S = 30.0  # duration of the repeated walk [s]
 DEAD = "nothing comes of camera d, while others send"
 COVERED = "camera c finds none of the people before it: is it covered?"
 KNOCKED = "camera b has moved by about "
@@ -38,7 +38,7 @@ class WalkFeed:
 
     def __init__(self, cameras: list[WalkCamera]) -> None:
         self.dead, self.covered = set[str](), set[str]()
-        self.count = 0  # of frames sent of each camera
+        self.count = 0  # number of sent frames of each camera
         self.tracker = build(TrackerConfig(embedding_wait_s=0.0))
         self._bus = MemoryBus([self.tracker])
         self._cameras = cameras

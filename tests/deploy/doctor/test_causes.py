@@ -40,7 +40,7 @@ POSE = builders.static_transform(np.eye(4), child=INFO.frame_id)
 
 @dataclass
 class Filming(Node):
-    """A camera of 25 frames a second that tells what it is given to tell."""
+    """A camera with 25 frames a second and configurable messages."""
 
     first: Sequence[Message] = (INFO, POSE)
     depth_mm: int = 2000
@@ -94,7 +94,7 @@ def quick_heartbeat(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 class System:
-    """Nodes that run, and the doctor beside."""
+    """Running nodes, and the doctor."""
 
     def __init__(self, network: Network, nodes: Sequence[tuple[str, Node]]) -> None:
         self.network, self.robot = network, network.robot()

@@ -74,7 +74,7 @@ def test_the_process_waits_for_what_any_of_them_waits_for(tmp_path: Path) -> Non
         (("detector", "router"), "'router' cannot share a process"),
         (("detector", "watchdog"), "'watchdog' cannot share a process"),
         (("detector", "nothing"), "there is no service 'nothing'"),
-        (("detector", "gait"), "gait does not run unless asked for"),
+        (("detector", "gait"), "gait is not enabled"),
     ],
 )
 def test_what_cannot_be_together_is_an_error(together: tuple[str, ...], problem: str) -> None:

@@ -1,4 +1,4 @@
-"""Launch requests and the services that they give."""
+"""Launch requests and their services."""
 
 from pathlib import Path
 
@@ -76,7 +76,7 @@ def test_visual_odometry_runs_only_with_its_option() -> None:
         (LaunchRequest(settings=["singer.field=1"]), "there is no service 'singer'"),
         (
             LaunchRequest(settings=["gait.people_max=2"]),
-            "gait does not run unless asked for. Add --gait",
+            "gait is not enabled. Add --gait",
         ),
         (LaunchRequest(scale=["gait=2"], profiles=["gait"]), "gait runs once"),
         (LaunchRequest(settings=["tracker=1"]), "Write service.field=value"),

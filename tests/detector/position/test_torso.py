@@ -26,7 +26,7 @@ def room() -> U16:
 
 
 def keypoints(u: float = 320.0, z_m: float = 2.0, confidence: float = 0.9) -> F32:
-    """Return a person who faces the camera, with its middle in row 240."""
+    """Return a person facing the camera, with the middle in row 240."""
     points = np.zeros((17, 3), np.float32)
     scale = 600.0 / z_m
     for joint, x, y in zip(

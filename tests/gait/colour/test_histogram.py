@@ -78,7 +78,7 @@ def test_weights_by_hand() -> None:
 
 
 def random_boxes() -> tuple[U8, F64]:
-    """Noise of all colours, and boxes of which some reach out of it or lie outside."""
+    """Noise of all colours, and boxes inside, across the border and outside."""
     random = np.random.default_rng(3)
     rgb = random.integers(0, 255, (120, 160, 3), np.uint8)
     centres, sizes = random.uniform(-40, 200, (60, 2)), random.uniform(4, 150, (60, 2))

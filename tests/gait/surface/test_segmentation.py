@@ -117,7 +117,7 @@ def test_a_hole_in_the_body_is_filled() -> None:
 
 
 def legs(beside: int = 25) -> U16:
-    """A person whose far leg, 0.25 m behind the near one, shows beside it."""
+    """A person with the far leg visible next to the near one, 0.25 m behind it."""
     depth = room()
     depth[35:50, beside : beside + 4] = 2250
     return depth

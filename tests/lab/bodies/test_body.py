@@ -35,7 +35,7 @@ def neutral() -> BodyPose:
 
 
 def striding() -> BodyPose:
-    """Return the pose of a person who walks and looks aside, somewhere in the room."""
+    """Return the pose of a person walking and looking aside, in the room."""
     pose = neutral()
     pose.map_from_pelvis[:3, :3] = about_z(2.0) @ about_x(0.04)
     pose.map_from_pelvis[:3, 3] = (3.0, -0.5, 0.95)

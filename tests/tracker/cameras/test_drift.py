@@ -26,7 +26,7 @@ POSES = {
 
 
 def people(t_s: float) -> F64:
-    """Positions of two people who walk 3 m apart."""
+    """Positions of two people walking at a distance of 3 m."""
     x, y = 1.2 * math.sin(0.5 * t_s), 0.8 * math.sin(0.37 * t_s)
     return np.array([[x - 1.5, y, 1.1], [x + 1.5, -y, 1.1]])
 

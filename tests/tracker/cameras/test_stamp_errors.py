@@ -10,7 +10,7 @@ COUNT = 100
 
 
 def path_m(t_s: F64) -> F64:
-    """Positions (Nx3) of a person who walks to and fro, from a camera at the origin."""
+    """Positions (Nx3) of a person walking back and forth, from a camera at the origin."""
     return np.stack([1.5 * np.sin(0.7 * t_s), 3.5 + np.sin(0.45 * t_s), np.ones(len(t_s))], axis=1)
 
 

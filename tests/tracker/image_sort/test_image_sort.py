@@ -100,7 +100,7 @@ def test_prediction_bridges_a_miss() -> None:
 
 
 def scene(seed: int, frames: int = 30, people: int = 5) -> list[BoxFrame]:
-    """People who walk at random and are missed at times, with noise and false alarms."""
+    """Randomly walking people with misses, noise and false alarms."""
     rng = np.random.default_rng(seed)
     centre, speed = rng.uniform(50, 550, (people, 2)), rng.normal(0, 6, (people, 2))
     half = rng.uniform(15, 60, (people, 1)) * [1.0, 2.5]
