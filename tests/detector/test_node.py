@@ -21,6 +21,7 @@ from services.detector.models.base import DetectedPerson, InstanceMask
 from services.detector.node import PEOPLE_MIN, DetectorNode
 from tests import builders
 from tests.detector.cameras import INFO, lab_info
+from tests.two_people import truth_of
 
 M = TypeVar("M", bound=Message)
 
@@ -307,8 +308,7 @@ def test_a_missing_model_is_reported_at_the_start() -> None:
 def test_default_positions_of_people_in_the_simulated_room(shared: Path) -> None:
     # Measured over all frames: positions on the surface err by 0.105 m in the median.
     folder = shared / "data" / "lab" / "two"
-    truth = np.load(folder / "gt.npz")
-    info = lab_info(truth["K"])
+    info = lab_info(truth_of(shared, "K"))
     bus = MemoryBus([build(DetectorConfig(crops=False))])
     bus.publish(info)
     errors, expected = [], 0
@@ -324,9 +324,9 @@ def test_default_positions_of_people_in_the_simulated_room(shared: Path) -> None
         )
         found = only(Detections, bus.publish(message)).detections
         positions = np.array([p.position_m for p in found if p.position_m is not None])
-        for torso in truth["pos"][index][truth["vis"][index] > 0.5]:
+        for torso in truth_of(shared, "pos")[index][truth_of(shared, "vis")[index] > 0.5]:
             expected += 1
-            expected_m = apply(invert(truth["T_world_cam"][index]), torso)
+            expected_m = apply(invert(truth_of(shared, "T_world_cam")[index]), torso)
             errors.append(np.min(np.linalg.norm((positions - expected_m)[:, [0, 2]], axis=1)))
     assert expected >= 8
     assert np.median(errors) < 0.05

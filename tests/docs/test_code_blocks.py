@@ -35,8 +35,6 @@ from tests.contract.examples import BY_NAME
 from tests.docs.pages import Block, Command, blocks, commands
 from tests.network import Network
 
-pytestmark = [pytest.mark.processes, pytest.mark.network]
-
 INCOMPLETE = {"MissingParameter", "NoArgsIsHelpError", "BadOptionUsage"}
 LANGUAGES = {"python", "javascript", "json", "toml", "yaml", "sh", "text"}
 ENDPOINT = re.compile(r"tcp/[\d.]+:7447")
@@ -89,16 +87,37 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("block", named([b for b in blocks("python") if not b.reason]))
-def test_python_block_runs_and_receives(block: Block, folder: Path, publishing: str) -> None:
-    earlier = [b for b in blocks("python") if b.page == block.page and b.line < block.line]
-    code = [f"{b.setup}\n{b.code}" for b in earlier if not b.reason]
-    program = ENDPOINT.sub(publishing, "\n".join([*code, block.setup, block.code]))
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+PYTHON = [block for block in blocks("python") if not block.reason]
+CONSUMERS = [block for block in PYTHON if ENDPOINT.search(block.code)]  # which end with a system
+
+
+def program(block: Block) -> str:
+    """Return a block after those before it in its page."""
+    earlier = [b for b in PYTHON if b.page == block.page and b.line < block.line]
+    return "\n".join(f"{b.setup}\n{b.code}" for b in [*earlier, block])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("block", named([b for b in PYTHON if b not in CONSUMERS]))
+def test_python_block_runs(
+    block: Block,
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(folder)
+    exec(compile(program(block), block.name, "exec"), {"__name__": "block"})
+    assert bool(capsys.readouterr().out) == ("print(" in block.code)
+
+
+@pytest.mark.processes
+@pytest.mark.network
+@pytest.mark.parametrize("block", named(CONSUMERS))
+def test_python_block_receives(block: Block, folder: Path, publishing: str) -> None:
     with subprocess.Popen(
-        [sys.executable, "-uc", program],
+        [sys.executable, "-uc", ENDPOINT.sub(publishing, program(block))],
         cwd=folder,
-        env=environment,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -108,17 +127,13 @@ def test_python_block_runs_and_receives(block: Block, folder: Path, publishing: 
         try:
             assert process.stdout
             assert process.stderr
-            if ENDPOINT.search(block.code):  # a consumer, which ends with its system
-                assert process.stdout.readline(), process.stderr.read()
-            else:
-                output, errors = process.communicate()
-                assert process.returncode == 0, errors
-                assert bool(output) == ("print(" in block.code)
+            assert process.stdout.readline(), process.stderr.read()
         finally:
             timer.cancel()
             process.kill()
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("block", named([b for b in blocks("javascript") if not b.reason]))
 def test_javascript_block_decodes_tracks(block: Block, tmp_path: Path) -> None:
     node = shutil.which("node")

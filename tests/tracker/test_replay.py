@@ -10,6 +10,7 @@ from people4d.messages import F64
 from services.tracker.build import make_tracker
 from services.tracker.interface import Measurement, Observation
 from tests.tracker.scene import published_config, unit
+from tests.two_people import truth_of
 
 pytestmark = pytest.mark.slow
 
@@ -27,7 +28,8 @@ def rmse(errors: list[F64]) -> float:
 def test_two_identities_and_less_error_than_measured(
     shared: Path, name: str, noise_m: float, seed: int
 ) -> None:
-    truth = np.load(shared / "data" / "lab" / "two" / "gt.npz")
+    names = ("t", "T_world_cam", "pos", "vis", "bbox")
+    truth = {name: truth_of(shared, name) for name in names}
     rng = np.random.default_rng(seed)
     tracker = make_tracker(published_config(tracker=name))
     identities: set[tuple[int, int | None]] = set()

@@ -76,11 +76,11 @@ def test_people_who_pass_do_not_hide_it() -> None:
 
 
 def observe(
-    cameras: Sequence[WalkCamera], floors: Mapping[str, dict[str, Any]]
+    cameras: Sequence[WalkCamera], floors: Mapping[str, dict[str, Any]], duration_s: float = 15.0
 ) -> list[CameraObservations]:
     """Return what cameras see of two people, and of the floor those that are named."""
     collector = ObservationCollector()
-    for arrived_ns, message in messages(cameras, [wander(3), wander(4)], 25.0):
+    for arrived_ns, message in messages(cameras, [wander(3), wander(4)], duration_s):
         collector.add_message(message, arrived_ns)
     for one in cameras:
         for k in range(5 if one.name in floors else 0):
@@ -111,7 +111,7 @@ def test_floor_in_depth_shows_tilt_and_height_of_all_cameras(named: str) -> None
 def test_floor_of_another_level_is_left_out_and_named(options: dict[str, Any]) -> None:
     cameras = square("a", "b", "c")
     floors = {**dict.fromkeys("ab", LEVEL), "c": options}
-    found = calibrate(observe(cameras, floors))
+    found = calibrate(observe(cameras, floors, 25.0))
     assert found.adjustment.odd_floors == ["c"]
     tilt_deg, height_m = off(found, cameras)
     assert tilt_deg < 0.35

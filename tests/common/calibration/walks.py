@@ -70,7 +70,7 @@ def wander(seed: int, side_m: float = 1.9) -> Path:
 def observe(
     cameras: Sequence[WalkCamera],
     paths: Sequence[Path],
-    duration_s: float = 40.0,
+    duration_s: float = 20.0,
     noise_m: float = 0.02,
     seed: int = 0,
 ) -> list[CameraObservations]:
@@ -84,7 +84,7 @@ def observe(
 def messages(
     cameras: Sequence[WalkCamera],
     paths: Sequence[Path],
-    duration_s: float = 40.0,
+    duration_s: float = 20.0,
     noise_m: float = 0.02,
     seed: int = 0,
 ) -> Iterator[tuple[int, CameraInfo | Detections]]:

@@ -15,6 +15,7 @@ from people4d.messages import F64, U8
 from services.detector.config import ModelSettings
 from services.detector.models.base import DetectedPerson, PersonModel
 from services.detector.models.registry import load_model
+from tests.two_people import truth_of
 
 LEFT, RIGHT = 5, 6  # shoulders in COCO order
 YOLO = ["yolov8n-pose_640", "yolov8n-seg_640"]
@@ -73,7 +74,8 @@ def test_man_in_front_is_found_once_in_every_bag(shared: Path, name: str) -> Non
 @pytest.mark.parametrize("name", ALL)
 def test_simulated_people_are_found_where_they_are(shared: Path, name: str) -> None:
     folder = shared / "data" / "lab" / "two"
-    truth = np.load(folder / "gt.npz")
+    names = ("vis", "kpvis", "kp2d", "bbox", "masks")
+    truth = {name: truth_of(shared, name) for name in names}
     overlaps = []
     for frame in range(0, 150, 30):
         people = model(name, shared).detect(read(folder / "rgb" / f"{frame:05d}.jpg"))

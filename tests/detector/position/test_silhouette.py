@@ -9,6 +9,7 @@ from services.detector.models.base import DetectedPerson, InstanceMask
 from services.detector.position.silhouette import fill_holes, grow_mask
 from services.detector.position.surface import DepthImage
 from tests.detector.cameras import INFO
+from tests.two_people import truth_of
 
 
 def person_at(left: int, right: int, box: tuple[float, ...] = (0, 0, 40, 60)) -> DetectedPerson:
@@ -133,7 +134,8 @@ def test_without_seeds_there_is_no_mask() -> None:
 def test_masks_of_the_simulated_room(shared: Path) -> None:
     # Measured over all frames with MoveNet's keypoints: median overlap 0.86, tenth percentile 0.80.
     folder = shared / "data" / "lab" / "two"
-    truth = np.load(folder / "gt.npz")
+    names = ("vis", "kpvis", "kp2d", "bbox", "masks")
+    truth = {name: truth_of(shared, name) for name in names}
     overlaps = []
     for frame in range(0, 150, 15):
         depth = np.asarray(cv2.imread(str(folder / "depth" / f"{frame:05d}.png"), -1), np.uint16)
