@@ -58,7 +58,7 @@ class Topic:
     # roles that may read it with restricted access, separated by spaces: services, "planner" and
     # "operator" (the command line); "*": all roles. See common/transport/access.py
     readers: str = field(default="", kw_only=True)
-    # True: messages have a lasting effect, so only those of its producers are accepted, see
+    # True: messages have a lasting effect, so only its producers may send them, see
     # people4d/ownership.py
     owned: bool = field(default=False, kw_only=True)
     # True: it may leave its host with restricted access

@@ -32,7 +32,7 @@ class LevelPaths:
     @cached_property
     def _arrays(self) -> tuple[F64, F64, F64]:
         last = max((p.last for p in self.paths), default=self.first)
-        rows: list[int] = []  # step after the last of each column
+        rows: list[int] = []  # first free step of each column
         columns: list[int] = []
         for path in sorted(self.paths, key=lambda p: p.first):
             free = next((k for k, end in enumerate(rows) if end < path.first), len(rows))

@@ -20,8 +20,8 @@ class PlanarCovariance:
         """Return the covariance (3x3) of the motion since another pose; None if unknown.
 
         An earlier error of the angle has moved the base sideways: P = J P_before J^T + Q, with J =
-        d(x, y, theta) / d(x, y, theta)_before. A constant covariance is set by a driver, and is no
-        information on the motion.
+        d(x, y, theta) / d(x, y, theta)_before. A constant covariance is a setting of a driver,
+        without information on the motion.
         """
         if np.array_equal(self.matrix, before.matrix):
             return None

@@ -70,7 +70,7 @@ def _is_of_ros1(path: Path) -> bool:
 
 
 def check_written(database: Path) -> None:
-    """Check that no messages of a SQLite file are in a log next to it.
+    """Check that a SQLite file has no messages in a log next to it.
 
     Raises:
         SourceError: A log next to the file has messages, since its recorder was killed.

@@ -27,8 +27,8 @@ class Lifetimes(Counts):
     measured: int = 0  # number of truths whose track has a measurement in the frame
     segments: int = 0  # number of runs of matches of one person to one track
     segments_s: float = 0.0  # [s] matched time of all segments
-    people: int = 0  # number of people ever in view
-    people_found: int = 0  # number of people who ever had a track
+    people: int = 0  # number of people in view in any frame
+    people_found: int = 0  # number of people with a track in any frame
     first_track_s: float = 0.0  # [s] sum of times from the first frame in view to the first match
     returns: int = 0  # number of returns of people into the view
     reidentified: int = 0  # number of returns under the same track

@@ -43,7 +43,7 @@ class Durations(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ProcessSnapshot(msgspec.Struct, frozen=True, kw_only=True):
-    """One process."""
+    """Figures of one process."""
 
     service: str  # service of the process
     instance: str  # name of the process

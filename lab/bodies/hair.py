@@ -92,7 +92,7 @@ def curtain(figure: Figure, hair: Hair) -> BodySurface:
     above = 0.42 + (end - 0.42) * down
     angle = np.radians(angle_deg)[None]
     radius = curtain_radius(figure, head, above, angle)
-    # Ends and the edges beside the face turn inwards; strands make the surface uneven.
+    # Ends and the edges at the face turn inwards; strands make the surface uneven.
     edge = np.clip((from_front - CURTAIN_FROM_DEG) / 14, 0, 1)
     inward = 0.08 * (1 - edge) ** 2 + 0.10 * np.clip((down - 0.88) / 0.12, 0, 1) ** 2
     radius = radius * (1 - inward) + 0.022 * down * np.sin(11 * angle + 3 * down) * edge

@@ -51,7 +51,7 @@ class WalkingBout:
         return float(np.interp(progress, self.progress, self.times_s))
 
     def cycles(self, done: float) -> F64:
-        """Return the cycles of the left leg at all times, N, after a number of cycles done.
+        """Return the cycles of the left leg at all times, N, beginning at a number of cycles.
 
         They are integers at contacts of the left foot, and integers plus 0.5 of the right foot.
         """

@@ -75,7 +75,7 @@ def _toe_roll(pitch_rad: F64) -> F64:
 
 @dataclass(frozen=True)
 class FootPath:
-    """One foot over time."""
+    """Motion of one foot over time."""
 
     ankle_m: F64  # Tx3, frame: map
     map_from_foot: F64  # Tx3x3

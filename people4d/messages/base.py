@@ -25,7 +25,7 @@ MAX_STAMP_NS = 2**62  # [ns] the year 2116; sums and differences of two stamps f
 MAX_M = 1e7  # maximum coordinate [m] and velocity [m/s]; UTM coordinates stay below
 MAX_COVARIANCE = 1e14  # [m^2] square of MAX_M
 MAX_CAMERAS = 64  # maximum number of cameras of one robot, a bound against invented names
-MAX_PX = 1e6  # [px] maximum coordinate of a position in or beside an image
+MAX_PX = 1e6  # [px] maximum coordinate of a position, inside or outside an image
 # Maximum sequence number: exact in every language, sums of gaps fit 64 bits
 MAX_SEQUENCE = 2**53 - 1
 

@@ -20,7 +20,8 @@ PUBLISHED_TAU: NoiseVector8 = (10.0, 10.0, 1.0, 1.0, 0.1, 0.1, 0.1, 0.1)  # sect
 class ColourLayerConfig(Config, frozen=True, kw_only=True):
     """Particle filter of a box by its colours (section 8.1)."""
 
-    particles: Annotated[int, Meta(ge=1, le=100_000)] = 100  # for each person; published: 20 to 160
+    # Number of particles of each person; published: 20 to 160
+    particles: Annotated[int, Meta(ge=1, le=100_000)] = 100
     # 8: [x, y, x', y', w, h, w', h'], [px] and [px a frame]; 4: constant size of the box
     state: Literal[8, 4] = 8
     order: Literal[1, 2] = 1  # order of the motion model

@@ -23,8 +23,8 @@ SAMPLE_S = 0.4  # minimum interval between two independent positions of a track 
 SIGMA_M = 0.05  # initial standard deviation of a measured position, per axis [m]
 SIGMA_MIN_M = 0.005  # minimum standard deviation of a measured position [m]
 NOISE_FACTOR = 1.7  # ratio of the standard deviation to the measured jitter
-# Ratios of the standard deviations of measurements to those of tracks, whose velocities are more
-# accurate than their covariance
+# Ratios of standard deviations of measurements to the tracks' covariances, which overestimate
+# errors of velocities
 POSITION_FACTOR, VELOCITY_FACTOR = 0.9, 0.3
 SIGMA_MIN_MPS = 0.02  # minimum standard deviation of a measured velocity [m/s]
 NOISE_GAIN = 0.03  # minimum step of the running median of jitter, in its logarithm

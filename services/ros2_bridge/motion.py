@@ -18,7 +18,7 @@ from services.ros2_bridge.reader_frames import ALWAYS_NS
 
 FRAMES_MAX = 256  # maximum number of static transforms, all sent in one message
 
-OnTransform = Callable[[str, str, int], None]  # parent, child, stamp_ns
+OnTransform = Callable[[str, str, int], None]  # called with parent, child and stamp [ns]
 
 
 class MotionOutputs:

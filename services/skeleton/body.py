@@ -22,8 +22,8 @@ LIMBS = ([5, 6, 7, 8, 9, 10], [11, 12, 13, 14, 15, 16])  # arms, legs: pairs exc
 class Bones:
     """Bones without a common joint."""
 
-    first: tuple[int, ...]  # joint
-    second: tuple[int, ...]  # joint
+    first: tuple[int, ...]  # first joint of each bone
+    second: tuple[int, ...]  # second joint of each bone
     kind: tuple[int, ...]  # row of BONE_LENGTHS_M, common to left and right
 
 

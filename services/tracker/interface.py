@@ -142,7 +142,7 @@ class Tracker(ABC):
 
     @abstractmethod
     def reset(self) -> None:
-        """Delete all tracks and times; identities go on counting."""
+        """Delete all tracks and times; identities are not reused."""
 
     def image_tracks(self) -> tuple[ImageTrack, ...] | None:
         """Return the tracks in the image of the last update by id; None without image tracking."""

@@ -38,7 +38,7 @@ class TrackSetTracker(Tracker):
         return self.tracks.predicted(stamp_ns)
 
     def reset(self) -> None:
-        """Delete all tracks and times; identities go on counting."""
+        """Delete all tracks and times; identities are not reused."""
         self.tracks.clear()
 
     def checkpoint(self) -> TrackerCheckpoint:

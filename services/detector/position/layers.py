@@ -45,7 +45,7 @@ class DepthSamples:
 class PersonLayer:
     """Layer of depth of a person."""
 
-    depth_m: float  # [m] its middle
+    depth_m: float  # [m] middle of the layer
     own: Flags  # N, samples not covered by other people
     along_m2: float = 0.0  # [m^2] variance of the depth, since the torso may be in another layer
 

@@ -33,7 +33,7 @@ MIDDLE_TENTHS, HEAD_RATIO = 8.0, 0.15  # Probability in the middle [tenths]; sha
 # Distance from the middle at which the probability is 1/e [widths of the box]
 HEAD_WIDTH, BODY_WIDTH = 0.2, 0.4
 TENTHS = 10
-BANDS = 4  # Parts of the height, each with its own colours
+BANDS = 4  # Number of parts of the height, each with separate colours
 BACKGROUND_SCALE = 1.6  # Width of the background about a box [widths of the box]
 LEARN_POINTS = (32, 72)  # Samples in and about a box for learning, across and down
 UNSEEN = 3e-4  # Probability of an unobserved colour

@@ -108,7 +108,7 @@ def feet_ahead(
 
 
 def joint_pixels(keypoints: F32 | None) -> Mapping[str, F64]:
-    """Return the pixels of elbows and knees by the hands and feet after them."""
+    """Return the pixels of elbows and knees, by the names of their hands and feet."""
     if keypoints is None or keypoints.shape != (17, 3):
         return {}
     rows = {name: keypoints[before].astype(np.float64) for name, (_, before) in JOINTS.items()}

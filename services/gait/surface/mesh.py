@@ -41,7 +41,7 @@ class BodyMesh:
     pixels_px: F64  # Vx2, u and v in the image
     indptr: I32  # V + 1: the neighbours of vertex i are indices[indptr[i] : indptr[i + 1]]
     indices: I32  # E
-    lengths_m: F64  # E, of the edges
+    lengths_m: F64  # E, lengths of the edges
     neighbours: I32  # Vx8, in the order of NEIGHBOURS; -1: no edge
     grid: I32  # rows x columns of the vertices, -1 off the body
     left_px: int  # [px] left edge of the grid in the image

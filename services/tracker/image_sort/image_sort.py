@@ -185,7 +185,7 @@ class ImageSort:
         self._tracks["matched_ns"] += duration_ns
 
     def reset(self) -> None:
-        """Delete all tracks and times; identities go on counting."""
+        """Delete all tracks and times; identities are not reused."""
         self._tracks, self._frames = np.zeros(0, TRACK), 0
 
     def _lens(self, frame: BoxFrame) -> Lens:

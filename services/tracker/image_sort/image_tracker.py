@@ -102,7 +102,7 @@ class ImageTracker(TrackSetTracker):
         return self._image_tracks
 
     def reset(self) -> None:
-        """Delete all tracks and times; identities go on counting."""
+        """Delete all tracks and times; identities are not reused."""
         super().reset()
         self._images.clear()
         self._image_tracks = ()

@@ -66,7 +66,7 @@ class Motion(Protocol):
         """Return the state and covariance of a new track."""
 
     def position_and_velocity(self, P: F64) -> F64:
-        """Return their part (6x6) of a covariance."""
+        """Return the block (6x6) of position and velocity of a covariance."""
 
 
 class PositionNoise(Protocol):
@@ -102,7 +102,7 @@ class PositionMotion:
         return kalman.predict(x, P, F, pp * OF_POSITION + pv * OF_BOTH + vv * OF_VELOCITY)
 
     def position_and_velocity(self, P: F64) -> F64:
-        """Return their part (6x6) of a covariance."""
+        """Return the block (6x6) of position and velocity of a covariance."""
         return P
 
     def measure(self, measurements: Sequence[Measurement]) -> F64:

@@ -68,13 +68,13 @@ class TrackSet:
         self.records = [t for t in self.records if t.id not in ended]
 
     def clear(self) -> None:
-        """Delete all tracks and the time; identities go on counting."""
+        """Delete all tracks and the time; identities are not reused."""
         self.records, self.stamp_ns, self._frame_ns = [], None, {}
         self._now_ns = None
         self._past.clear()
 
     def bridge_absence(self, stamp_ns: int) -> int:
-        """Skip most of a long time without frames before a frame; return the time skipped [ns].
+        """Shorten a long outage of frames before a frame; return the skipped time [ns].
 
         After a long outage people are expected near their last positions; velocities are outdated.
         """

@@ -71,7 +71,7 @@ class BoxMotion:
         return np.concatenate([z, np.zeros(6)]), P
 
     def position_and_velocity(self, P: F64) -> F64:
-        """Return their part (6x6) of a covariance."""
+        """Return the block (6x6) of position and velocity of a covariance."""
         return P[self._point]
 
     def boxes(self, x: F64) -> F64:

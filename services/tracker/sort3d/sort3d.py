@@ -50,7 +50,7 @@ class Sort3d(TrackSetTracker):
         return tracks.manage(result.unmatched_detections, observation)
 
     def reset(self) -> None:
-        """Delete all tracks and times; identities go on counting."""
+        """Delete all tracks and times; identities are not reused."""
         super().reset()
         self._tau_m = np.inf
 

@@ -65,7 +65,7 @@ class StrongSort3d(TrackSetTracker, AreaTracker):
         return tracks.manage(result.by_distance.unmatched_detections, observation)
 
     def reset(self) -> None:
-        """Delete all tracks and times; identities go on counting."""
+        """Delete all tracks and times; identities are not reused."""
         super().reset()
         for policy in self._policies.of_tracks:
             policy.clear()

@@ -1,8 +1,8 @@
 """Expected positions of hands and feet relative to the body.
 
-A hand is expected beside its own hip and a foot below it: normal distributions in a frame of the
-body, in statures. With the pixel of a keypoint this gives the depth of a hand behind the torso, or
-of a foot behind the other one.
+Expectations are normal distributions in a frame of the body, in statures: a hand at its hip, a foot
+below it. With the pixel of a keypoint this gives the depth of a hand behind the torso, or of a foot
+behind the other one.
 
 Source: docs/method.md, section 19.
 """
