@@ -295,11 +295,4 @@ def main() -> None:
         unit = "scenes" if of is SIMULATED else "events of real people"
         title = f"## {split.capitalize()} split: {where}, {len(units['best'])} {unit}"
         text += [title, table(units, of)]
-    if asked.dry:
-        print(*text, sep="\n\n")
-        return
-    write(__file__, "Effect of each part beyond the source works", NOTE, *text)
-
-
-if __name__ == "__main__":
-    main()
+    write(__file__, "Effect of each part beyond the source works", NOTE, *text, dry=asked.dry)

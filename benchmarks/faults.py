@@ -129,10 +129,8 @@ class Ledger:
 
 
 def main() -> None:
-    parser = options.parser(__doc__, "quick")
-    parser.add_argument("--times", type=int, default=4, help="faults of each kind and service")
-    asked = parser.parse_args()
-    times = 1 if asked.quick else asked.times
+    asked = options.parser(__doc__, "rounds", "quick").parse_args()
+    times = 1 if asked.quick else asked.rounds
     with tempfile.TemporaryDirectory(prefix="p4d") as folder:
         faults, ledger = measure(Path(folder), times)
     table = rows(faults)
@@ -142,11 +140,9 @@ def main() -> None:
         "more than one person."
     )
     text = (__doc__ or "").partition("\n\n")[2]
-    if asked.quick:
-        print(markdown(header, table), ids, sep="\n\n")
-    else:
-        note = f"Medians with minimum and maximum of {times} faults each."
-        write(__file__, "Effects of faults", text.strip(), note, markdown(header, table), ids)
+    note = f"Medians with minimum and maximum of {times} faults each."
+    parts = (text.strip(), note, markdown(header, table), ids)
+    write(__file__, "Effects of faults", *parts, dry=asked.quick)
 
 
 def measure(folder: Path, times: int) -> tuple[dict[tuple[str, str], list[Fault]], Ledger]:

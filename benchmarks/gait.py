@@ -1,16 +1,14 @@
 """Published experiments on gait [Liu 2018], repeated on rendered recordings with ground truth.
 
-Recordings and detections are cached; rendering them takes about half an hour. `--part` repeats one
-part and keeps the others of the report.
+Recordings and detections are cached; rendering them takes about half an hour. `--part` measures
+one part and prints it.
 """
 
-import re
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from multiprocessing import get_context
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,9 +25,8 @@ from benchmarks.lib.gait.points import (
     PointVariant,
 )
 from benchmarks.lib.gait.recordings import GaitRecording
-from benchmarks.lib.table import machine, markdown
+from benchmarks.lib.table import markdown, write
 
-REPORT = Path(__file__).with_suffix(".md")
 RECORDING_SEEDS, QUICK_RECORDING_SEEDS = (71, 72), (71,)
 STEADY = {"gait_side": "walking across the view", "gait_approach": "walking to and fro"}
 THREE = {"gait_three": "three people"}
@@ -180,11 +177,6 @@ PARTS: dict[str, Callable[[Plan], Sections]] = {
     "points": points,
     "service": service,
 }
-ORDER = (
-    "Colour layer: success",
-    "Points: spin images, geodesic distances, combined (Figures 5.7 to 5.9)",
-    "Points: the service",
-)
 
 
 def _follow_all(
@@ -289,37 +281,18 @@ def _prepare(plan: Plan, parts: Iterable[str]) -> None:
                 assert recording.detections
 
 
-def _read_sections(report: Path) -> Sections:
-    """Return the sections of an existing report."""
-    if not report.exists():
-        return {}
-    found = re.split(r"^## ", report.read_text(encoding="utf-8"), flags=re.MULTILINE)[1:]
-    return {title: body.strip() for title, _, body in (text.partition("\n") for text in found)}
-
-
-def _write(sections: Sections, report: Path) -> None:
-    text = [
-        "# Gait",
-        f"Made by `python -m benchmarks gait` on {machine()}.",
-        INTRO.replace("\n", " "),
-        *(f"## {title}\n\n{sections[title]}" for title in ORDER if title in sections),
-    ]
-    report.write_text("\n\n".join(text) + "\n", encoding="utf-8")
-
-
 def main() -> None:
     """Measure, and write the report."""
     parser = options.parser(__doc__, "quick")
     parser.add_argument("--part", choices=PARTS, action="append", help="only this; may be repeated")
-    parser.add_argument("--report", type=Path, default=REPORT, help="file to write")
     arguments = parser.parse_args()
     plan, parts = QUICK if arguments.quick else FULL, arguments.part or list(PARTS)
     _prepare(plan, parts)
-    sections = _read_sections(arguments.report)
+    sections = list[str]()
     for name in parts:
         begin_s = time.monotonic()
         for title, text in PARTS[name](plan).items():
-            sections[title] = f"{text}\n\n{plan}"
-            print(f"## {title}\n\n{text}\n", flush=True)
+            sections.append(f"## {title}\n\n{text}\n\n{plan}")
         print(f"part {name}: {time.monotonic() - begin_s:.0f} s", flush=True)
-        _write(sections, arguments.report)
+    is_dry = arguments.quick or bool(arguments.part)
+    write(__file__, "Gait", INTRO.replace("\n", " "), *sections, dry=is_dry)

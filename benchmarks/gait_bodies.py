@@ -16,11 +16,10 @@ from benchmarks.lib import options
 from benchmarks.lib.gait.bodies import JointTruth, tally
 from benchmarks.lib.gait.other_walkers import Style
 from benchmarks.lib.gait.tally import Tally, cells, results_of, total
-from benchmarks.lib.table import machine, markdown
+from benchmarks.lib.table import markdown, write
 from evaluation.gait.report import read_run
 from services.gait.estimator import GaitFrame
 
-REPORT = Path(__file__).with_name("gait_bodies.md")
 FAST_MPS = 1.2
 BY_STYLE = (
     *("steps found", "invented", "worst step cm", "worst cadence %", "limps found"),
@@ -142,7 +141,6 @@ def main() -> None:
     parser = options.parser(__doc__, "jobs")
     parser.add_argument("folders", nargs="+", type=Path, help="recordings with gt.npz")
     parser.add_argument("--set", dest="settings", action="append", default=[], help="as people4d")
-    parser.add_argument("--report", type=Path, default=REPORT, help="file to write")
     arguments = parser.parse_args()
     with ProcessPoolExecutor(arguments.jobs, get_context("spawn")) as pool:
         people = compare_all(pool, arguments.folders, arguments.settings)
@@ -155,15 +153,11 @@ def main() -> None:
     rows = [
         [name, *(one[name] for one in columns.values())] for name in next(iter(columns.values()))
     ]
-    text = "\n\n".join(
-        [
-            "# Gait of people of another simulator",
-            f"Made by `python -m benchmarks gait_bodies FOLDER...` on {machine()}.",
-            INTRO,
-            markdown(["figure", *columns], rows),
-            "By style, with keypoints:",
-            markdown(["style", "half", "people", *BY_STYLE], style_rows(people)),
-        ]
+    write(
+        __file__,
+        "Gait of people of another simulator",
+        INTRO,
+        markdown(["figure", *columns], rows),
+        "By style, with keypoints:",
+        markdown(["style", "half", "people", *BY_STYLE], style_rows(people)),
     )
-    arguments.report.write_text(text + "\n", encoding="utf-8")
-    print(text)

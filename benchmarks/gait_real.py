@@ -17,7 +17,7 @@ from benchmarks.gait_bodies import NO_KEYPOINTS
 from benchmarks.lib import options
 from benchmarks.lib.marks.annotations import Mark, read_frames
 from benchmarks.lib.marks.crossing import MOUNT_RPY_RAD, MOUNT_XYZ_M, TORSO_MM, Pixel
-from benchmarks.lib.table import machine, markdown
+from benchmarks.lib.table import markdown, write
 from common.geometry.transforms import apply, invert, project
 from evaluation.gait.report import read_run
 from evaluation.gait.run import BoxCorners, estimate_gait
@@ -25,7 +25,6 @@ from evaluation.gait.tables import GaitTables
 from people4d.messages import F64, CameraInfo
 from services.gait.estimator import GaitFrame, GaitResult
 
-REPORT = Path(__file__).with_suffix(".md")
 MARKS = Path(__file__).with_name("real_people_marks")
 # Rates of playback [Hz] and settings: plausible for walking, and as in other benchmarks
 PLAYED: Mapping[str, tuple[float, tuple[str, ...]]] = {
@@ -203,7 +202,6 @@ def main() -> None:
     """Compare, and write the report."""
     parser = options.parser(__doc__, "shared")
     parser.add_argument("--set", dest="settings", action="append", default=[], help="as people4d")
-    parser.add_argument("--report", type=Path, default=REPORT, help="file to write")
     arguments = parser.parse_args()
     data = arguments.shared / "data" / "rgbd"
     known = msgspec.json.decode((MARKS / "filinha_steps.json").read_bytes(), type=_StepFile)
@@ -230,17 +228,13 @@ def main() -> None:
     depth.append(_depth_row("TUE, one person by a box", bags))
     columns = ("by eye", "of them hidden", "published", "found", "other foot", "invented")
     header = ["played at", "person", "half", *columns, "off: median frames"]
-    text = "\n\n".join(
-        [
-            "# Gait of real people",
-            f"Made by `python -m benchmarks gait_real` on {machine()}.",
-            INTRO.strip(),
-            markdown(header, steps),
-            markdown(["recording", "all points on the depth", "hands", "feet"], depth),
-        ]
+    write(
+        __file__,
+        "Gait of real people",
+        INTRO.strip(),
+        markdown(header, steps),
+        markdown(["recording", "all points on the depth", "hands", "feet"], depth),
     )
-    arguments.report.write_text(text + "\n", encoding="utf-8")
-    print(text)
 
 
 def _box_about(torso: Iterable[Pixel]) -> BoxCorners:

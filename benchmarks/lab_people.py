@@ -112,9 +112,6 @@ def main() -> None:
             print(*lines[-1], sep=" | ", flush=True)
     lines += [row("all", everyone), row("all, identities known", known)]
     table = markdown(HEADER, lines)
-    if asked.choose:
-        print(table)
-        return
     scenes = "; ".join(f"{group}: `lab:{name}`" for group, name in GROUPS.items())
     note = NOTE.format(first=seeds[0], last=seeds[-1], choosing=CHOOSING.stop, scenes=scenes)
-    write(__file__, "People in scenes as hard as real ones", note, table)
+    write(__file__, "People in scenes as hard as real ones", note, table, dry=asked.choose)

@@ -64,15 +64,12 @@ def main() -> None:
         default=[73],
         help="Each takes half an hour of one core.",
     )
-    parser.add_argument("--scenarios", nargs="+", default=list(SCENARIOS))
-    parser.add_argument("--rendered", nargs="*", default=list(RENDERED), help="Scenarios.")
-    parser.add_argument("--preset", default="best")
     arguments = parser.parse_args()
-    method = read_method(arguments.preset)
-    geometry = _table(method, arguments.scenarios, arguments.seeds, "geometry")
-    rendered = _table(method, arguments.rendered, arguments.rendered_seeds, "colour")
+    method = read_method("best")
+    geometry = _table(method, SCENARIOS, arguments.seeds, "geometry")
+    rendered = _table(method, RENDERED, arguments.rendered_seeds, "colour")
     parts = [
-        f"Preset {arguments.preset}, seeds {', '.join(map(str, arguments.seeds))}; median "
+        f"Preset best, seeds {', '.join(map(str, arguments.seeds))}; median "
         "over seeds with minimum and maximum. Positions are relative to the camera "
         "(docs/methods/evaluation.md); `measured`: of tracks with a detection in the frame.",
         "## Detections from geometry, without appearance",

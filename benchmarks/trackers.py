@@ -178,9 +178,8 @@ def compare(
 
 def main() -> None:
     """Measure and write the table."""
-    parser = options.parser(__doc__, "shared", "quick")
+    parser = options.parser(__doc__, "shared", "rounds", "quick")
     parser.add_argument("--peers", help="Python interpreter with the packages to compare with")
-    parser.add_argument("--rounds", type=int, default=3)
     arguments = parser.parse_args()
     sequences = load_all(arguments.shared)
     rows = compare(arguments.peers, sequences, arguments.rounds, arguments.quick)
@@ -202,4 +201,5 @@ def main() -> None:
             ],
             rows,
         ),
+        dry=arguments.quick,
     )
