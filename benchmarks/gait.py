@@ -53,8 +53,8 @@ class Plan:
         recordings: Seeds of recordings.
         filters: Seeds of filters of points.
         colour_filters: Seeds of filters of colours.
-        counts: Of particles.
-        jobs: Processes at once.
+        counts: Numbers of particles.
+        jobs: Number of processes.
     """
 
     recordings: Sequence[int]

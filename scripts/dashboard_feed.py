@@ -278,7 +278,7 @@ class FeedThread:
 
     Args:
         bus: Bus of the messages.
-        feed: The feed.
+        feed: Source of the messages.
         rate_hz: Frames a second.
     """
 

@@ -56,10 +56,10 @@ class FieldDocs(NamedTuple):
     """One field of a record.
 
     Args:
-        name: Its name on the wire.
-        kind: Its type in words.
+        name: Name on the wire.
+        kind: Type in words.
         presence: "required", or the value of an absent field.
-        comment: Its meaning with unit and frame.
+        comment: Meaning with unit and frame.
     """
 
     name: str

@@ -27,7 +27,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-MACHINES = {  # the kernel's numbers of the machine and of its calls
+MACHINES = {  # numbers of the machine and of its system calls in the kernel
     "x86_64": (
         0xC000003E,
         {"seccomp": 317, "connect": 42, "sendto": 44, "sendmsg": 46, "bind": 49, "sendmmsg": 307},

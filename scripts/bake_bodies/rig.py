@@ -62,7 +62,7 @@ def fold_weights(names: list[str], weights: F64) -> F64:
     """Return the weights of the lab's bones.
 
     Args:
-        names: Of anny's bones.
+        names: Names of anny's bones.
         weights: VxB, rows sum to 1.
     """
     folded = np.zeros((len(weights), len(BONES)))

@@ -299,7 +299,7 @@ def as_many_messages_of_one_camera(attacker: Attacker) -> None:
 
 @attack
 def invented_frames_of_one_camera(attacker: Attacker) -> None:
-    """Detections of one more camera whose frame has another name every time."""
+    """Detections of a further camera with a different frame name in each message."""
     for number in range(200):
         if number % 25 == 0:
             _, found = attacker.hear("detections/*")

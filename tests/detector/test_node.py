@@ -28,7 +28,7 @@ M = TypeVar("M", bound=Message)
 
 @dataclass
 class FixedModel:
-    """Finds the same people everywhere; fails on images that are white in the first pixel."""
+    """Finds the same people in all images; fails on images with a white first pixel."""
 
     people: list[DetectedPerson]
     name: str = "fixed"
@@ -66,7 +66,7 @@ def frame(sequence: int = 0, depth_mm: int = 2000, white: bool = False) -> RgbdF
     )
 
 
-# The methods of docs/method.md sections 2 and 6, which can be worked by hand.
+# The methods of docs/method.md sections 2 and 6, which can be computed manually.
 BY_HAND = {
     "position": "keypoints",
     "to_axis": "false",

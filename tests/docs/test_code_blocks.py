@@ -92,7 +92,7 @@ CONSUMERS = [block for block in PYTHON if ENDPOINT.search(block.code)]  # which 
 
 
 def program(block: Block) -> str:
-    """Return a block after those before it in its page."""
+    """Return a block, preceded by the earlier blocks of its page."""
     earlier = [b for b in PYTHON if b.page == block.page and b.line < block.line]
     return "\n".join(f"{b.setup}\n{b.code}" for b in [*earlier, block])
 

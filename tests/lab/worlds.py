@@ -16,7 +16,7 @@ BODY_RADIUS_M = 0.22
 
 @cache
 def world(name: str) -> World:
-    """Return the world of a scenario that ships."""
+    """Return the world of a shipped scenario."""
     return World(load_scenario(name))
 
 

@@ -133,7 +133,7 @@ def test_the_sheet_holds_all_tiles(count: int, rows: int, columns: int) -> None:
     # Head 60, panel 600; a tile takes 400 + 8 by 300 + 8 px, and 8 px more once.
     assert page.shape == (60 + 600 + (rows * 308 + 8) * (rows > 0), max(1440, columns * 408 + 8), 3)
     dark = np.count_nonzero(page.max(axis=2) == 0)
-    assert dark >= count * 300 * 400 * 0.9  # but for the captions
+    assert dark >= count * 300 * 400 * 0.9  # except the captions
 
 
 def test_tiles_of_two_cameras_need_not_be_alike() -> None:

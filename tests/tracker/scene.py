@@ -63,7 +63,7 @@ def with_pose(number: int, *people: Measurement) -> Observation:
 
 
 def published(**constants: Any) -> StrongSort3dConfig:
-    """StrongSORT-3D with the published constants and without the policies around it."""
+    """StrongSORT-3D with the published constants, without policies."""
     settings = [text.partition(".") for text in preset_settings("seg-strongsort")]
     overrides = [field for service, _, field in settings if service == "tracker"]
     tracker = load(TrackerConfig, "tracker", overrides=overrides, environment={})

@@ -59,8 +59,8 @@ def success(recording: ColourSequence, seed: int, fields: Mapping[str, Any]) -> 
 
     Args:
         recording: Images and ground truth.
-        seed: Of the filter.
-        fields: Of the configuration that are not the default.
+        seed: Seed of the filter.
+        fields: Settings other than the defaults.
     """
     layer = ColourLayer(ColourLayerConfig(**fields), seed)
     assert layer.start_person(0, recording.frames[0], recording.boxes_px[0])
@@ -76,7 +76,7 @@ def settings(counts: Sequence[int]) -> list[Fields]:
     """Return all configurations that the tables of success need.
 
     Args:
-        counts: Of particles, for Table 3.1.
+        counts: Numbers of particles for Table 3.1.
     """
     wanted = [{**kind, "particles": count} for kind in KINDS.values() for count in counts]
     wanted += [{**kind, "particles": 100} for kind in TWO.values()]
@@ -91,7 +91,7 @@ class ColourRuns:
     """Recordings and seeds of the runs of a scenario.
 
     Args:
-        scenario: Of all.
+        scenario: Scenario of all runs.
         seeds: One recording each.
         filters: Seeds of the filter, for every recording.
     """

@@ -45,7 +45,7 @@ class PointVariant:
 
     Args:
         name: For tables.
-        config: Of the cascade.
+        config: Configuration of the cascade.
         by_hand: Boxes are the true ones, and points are marked where they are first
             visible; else boxes are detected, and points start by themselves.
         keypoints: The detector's keypoints are given, too.
@@ -77,7 +77,7 @@ class PointResults:
         covariances_m2: NxKx5x3x3, of the points.
         errors_m: NxKx5, NaN where the estimate is lost or the truth occluded.
         surface_errors_m: NxKx5, the same to the visible surface.
-        visible: NxKx5, of the ground truth.
+        visible: NxKx5, visibility in the ground truth.
     """
 
     points_m: F64
@@ -98,9 +98,9 @@ def track_points(
 
     Args:
         recording: The recording.
-        variant: Of the method.
-        seed: Of the filters.
-        frames: Of the recording, if in memory.
+        variant: Variant of the method.
+        seed: Seed of the filters.
+        frames: Frames of the recording, if in memory.
     """
     cascade = Cascade(replace(variant.config, seed=seed), recording.info)
     people = recording.truth.boxes_px.shape[1]

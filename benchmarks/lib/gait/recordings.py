@@ -84,8 +84,8 @@ class GaitRecording:
     """One rendered recording with its ground truth and detections.
 
     Args:
-        scenario: Name of one that ships.
-        seed: Of light, textures, noise and small differences of motion.
+        scenario: Name of a shipped scenario.
+        seed: Seed of light, textures, noise and small differences of motion.
         folder: Cache of recordings and results.
     """
 

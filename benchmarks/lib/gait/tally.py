@@ -37,9 +37,9 @@ class Tally:
     cadence_off: list[float] = field(default_factory=list)  # errors in steady walking
     turns_cadence_off: list[float] = field(default_factory=list)  # errors from all true strides
     asymmetry_off: list[float] = field(default_factory=list)
-    limps: int = 0  # true asymmetries of 8 % or more
-    limps_found: int = 0  # with their side
-    limps_invented: int = 0  # without a true limp, or at the wrong side
+    limps: int = 0  # number of true asymmetries of 8 % or more
+    limps_found: int = 0  # number of true limps with the correct side
+    limps_invented: int = 0  # number of limps without a true one, or at the wrong side
     live: list[bool] = field(default_factory=list)  # measures in frames after three steps
 
     def add(self, other: "Tally") -> None:

@@ -90,10 +90,10 @@ def play(
 
     Args:
         camera: Settings of the camera.
-        frames: Frames to measure, after those for warming up.
+        frames: Number of measured frames, after the warm-up.
         model: Settings of the detector.
-        one: Its processes and cores.
-        cameras: Number of such cameras.
+        one: Processes and cores of the system.
+        cameras: Number of cameras.
 
     Raises:
         TimeoutError: The system stopped, or did not start.

@@ -52,7 +52,7 @@ def write_mcap(
     profile: str = "people4d",
     compression: CompressionType = CompressionType.NONE,
 ) -> Path:
-    """A file as other MCAP tools write it: in chunks."""
+    """A file in the form of other MCAP tools: in chunks."""
     with path.open("wb") as file:
         writer = Writer(file, compression=compression, chunk_size=200)
         writer.start(profile, "another tool")

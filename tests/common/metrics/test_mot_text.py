@@ -1,4 +1,4 @@
-"""Text files of the MOT-Challenge, good and bad."""
+"""Text files of the MOT-Challenge, valid and invalid."""
 
 from pathlib import Path
 

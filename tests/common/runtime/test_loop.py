@@ -312,7 +312,7 @@ def test_received_messages_are_answered_after_a_stop(network: Network, workers: 
     with running(network, Echo(lambda _: first.set()), workers) as run:
         run.send(*map(detections, range(60)))
         assert first.wait(WAIT_S)
-        run.loop.stop()  # in the midst of them
+        run.loop.stop()  # during the messages
         counters = run.watcher.wait(Health, lambda h: h.state == "stopping").counters
         assert counters["received_detections"] == counters["sent_people"] > 0
         assert run.tracks(counters["sent_people"]) == list(range(counters["sent_people"]))

@@ -64,7 +64,7 @@ def open_page(browser: Browser, stack: Stack) -> Iterator[Open]:
 
 @pytest.fixture(scope="package")
 def shared_page(browser: Browser, stack: Stack) -> Iterator[Page]:
-    """A page that is opened once."""
+    """A page opened once for all tests."""
     with pages(browser, stack) as open_page:
         yield open_page()
 

@@ -36,7 +36,7 @@ SLOWLY = ("--rate", "0.4", "--hold", "1")
 
 @pytest.fixture(scope="module")
 def environment() -> Iterator[Mapping[str, str]]:
-    """A router of its own, on a free port, and the environment in which others find it."""
+    """A separate router on a free port, and the environment for its clients."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         endpoint = f"tcp/127.0.0.1:{free.getsockname()[1]}"

@@ -13,7 +13,7 @@ from services.gait.points.point_filter import PointFilter
 from tests.gait.builders import INFO
 from tests.gait.points.test_body import arm
 
-HAND = 20  # a vertex, 9 cm before the end of the arm
+HAND = 20  # index of a vertex 9 cm before the end of the arm
 
 
 def hand_on(body: MeasuredBody) -> PointFilter:

@@ -17,7 +17,7 @@ from tests.gait.points.test_body import arm
 
 UP = np.array([0.0, -1.0, 0.0])
 AHEAD = np.array([1.0, 0.0, 0.0])
-WRIST = 12  # a vertex, and one of the forearm 15 cm before it
+WRIST = 12  # index of a vertex; a vertex of the forearm is 15 cm before it
 FOREARM = 7
 
 
