@@ -17,6 +17,9 @@ MAX_CHUNKS = 65536  # maximum number of chunks of a PNG
 MAX_PACKED = 4  # maximum number of packed texts and profiles of a PNG, which unpack to 8 MB each
 
 JPEG, PNG = b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n"
+TIFF = (b"II*\0", b"MM\0*")
+TIFF_WIDTH, TIFF_HEIGHT, TIFF_TILE_WIDTH = 256, 257, 322  # tags
+TIFF_SHORT = 3  # type of a tag of 16 bits; others have 32
 PACKED = (b"zTXt", b"iTXt", b"iCCP")
 PNM = re.compile(rb"P[56](?:\s|#[^\n]{0,200}\n){1,8}(\d{1,6})\s(?:\s|#[^\n]{0,200}\n)?(\d{1,6})\s")
 
@@ -24,7 +27,7 @@ _CHUNK = struct.Struct(">I4s")
 
 
 def image_size(data: bytes, name: str = "image") -> tuple[int, int]:
-    """Return width and height of an untrusted JPEG, PNG, BMP, PGM or PPM file, or DecodeError."""
+    """Return width and height of an untrusted JPEG, PNG, TIFF, BMP, PGM or PPM, or DecodeError."""
     try:
         width, height = _size(data)
     except ValueError as error:
@@ -42,7 +45,7 @@ def _size(data: bytes) -> tuple[int, int]:
     for begin, read in READERS.items():
         if data.startswith(begin):
             return read(data)
-    raise ValueError("expected JPEG, PNG, BMP, PGM or PPM, got another file or a corrupt one")
+    raise ValueError("expected JPEG, PNG, TIFF, BMP, PGM or PPM, got another file or a corrupt one")
 
 
 def _jpeg(data: bytes) -> tuple[int, int]:
@@ -84,6 +87,26 @@ def _png(data: bytes) -> tuple[int, int]:
     return width, height
 
 
+def _tiff(data: bytes) -> tuple[int, int]:
+    """Read the first directory of a TIFF."""
+    order = "<" if data.startswith(b"II") else ">"
+    try:
+        (start,) = struct.unpack_from(f"{order}I", data, 4)
+        (count,) = struct.unpack_from(f"{order}H", data, start)
+        entries = [
+            struct.unpack_from(f"{order}HH4x4s", data, start + 2 + 12 * k) for k in range(count)
+        ]
+    except struct.error:
+        raise ValueError("expected a TIFF, got a truncated one") from None
+    sizes = {
+        tag: struct.unpack_from(f"{order}{'H' if kind == TIFF_SHORT else 'I'}", value)[0]
+        for tag, kind, value in entries
+    }
+    if TIFF_TILE_WIDTH in sizes:  # a decoder would allocate a tile of any size
+        raise ValueError("expected a TIFF in strips, got one in tiles")
+    return sizes.get(TIFF_WIDTH, 0), sizes.get(TIFF_HEIGHT, 0)
+
+
 def _bmp(data: bytes) -> tuple[int, int]:
     if len(data) < 26:
         raise ValueError("expected a BMP, got a truncated one")
@@ -101,4 +124,11 @@ def _pnm(data: bytes) -> tuple[int, int]:
     return int(found[1]), int(found[2])
 
 
-READERS = {JPEG: _jpeg, PNG: _png, b"BM": _bmp, b"P5": _pnm, b"P6": _pnm}
+READERS = {
+    JPEG: _jpeg,
+    PNG: _png,
+    **dict.fromkeys(TIFF, _tiff),
+    b"BM": _bmp,
+    b"P5": _pnm,
+    b"P6": _pnm,
+}

@@ -118,6 +118,10 @@ def _ros_seeds(_: Path) -> Sequence[bytes]:
             "sensor_msgs/msg/CompressedImage",
             ros.compressed(compressed_depth(depth_mm(), 1.0, 2.0), "32FC1; compressedDepth png"),
         ),
+        (
+            "sensor_msgs/msg/CompressedImage",
+            ros.compressed(bytes(12) + b'\3\0\0\0\2\0\0\0\0"\xa1"', "16UC1; compressedDepth rvl"),
+        ),
         ("sensor_msgs/msg/CameraInfo", ros.camera_info(distortion=(0.1, 0, 0, 0, 0))),
         ("nav_msgs/msg/Odometry", ros.odometry(1.0, 2.0, 3.0, 5)),
         ("tf2_msgs/msg/TFMessage", ros.transform("map", "base", (1, 2, 3), (0, 0, 0, 1))),

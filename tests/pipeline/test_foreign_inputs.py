@@ -37,8 +37,10 @@ PLAYED = {
     "binning-and-roi/roi": MAP,
     "camera-upside-down/bag": MAP,
     "depth-as-tiff-or-npy/npy": CAMERA,
+    "depth-as-tiff-or-npy/tiff": CAMERA,
     "exif-orientation-180/walk": CAMERA,
     "first-depth-image-of-another-size/bag": MAP,
+    "kinect2-tiff-depth/kinect2.bag": MAP,
     "librealsense-sdk-bag/sdk.bag": CAMERA,
     "md5sum-star/relay.bag": MAP,
     "names-are-times/walk": CAMERA,
@@ -53,9 +55,7 @@ PLAYED = {
     "two-odometry-topics/bag": ODOM,
 }
 REFUSED = {
-    "depth-as-tiff-or-npy/tiff": "tiff is of a kind that is not read",
     "depth-smaller-than-colour/walk": "depth is 256x192, colour 640x480",
-    "kinect2-tiff-depth/kinect2.bag": "TIFF, RVL and JPEG are not read",
     "mcap-of-ros1/walk.mcap": "MCAP file of ROS 1",
     "mot-class-and-visibility/gt.txt": "class and visibility",
     "recorder-killed-wal/bag/bag.db3": "bag.db3-wal holds messages",

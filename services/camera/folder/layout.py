@@ -14,7 +14,7 @@ from people4d.errors import SourceError
 from people4d.messages import F64, Odometry
 from services.camera.folder.pairing import Pairing
 
-IMAGES = {".jpg", ".jpeg", ".png", ".bmp", ".ppm", ".pgm"}
+IMAGES = {".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".ppm", ".pgm"}
 DEPTHS = IMAGES | {".mat", ".npy"}
 COLOUR_FOLDERS = ("rgb", "color", "colour", "image", "images")
 LAYOUTS = (
@@ -22,7 +22,7 @@ LAYOUTS = (
     *(("*color*", "*depth*"), ("*rgb*", "*depth*"), ("*", "*.mat")),
 )
 # Unsupported formats of images, depth and videos
-UNREAD = {".tif", ".tiff", ".exr", ".pfm", ".raw", ".bin", ".depth", ".npz", ".webp", ".heic"}
+UNREAD = {".exr", ".pfm", ".raw", ".bin", ".depth", ".npz", ".webp", ".heic"}
 UNREAD |= {".mp4", ".mov", ".avi", ".mkv", ".svo", ".svo2", ".oni"}
 # Times as names: seconds with a fraction, or whole milli-, micro- or nanoseconds since 1970.
 SECONDS = re.compile(r"(?:.*\D)?([1-9]\d{8,9})[._](\d{6}|\d{9})|(\d+)\.(\d+)")

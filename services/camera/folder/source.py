@@ -56,7 +56,7 @@ class FolderOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     track: str = ""  # NPZ with times `t` [s] and `odom`; empty: gt.npz in the folder
     # [s] maximum time difference of pairs from lists, as in TUM's tools
     sync_slop_s: NonNegative = 0.02
-    depth_scale: NonNegative = 0.0  # depth units per metre; 0: 5000 with TUM's lists, else 1000
+    depth_scale: NonNegative = 0.0  # depth units per metre; 0: 1000, of lists 5000, of float 1
     calibration: str = ""  # calibration file; empty: one of the usual names in the folder
     # [px] u, v, see Registration; None: as in the calibration file
     depth_offset_px: tuple[float, float] | None = None
@@ -131,12 +131,14 @@ class FolderSource(Source):
 
     def _read(self, pair: ImagePair) -> tuple[U8, U16]:
         rgb, depth = _read_image(pair.colour, cv2.IMREAD_COLOR_RGB), _read_image(pair.depth)
-        if depth.ndim != 2 or depth.dtype != np.uint16:
+        if depth.ndim != 2 or depth.dtype not in (np.uint16, np.float32):
             raise SourceError(
                 f"{pair.depth}: expected 16 bits grey, got {depth.dtype} of shape {depth.shape}",
-                "Write depth as whole millimetres: uint16, one channel, without losses.",
+                "Write depth as uint16 in millimetres or float32 in metres, one channel.",
             )
-        if self._units_per_m != 1000:
+        if depth.dtype == np.float32:
+            depth = millimetres(depth / np.float32(self._options.depth_scale or 1.0))
+        elif self._units_per_m != 1000:
             depth = millimetres(depth / np.float32(self._units_per_m))
         return np.asarray(rgb, np.uint8), np.asarray(depth)
 

@@ -7,7 +7,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from common.io.image_header import PNG, TIFF
 from common.io.images import decode_image
+from common.io.rvl import decode_rvl
 from people4d.errors import DecodeError
 from people4d.messages import U8, U16
 from people4d.messages.base import MAX_PIXELS
@@ -29,8 +31,8 @@ COLOURS: dict[str, tuple[str, int, int | None]] = {
 }
 DEPTHS = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 COMPRESSED_DEPTH_HEADER = struct.Struct("<iff")  # format, two parameters of the quantisation
-PNG = b"\x89PNG\r\n\x1a\n"
 PNG_HEADER_BYTES = 26  # [bytes] length of a PNG's header up to its bit depth and colour type
+LOSSLESS = (PNG, *TIFF)
 GREY16 = b"\x10\x00"  # 16 bits, grey
 
 
@@ -101,27 +103,24 @@ def _pixels(message: Any, kind: np.dtype[Any], channels: int) -> npt.NDArray[Any
 
 
 def _compressed_depth(layout: str, data: bytes) -> U16:
-    """Decode PNG depth, with or without the header of compressed_depth_image_transport."""
-    if data.startswith(PNG):
-        return _png16(data)
-    size = COMPRESSED_DEPTH_HEADER.size
-    if "compressedDepth" not in layout or not data[size:].startswith(PNG):
+    """Decode PNG, TIFF or RVL, after the header of compressed_depth_image_transport if present."""
+    size = 0 if data.startswith(LOSSLESS) else COMPRESSED_DEPTH_HEADER.size
+    if data[size:].startswith(LOSSLESS):
+        depth = decode_image(data[size:], cv2.IMREAD_UNCHANGED)
+    elif "rvl" in layout:
+        depth = decode_rvl(data[size:])
+    else:
         raise DecodeError(
-            f"depth image: expected PNG, got {layout!r:.60}",
-            "TIFF, RVL and JPEG are not read: record depth raw or as PNG (kinect2_bridge: "
-            "_use_png:=true), or write it as PNG with a node of ROS.",
+            f"depth image: expected PNG, TIFF or RVL, got {layout!r:.60}",
+            "Record depth raw or as PNG: JPEG loses depth.",
         )
-    quantised = _png16(data[size:])
-    if not layout.startswith("32FC1"):
-        return quantised
-    _, a, b = COMPRESSED_DEPTH_HEADER.unpack(data[:size])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        depth_m = np.float32(a) / (quantised.astype(np.float32) - np.float32(b))
-    return millimetres(np.where(quantised == 0, np.float32(np.nan), depth_m))
-
-
-def _png16(data: bytes) -> U16:
-    depth = decode_image(data, cv2.IMREAD_UNCHANGED)
+    if depth.ndim == 2 and depth.dtype == np.float32:
+        return millimetres(depth)
     if depth.dtype != np.uint16 or depth.ndim != 2:
         raise DecodeError(f"depth image: expected 16 bits grey, got {depth.dtype} {depth.shape}")
-    return np.asarray(depth, np.uint16)
+    if not (size and layout.startswith("32FC1")):
+        return np.asarray(depth, np.uint16)
+    _, a, b = COMPRESSED_DEPTH_HEADER.unpack(data[:size])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depth_m = np.float32(a) / (depth.astype(np.float32) - np.float32(b))
+    return millimetres(np.where(depth == 0, np.float32(np.nan), depth_m))

@@ -1,6 +1,7 @@
 """Encodings of sensor_msgs images."""
 
 import dataclasses
+import struct
 from typing import Any
 
 import cv2
@@ -86,6 +87,44 @@ def test_compressed_depth_in_metres_is_quantised_inversely() -> None:
     assert found.tolist() == [[0, 2000, 4000]]
 
 
+@pytest.mark.parametrize("depth", [np.uint16(1234), np.float32(1.234)])
+def test_compressed_depth_as_tiff(depth: np.generic) -> None:
+    _, tiff = cv2.imencode(".tif", np.full((2, 3), depth))
+    found = depth_image(ROS.compressed(tiff.tobytes(), "16UC1; tiff compressed"))
+    assert found.tolist() == [[1234] * 3] * 2
+
+
+# Two zeros, two numbers (5, then 1 more: folded 10 and 2), two zeros, no number; three bits in each
+# nibble, lowest first, 8: one more nibble; the highest nibble of a word of 32 bits comes first.
+RVL = struct.pack("<iiI", 3, 2, 0x22A12200)
+
+
+def test_compressed_depth_as_rvl() -> None:
+    found = depth_image(ROS.compressed(bytes(12) + RVL, "16UC1; compressedDepth rvl"))
+    assert found.tolist() == [[0, 0, 5], [6, 0, 0]]
+    # 1000 / (5 + 15) = 50 m, 1000 / (6 + 15) = 47.619 m
+    header = struct.pack("<iff", 0, 1000.0, -15.0)
+    found = depth_image(ROS.compressed(header + RVL, "32FC1; compressedDepth rvl"))
+    assert found.tolist() == [[0, 0, 50000], [47619, 0, 0]]
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"", "expected a size in 8 bytes, got 0"),
+        (struct.pack("<ii", -3, -2) + RVL[8:], "got -3x-2"),
+        (struct.pack("<ii", 2**30, 2**30), "got 1073741824x1073741824"),
+        (RVL[:8], "a corrupt image"),
+        (struct.pack("<ii", 3, 1) + RVL[8:], "a corrupt image"),  # more pixels than its size
+        (struct.pack("<ii", 9, 9) + RVL[8:], "a corrupt image"),  # fewer
+        (RVL[:8] + b"\xff" * 8, "a corrupt image"),  # a number without end
+    ],
+)
+def test_corrupt_rvl_is_refused(data: bytes, message: str) -> None:
+    with pytest.raises(DecodeError, match=message):
+        depth_image(ROS.compressed(bytes(12) + data, "16UC1; compressedDepth rvl"))
+
+
 def cut(message: Any) -> Any:
     return dataclasses.replace(message, data=message.data[:-1])
 
@@ -102,8 +141,8 @@ def test_bad_images_are_refused_with_expected_and_got() -> None:
     for data in (b"", b"\xff\xd8\xff junk", b"\x89PNG\r\n\x1a\n"):
         with pytest.raises(DecodeError, match="corrupt"):
             colour_image(ROS.compressed(data, "jpeg"))
-    with pytest.raises(DecodeError, match="RVL and JPEG are not read"):
-        depth_image(ROS.compressed(b"0123456789ab0000", "16UC1; compressedDepth rvl"))
+    with pytest.raises(DecodeError, match="expected PNG, TIFF or RVL, got 'jpeg'"):
+        depth_image(ROS.compressed(b"\xff\xd8\xff junk", "jpeg"))
     _, png = cv2.imencode(".png", rgb())
     with pytest.raises(DecodeError, match="expected 16 bits grey"):
         depth_image(ROS.compressed(png.tobytes(), "16UC1; png"))

@@ -89,17 +89,6 @@ def test_compressed_depth_is_known_by_its_bytes(tmp_path: Path) -> None:
     assert opened(tmp_path, entries).topics.depth == "/tof/image/compressed"
 
 
-def test_depth_as_tiff_is_refused_with_a_remedy(tmp_path: Path) -> None:
-    ros = Ros(1)
-    tiff = cv2.imencode(".tif", depth_mm())[1].tobytes()
-    entries = [entry for entry in frames(ros) if entry[0] != DEPTH]
-    message = ros.compressed(tiff, "16UC1; tiff compressed", S)
-    topic = "/kinect2/qhd/image_depth_rect/compressed"
-    entries.append((topic, S, message))
-    with pytest.raises(SourceError, match="TIFF, RVL and JPEG are not read"):
-        opened(tmp_path, entries, version=1)
-
-
 def test_first_image_of_another_size_is_left_to_the_size_check(tmp_path: Path) -> None:
     # realsense2_camera sends unaligned images on the aligned topic now and then.
     ros = Ros(2)

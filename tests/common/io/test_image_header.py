@@ -28,7 +28,13 @@ def with_chunks(*chunks: bytes) -> bytes:
     return png[:33] + b"".join(chunks) + png[33:]
 
 
-@pytest.mark.parametrize("ending", [".jpg", ".png", ".bmp", ".ppm", ".pgm"])
+def tiff(*entries: tuple[int, int, int]) -> bytes:
+    """Return the head of a TIFF, highest byte first, with entries of tag, type and value."""
+    body = b"".join(struct.pack(">HHII", tag, kind, 1, value) for tag, kind, value in entries)
+    return b"MM\0*" + struct.pack(">IH", 8, len(entries)) + body
+
+
+@pytest.mark.parametrize("ending", [".jpg", ".png", ".tif", ".bmp", ".ppm", ".pgm"])
 def test_sizes_are_those_of_the_decoder(ending: str) -> None:
     data = encoded(ending, grey=ending == ".pgm")
     assert image_size(data) == (11, 6)
@@ -48,7 +54,10 @@ def test_progressive_and_commented_images_are_accepted() -> None:
     [
         (b"", "expected JPEG, PNG"),
         (b"GIF89a" + bytes(100), "expected JPEG, PNG"),
-        (b"II*\0" + bytes(100), "expected JPEG, PNG"),
+        (b"II*\0" + bytes(100), "a truncated one"),
+        (b"II*\0\xff\xff\xff\xff" + bytes(100), "a truncated one"),
+        (tiff((256, 4, 50_000), (257, 4, 50_000)), "got 50000x50000"),
+        (tiff((256, 4, 9), (257, 4, 9), (322, 4, 9)), "got one in tiles"),
         (b"P6 99999 99999 255\n", "got 99999x99999"),
         (b"P5" + b"#\n" * 10_000, "got a corrupt one"),
         (b"BM" + bytes(12) + struct.pack("<Iii", 40, 50_000, -50_000), "got 50000x50000"),
