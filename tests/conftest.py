@@ -11,6 +11,7 @@ from tests import SHARED
 from tests.network import Network
 
 RERUNS = 2
+NAME_MAX = 100  # maximum length of a value in the name of a test
 SLOWER = ("processes", "network", "render", "slow")  # marks of tests whose files come first
 # Tests that depend on the scheduler of the kernel, which may stop any process of a busy host for
 # seconds: only these are repeated. The reason names what they measure or wait for.
@@ -74,3 +75,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.xdist_group(item.location[0]))
         if item.nodeid.startswith(tuple(SCHEDULED)):
             item.add_marker(pytest.mark.flaky(reruns=RERUNS, reruns_delay=1))
+
+
+def pytest_make_parametrize_id(val: object, argname: str) -> str | None:
+    """Name long values by their argument: every worker holds and sends the names of all tests."""
+    return argname if isinstance(val, str | bytes) and len(val) > NAME_MAX else None
