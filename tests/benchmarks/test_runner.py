@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from benchmarks.__main__ import GROUPS
+from benchmarks.__main__ import GROUPS, run_group
 from tests import ROOT
 
 NAMES = [name for group in GROUPS.values() for name in group]
@@ -35,3 +35,12 @@ def test_unknown_name_lists_all_and_fails() -> None:
     assert done.returncode == 1
     assert "Usage: python -m benchmarks NAME" in done.stderr
     assert all(name in done.stdout for name in NAMES)
+
+
+def test_group_runs_all_its_benchmarks_and_names_those_that_failed(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setitem(GROUPS, "pair", {"unknown": "", "own_work": ""})
+    assert run_group("pair", ["--help"]) == "failed: unknown"
+    assert "own_work, 2 of 2" in capsys.readouterr().out
