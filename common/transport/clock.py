@@ -41,10 +41,10 @@ class TimeExchange:
     Source: docs/method.md section 24 [Mills 2010]: offset and round-trip delay.
     """
 
-    query_sent_ns: int  # own clock
+    query_sent_ns: int  # [ns] own clock
     query_received_ns: int  # the other's clock
     reply_sent_ns: int  # the other's clock
-    reply_received_ns: int  # own clock
+    reply_received_ns: int  # [ns] own clock
 
     @property
     def offset_ns(self) -> float:
@@ -101,8 +101,8 @@ class TimeReply(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Reply of the reference."""
 
     clock: str  # identity of the clock, see clock_id
-    query_received_ns: int  # [ns] its clock
-    reply_sent_ns: int  # [ns] its clock
+    query_received_ns: int  # [ns] time of reception on its clock
+    reply_sent_ns: int  # [ns] time of sending on its clock
 
 
 class QuerySender(Protocol):

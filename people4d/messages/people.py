@@ -41,8 +41,8 @@ class Mask(Record, frozen=True, kw_only=True):
 
     x_px: Index  # [px] left edge of the window
     y_px: Index  # [px] top edge of the window
-    width: ImageSide  # [px] of the window
-    height: ImageSide  # [px] of the window
+    width: ImageSide  # [px] width of the window
+    height: ImageSide  # [px] height of the window
     bits: bytes  # row-major, 1 bit a pixel, highest bit first, padded with 0 at the end
 
     def __post_init__(self) -> None:
@@ -139,8 +139,8 @@ class Detections(Message, frozen=True, kw_only=True):
     camera: Name  # name of the camera
     frame_id: Name  # optical frame of positions
     model: Text  # name of the detection model
-    width: ImageSide  # [px] of the image
-    height: ImageSide  # [px] of the image
+    width: ImageSide  # [px] width of the image
+    height: ImageSide  # [px] height of the image
     # in no particular order; other messages refer to them by index
     detections: Annotated[tuple[Detection, ...], Meta(max_length=DETECTIONS_MAX)] = ()
     detector: Text = ""  # instance of the detector; empty: unknown
@@ -276,8 +276,8 @@ class ImageTracks(Message, frozen=True, kw_only=True):
 
     camera: Name  # name of the camera
     tracker: Text  # name of the tracking method
-    width: ImageSide  # [px] of the image
-    height: ImageSide  # [px] of the image
+    width: ImageSide  # [px] width of the image
+    height: ImageSide  # [px] height of the image
     tracks: tuple[ImageTrack, ...] = ()  # confirmed and lost, and tentative ones if configured
 
 
