@@ -18,7 +18,7 @@ def test_the_period_is_what_a_looping_camera_adds_to_its_stamps() -> None:
 
 @pytest.mark.slow
 def test_the_period_is_that_of_the_frames_played() -> None:
-    source = open_source(str(DEMO))
+    source = open_source(str(DEMO), options={"depth_sensor": "off"})
     frames = (
         item for item in play(source, CameraConfig(loop=True)) if isinstance(item, SourceFrame)
     )

@@ -136,7 +136,7 @@ def test_thesis_scenarios_are_a_minute_in_its_room(name: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", THESIS)
 def test_people_of_thesis_scenarios_leave_the_view_and_return(name: str) -> None:
-    in_view = watch(world(name), 0.1).in_view
+    in_view = watch(world(name), 0.2).in_view
     steps = np.diff(in_view.astype(int), axis=0)
     assert np.count_nonzero(steps < 0) >= 3
     assert np.count_nonzero(steps > 0) >= 3
@@ -145,7 +145,7 @@ def test_people_of_thesis_scenarios_leave_the_view_and_return(name: str) -> None
 
 @pytest.mark.slow
 def test_thesis_scenarios_rise_in_occlusion() -> None:
-    watches = [watch(world(name), 0.1) for name in THESIS]
+    watches = [watch(world(name), 0.2) for name in THESIS]
     shares = [watched.hidden[watched.in_view].mean() for watched in watches]
     assert shares[0] < 0.01
     assert all(more > less + 0.01 for less, more in pairwise(shares)), shares

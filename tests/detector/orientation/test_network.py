@@ -131,7 +131,7 @@ def test_the_shipped_network_sees_where_people_of_the_lab_face() -> None:
     shipped = load_network(DetectorConfig())
     assert shipped is not None
     errors = list[float]()
-    for rendered in render([("four_crossing", 5, range(60, 460, 57))]):
+    for rendered in render([("four_crossing", 5, range(60, 460, 100))]):
         image = DepthImage(rendered.frame.depth_mm, rendered.info)
         for person, position_m in zip(rendered.people, rendered.positions_m, strict=True):
             points = np.zeros((1, 17, 3), np.float32)

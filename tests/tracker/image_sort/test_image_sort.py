@@ -130,7 +130,7 @@ settled = pytest.mark.parametrize("config", SETTINGS)
 
 
 @settled
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(seed=st.integers(0, 10_000))
 def test_order_of_detections_changes_only_new_identities(
     config: ImageSortConfig, seed: int
