@@ -26,6 +26,7 @@ MAX_ITEMS = 4096
 MAX_TEXT = 65536  # maximum length of a text [bytes]
 MAX_CONTAINERS = 65536
 MAX_AXES = 4
+ARRAY_KEYS = {"dtype", "shape", "data"}
 
 MESSAGES: dict[str, type[Message]] = {topic.message.__name__: topic.message for topic in TOPICS}
 _prepared = threading.Event()  # set once msgspec has examined every type
@@ -151,7 +152,7 @@ def _annotated_type(kind: Any) -> tuple[str, np.dtype[Any]]:
 
 def _map_to_array(kind: Any, value: Any) -> npt.NDArray[Any]:
     name, on_wire = _annotated_type(kind)
-    if not isinstance(value, dict) or value.keys() != {"dtype", "shape", "data"}:
+    if not isinstance(value, dict) or value.keys() != ARRAY_KEYS:
         raise ValueError(f"expected an array (dtype, shape, data), got {type(value).__name__}")
     shape, data = value["shape"], value["data"]
     if value["dtype"] != name:
@@ -168,4 +169,4 @@ def _map_to_array(kind: Any, value: Any) -> npt.NDArray[Any]:
         size *= n
     if len(data) != size:
         raise ValueError(f"expected {size} bytes for shape {shape}, got {len(data)}")
-    return np.frombuffer(data, on_wire).reshape(shape)
+    return np.ndarray(shape, on_wire, data)

@@ -14,7 +14,10 @@ from typing import Annotated, Any, NamedTuple, Union, get_args, get_origin, get_
 import msgspec
 import numpy as np
 
+FEW = 16  # maximum size of an array whose length is faster from numbers
 INFINITE = object()  # annotation of a float that may be infinite, but not NaN
+
+Passes = Callable[[Any], bool]
 
 SIGNS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
 
@@ -34,7 +37,7 @@ class Rule(NamedTuple):
     """
 
     expected: str
-    passes: Callable[[Any], bool]
+    passes: Passes
     describe: Callable[[Any], str] = describe
 
     def error(self, field: str, value: Any) -> ValueError:
@@ -69,7 +72,7 @@ class Magnitude:
 
     def __init__(self, maximum: float) -> None:
         self.maximum = maximum
-        self._small = 0.5 * maximum**2
+        self._safe = 0.99 * maximum
 
     def __str__(self) -> str:
         return f"+-{self.maximum:g}"
@@ -81,9 +84,12 @@ class Magnitude:
         )
 
     def _passes(self, array: Any) -> bool:
-        # The sum of squares takes a third of the time and decides nearly always. NaN compares as
-        # false; squares of integers would wrap around.
-        if array.dtype.kind == "f" and np.vdot(array, array) < self._small:
+        # The length takes a seventh of the time and decides nearly always. NaN compares as false;
+        # squares of integers would wrap around.
+        if array.size <= FEW:
+            if math.hypot(*array.ravel().tolist()) < self._safe:
+                return True
+        elif array.dtype.kind == "f" and np.vdot(array, array) < self._safe**2:
             return True
         return not array.size or bool(np.abs(array).max() <= self.maximum)
 
@@ -111,12 +117,10 @@ def check(record: msgspec.Struct) -> None:
         ValueError: A number is out of range, NaN or infinite, an array has another shape, or a text
             is not of the annotated form.
     """
-    for name, rules in field_rules(type(record)):
+    for name, passes, rule in field_rules(type(record)):
         value = getattr(record, name)
-        if value is not None:
-            for rule in rules:
-                if not rule.passes(value):
-                    raise rule.error(name, value)
+        if value is not None and not passes(value):
+            raise rule.error(name, value)
 
 
 def require(field: str, value: Any, rule: Rule) -> None:
@@ -130,11 +134,14 @@ def require(field: str, value: Any, rule: Rule) -> None:
 
 
 @cache
-def field_rules(record: type[msgspec.Struct]) -> tuple[tuple[str, tuple[Rule, ...]], ...]:
-    """Return name and rules of each field of a record type that has rules."""
+def field_rules(record: type[msgspec.Struct]) -> tuple[tuple[str, Passes, Rule], ...]:
+    """Return the name, the condition and the rule for each rule of a record type's fields."""
     hints = get_type_hints(record, include_extras=True)
-    rules = ((name, tuple(_rules(hints[name]))) for name in record.__struct_fields__)
-    return tuple((name, found) for name, found in rules if found)
+    return tuple(
+        (name, rule.passes, rule)
+        for name in record.__struct_fields__
+        for rule in _rules(hints[name])
+    )
 
 
 def explain(error: Exception, values: Any, root: str) -> str:
