@@ -22,9 +22,9 @@ LIMBS = ([5, 6, 7, 8, 9, 10], [11, 12, 13, 14, 15, 16])  # arms, legs: pairs exc
 class Bones:
     """Bones without a common joint."""
 
-    first: tuple[int, ...]  # first joint of each bone
-    second: tuple[int, ...]  # second joint of each bone
-    kind: tuple[int, ...]  # row of BONE_LENGTHS_M, common to left and right
+    first: list[int]  # first joint of each bone
+    second: list[int]  # second joint of each bone
+    kind: list[int]  # row of BONE_LENGTHS_M, common to left and right
 
 
 # Shoulders, hips, torso, upper arm, forearm, thigh, shank; head: nose to eye, eyes, eye to ear,
@@ -33,17 +33,15 @@ BONE_LENGTHS_M: F64 = np.array([0.33, 0.19, 0.50, 0.28, 0.25, 0.40, 0.40, 0.05, 
 BONE_SIGMA = 0.08  # relative standard deviation of the length between people
 
 _TORSO_BONES = (
-    Bones((5, 11), (6, 12), (0, 1)),
-    Bones((5, 6), (11, 12), (2, 2)),
-    Bones((0, 3), (1, 4), (7, 10)),
-    Bones((0, 1), (2, 3), (7, 9)),
-    Bones((1, 2), (2, 4), (8, 9)),
+    Bones([5, 11, 0, 3], [6, 12, 1, 4], [0, 1, 7, 10]),
+    Bones([5, 6, 0, 1], [11, 12, 2, 3], [2, 2, 7, 9]),
+    Bones([1, 2], [2, 4], [8, 9]),
 )
 # Bones between the joints of a level, and to the joints of the level before
 BONES: tuple[tuple[Bones, ...], ...] = (
     _TORSO_BONES,
-    (Bones((5, 6, 11, 12), (7, 8, 13, 14), (3, 3, 5, 5)),),
-    (Bones((7, 8, 13, 14), (9, 10, 15, 16), (4, 4, 6, 6)),),
+    (Bones([5, 6, 11, 12], [7, 8, 13, 14], [3, 3, 5, 5]),),
+    (Bones([7, 8, 13, 14], [9, 10, 15, 16], [4, 4, 6, 6]),),
 )
 
 # Positions forward, left and up from the centre of the torso [m]; right joints mirror left joints

@@ -63,7 +63,7 @@ def update_points(
 
 def update_bones(states: JointStates, bones: Bones, lengths_m: F64, sigma_m: F64) -> None:
     """Update joints in place by lengths of bones (NxK, by kind) with standard deviations."""
-    first, second, kind = list(bones.first), list(bones.second), list(bones.kind)
+    first, second, kind = bones.first, bones.second, bones.kind
     apart_m = states.mean[:, first, :3] - states.mean[:, second, :3]
     distance_m = np.maximum(np.linalg.norm(apart_m, axis=-1), 1e-3)
     unit = (apart_m / distance_m[..., None])[..., None]

@@ -5,7 +5,6 @@ it; its keypoint then gives a direction only. Bones, with lengths learned for ea
 usual pose constrain the other joints (docs/method.md section 26).
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -39,6 +38,10 @@ from services.skeleton.observation import JointObservation
 
 Flags = npt.NDArray[np.bool_]
 ALL_BONES = tuple(bones for level in BONES for bones in level)
+FIRST, SECOND, KIND = (
+    [number for bones in ALL_BONES for number in getattr(bones, part)]
+    for part in ("first", "second", "kind")
+)
 SHAPES_MAX = 1000  # maximum number of stored body shapes
 AWAY_MAX_M = 0.6  # maximum distance of a torso from its track; beyond, the skeleton restarts [m]
 CONFIDENT = 0.5  # confidence above which the noise of a keypoint is constant
@@ -190,7 +193,7 @@ class SkeletonTracker:
         """Return squared distances of expected joints from rays, in variances, Nx17."""
         along = np.einsum("nji,nji->nj", to_m, rays)
         across = to_m - along[..., None] * rays
-        spread = np.trace(states.position_m2, axis1=-2, axis2=-1) / 3
+        spread = np.einsum("njii->nj", states.position_m2) / 3
         found = (across**2).sum(axis=-1) / (spread + HIDDEN_ACROSS_M**2)
         return np.where(confidence > 0, np.minimum(found, MISFIT_MAX), 0.0)
 
@@ -215,7 +218,7 @@ class SkeletonTracker:
         # Outliers across the line of sight have a lower weight.
         off_m = points_m - states.mean[:, joints, :3]
         off_m -= np.einsum("nji,nji->nj", off_m, rays)[..., None] * rays
-        spread_m2 = (np.trace(position_m2, axis1=-2, axis2=-1) - along_m2) / 2 + across_m**2
+        spread_m2 = (np.einsum("njii->nj", position_m2) - along_m2) / 2 + across_m**2
         sigmas2 = (off_m**2).sum(axis=-1) / spread_m2 / OUTLIER_SIGMAS**2
         across_m2 = across_m**2 + spread_m2 * np.maximum(sigmas2 - 1, 0)
         across_m2 = np.where(confidence > 0, across_m2, UNKNOWN_M2)
@@ -253,22 +256,20 @@ class SkeletonTracker:
                 shape.pose_m[learned] += share * (pose_m[row, learned] - shape.pose_m[learned])
         with np.errstate(invalid="ignore"):
             points_m = observation.origin_m + observation.range_m[..., None] * observation.rays
-        for bones in ALL_BONES:
-            first, second = list(bones.first), list(bones.second)
-            apart_m2 = ((points_m[:, first] - points_m[:, second]) ** 2).sum(axis=-1)
-            # Noise makes bones longer: E |d + n|^2 = |d|^2 + E |n|^2.
-            noise_m2 = self._noise_m2(observation, first) + self._noise_m2(observation, second)
-            both = measured[:, first] & measured[:, second]
-            for row, bone in np.argwhere(both).tolist():
-                shape, kind = shapes[row], bones.kind[bone]
-                length_m = math.sqrt(max(apart_m2[row, bone] - noise_m2[row, bone], 1e-6))
-                variance = noise_m2[row, bone] / 3 * BONE_FRAMES
-                gain = shape.bones_m2[kind] / (shape.bones_m2[kind] + variance)
-                shape.bones_m[kind] += gain * (length_m - shape.bones_m[kind])
-                shape.bones_m2[kind] *= 1 - gain
+        apart_m2 = ((points_m[:, FIRST] - points_m[:, SECOND]) ** 2).sum(axis=-1)
+        # Noise makes bones longer: E |d + n|^2 = |d|^2 + E |n|^2.
+        joint_m2 = self._noise_m2(observation)
+        noise_m2 = joint_m2[:, FIRST] + joint_m2[:, SECOND]
+        both = measured[:, FIRST] & measured[:, SECOND]
+        lengths_m = np.sqrt(np.fmax(apart_m2 - noise_m2, 1e-6)).tolist()
+        variances = (noise_m2 / 3 * BONE_FRAMES).tolist()
+        for row, bone in np.argwhere(both).tolist():
+            shape, kind = shapes[row], KIND[bone]
+            gain = shape.bones_m2[kind] / (shape.bones_m2[kind] + variances[row][bone])
+            shape.bones_m[kind] += gain * (lengths_m[row][bone] - shape.bones_m[kind])
+            shape.bones_m2[kind] *= 1 - gain
 
-    def _noise_m2(self, observation: JointObservation, joints: list[int]) -> F64:
-        """Return the trace of the covariance of measured joints, NxJ."""
-        image_m = observation.across_per_m * observation.range_m[:, joints]
-        across_m2 = ACROSS_M**2 + image_m**2
-        return np.asarray(2 * across_m2 + observation.along_m[:, joints] ** 2)
+    def _noise_m2(self, observation: JointObservation) -> F64:
+        """Return the trace of the covariance of measured joints, Nx17."""
+        across_m2 = ACROSS_M**2 + (observation.across_per_m * observation.range_m) ** 2
+        return np.asarray(2 * across_m2 + observation.along_m**2)
