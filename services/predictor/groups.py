@@ -4,6 +4,7 @@ import math
 from collections import Counter
 
 import numpy as np
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.distance import cdist
 
@@ -54,7 +55,7 @@ class GroupFinder:
         self._together &= self._scores > LEAVE_SCORE
         self._together |= self._scores > JOIN_SCORE
         if self._together.any():
-            _, components = connected_components(self._together)
+            _, components = connected_components(csr_array(self._together))
             self._groups = self._number_groups(components.astype(np.int64))
         else:
             self._groups = np.zeros(len(ids), np.int64)
@@ -98,9 +99,9 @@ class GroupFinder:
         groups, taken = np.zeros(len(components), np.int64), set[int]()
         sizes = Counter(components.tolist())
         for component in sorted(sizes, key=lambda c: -sizes[c]):
-            members = components == component
             if sizes[component] < 2:
-                continue
+                break
+            members = components == component
             votes = Counter(self._groups[members].tolist())
             number = next((g for g, _ in votes.most_common() if g and g not in taken), 0)
             if not number:

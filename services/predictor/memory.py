@@ -169,9 +169,11 @@ class ForecastMemory:
             return plain_m
         past = slice(self._filled)
         distance2 = cdist(_features(situation), self._features[past], "sqeuclidean")
-        own = situation.ids[:, None] == self._ids[past]
-        own &= now_s - self._times_s[past] < OWN_AFTER_S
-        weights = np.where(own | (distance2 > FAR), 0.0, np.exp(-distance2 / 2))
+        used = situation.ids[:, None] != self._ids[past]
+        used |= now_s - self._times_s[past] >= OWN_AFTER_S
+        used &= distance2 <= FAR
+        weights = np.zeros_like(distance2)
+        weights[used] = np.exp(distance2[used] / -2)
         errors_m = weights @ self._errors_m[past].reshape(self._filled, -1)
         share = self._trust / (weights @ self._known[past] + PRIOR_WEIGHT)
         found: F64 = plain_m + errors_m.reshape(plain_m.shape) * share[..., None]

@@ -17,10 +17,12 @@ POSITION, VELOCITY = range(2)
 FIRST = (0.05, 0.6, 0.35)  # initial probabilities of standing, straight, turning
 SIGMA_FIRST_MPS = 1.5  # standard deviation of the velocity of a new track, per axis [m/s]
 SWAY_MPS = 0.026  # standard deviation of the velocity of a standing person [m/s]
-ACCELERATIONS = (0.083, 0.2, 0.5)  # densities of white acceleration, by mode [m/s^2 sqrt(s)]
-DECAYS_S = (1.3, 1000.0, 1000.0)  # time constants of the velocity, by mode [s]
+ACCELERATIONS = np.array(
+    [0.083, 0.2, 0.5]
+)  # densities of white acceleration, by mode [m/s^2 sqrt(s)]
+DECAYS_S = np.array([1.3, 1000.0, 1000.0])  # time constants of the velocity, by mode [s]
 # Rates of mode changes [1/s], from rows to columns
-CHANGE_RATES_HZ = ((0.0, 0.03, 0.03), (0.001, 0.0, 0.035), (0.01, 1.2, 0.0))
+CHANGE_RATES_HZ = np.array([[0.0, 0.03, 0.03], [0.001, 0.0, 0.035], [0.01, 1.2, 0.0]])
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,7 @@ def predict_motion(motion: MotionEstimate, elapsed_s: F64) -> MotionEstimate:
     F[..., 0, 0], F[..., 0, 1], F[..., 1, 1] = 1.0, reach, decay
     covariances = F @ ((axes[0][1] + axes[1][1]) / 2) @ F.swapaxes(-1, -2)
     t = elapsed_s[:, None]
-    Q = np.array([[t**3 / 3, t**2 / 2], [t**2 / 2, t]]) * np.array(ACCELERATIONS) ** 2
+    Q = np.array([[t**3 / 3, t**2 / 2], [t**2 / 2, t]]) * ACCELERATIONS**2
     states = np.stack([mean for mean, _ in axes], axis=2) @ F.swapaxes(-1, -2)
     return MotionEstimate(states, covariances + np.moveaxis(Q, (0, 1), (2, 3)), modes)
 
@@ -100,16 +102,14 @@ def update_motion(motion: MotionEstimate, part: int, values: F64, sigma: F64) ->
 
 def velocity_decay(elapsed_s: F64) -> tuple[F64, F64]:
     """Return the remaining share of velocity, and displacement per velocity [s], by mode."""
-    times = np.array(DECAYS_S)
-    decay = np.exp(-elapsed_s / times)
-    return decay, times * (1 - decay)
+    decay = np.exp(-elapsed_s / DECAYS_S)
+    return decay, DECAYS_S * (1 - decay)
 
 
 def _transitions(elapsed_s: F64) -> F64:
     """Return the probabilities (Nx3x3) of mode changes over N intervals [s]."""
-    rates = np.array(CHANGE_RATES_HZ)
-    leave = rates.sum(axis=1)
-    stay = np.exp(-leave * elapsed_s[:, None])  # Nx3
-    change = (1 - stay)[:, :, None] * rates / np.maximum(leave, 1e-12)[:, None]
-    result: F64 = change + stay[:, :, None] * np.eye(len(rates))
+    leave = CHANGE_RATES_HZ.sum(axis=1)
+    stay = np.exp(-leave * elapsed_s[:, None])[:, :, None]  # Nx3x1
+    change = (1 - stay) * CHANGE_RATES_HZ / np.maximum(leave, 1e-12)[:, None]
+    result: F64 = change + stay * np.eye(len(leave))
     return result

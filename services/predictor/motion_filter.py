@@ -90,7 +90,8 @@ class MotionFilter:
         motion = predict_motion(before, np.maximum(elapsed_s, 1e-3))
         sigma_m = np.maximum(self.sigma_m, POSITION_FACTOR * tracked.sigma_m)
         motion = update_motion(motion, POSITION, tracked.positions_m, sigma_m)
-        motion = _select(new, before, motion)
+        if new.any():
+            motion = _select(new, before, motion)
         sigma_mps = np.maximum(VELOCITY_FACTOR * tracked.sigma_mps, SIGMA_MIN_MPS)
         motion = update_motion(motion, VELOCITY, tracked.velocities_mps, sigma_mps)
         due = elapsed_s >= 0.9 * SAMPLE_S
