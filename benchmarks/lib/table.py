@@ -40,7 +40,7 @@ def machine() -> str:
         "NumPy": np.__version__,
     }
     named = [f"{name} {version}" for name, version in versions.items()]
-    return ", ".join([model, f"{psutil.cpu_count()} cores", *named, commit()])
+    return ", ".join([model, f"{psutil.cpu_count()} cores", *named, COMMIT])
 
 
 def commit() -> str:
@@ -56,6 +56,9 @@ def commit() -> str:
 def _git(*arguments: str) -> str:
     command = ["git", "-C", str(Path(__file__).parent), *arguments]
     return subprocess.run(command, check=False, capture_output=True, text=True).stdout.strip()
+
+
+COMMIT = commit()  # version of the loaded code; a later one may be there at the end of a run
 
 
 def write(script: str, title: str, *parts: str, dry: bool = False) -> None:
