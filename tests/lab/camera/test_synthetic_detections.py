@@ -170,12 +170,13 @@ def test_rates_are_as_configured() -> None:
     config = SyntheticDetectionsConfig(recall=0.9, false_alarms=0.2, no_position=0.1)
     source = SyntheticDetections(config, INFO, 11)
     people = [person(3.5, -1.0), person(4.5, 1.0, 30)]
+    boxes = [box(p) for p in people]
     true, false, without = 0, 0, 0
     frames = 1000
     for k in range(frames):
         detections = source.at(people, OPTICAL_FROM_MAP, k * 100_000_000, k).detections
         for found in detections:
-            is_true = min(np.abs(found.box_xyxy_px - box(p)).max() for p in people) < 25
+            is_true = min(np.abs(found.box_xyxy_px - b).max() for b in boxes) < 25
             true += is_true
             false += not is_true
             without += is_true and found.position_m is None
