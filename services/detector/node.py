@@ -218,7 +218,7 @@ class DetectorNode(Node):
             for k, (person, torso) in enumerate(zip(people, torsos, strict=True)):
                 hidden = None
                 if torso is not None:
-                    nearest_m = torso[1].depth_m - FRONT_M
+                    nearest_m = torso.layer.depth_m - FRONT_M
                     hidden = hidden_pixels(person.box_xyxy_px, frame.depth_mm, nearest_m)
                 crops.append(crop_person(k, person, frame.rgb, height_px, hidden))
         return Crops(

@@ -56,7 +56,7 @@ class OrientationEstimator:
         The network's inference is a stage of its own: not to be called inside another span.
         """
         known = {
-            k: (person.keypoints, torso[1].depth_m)
+            k: (person.keypoints, torso.layer.depth_m)
             for k, (person, torso) in enumerate(zip(people, torsos, strict=True))
             if person.keypoints is not None and torso is not None
         }

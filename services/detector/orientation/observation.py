@@ -19,7 +19,7 @@ from services.detector.orientation.angle import (
     bearings,
     confident_pixels,
 )
-from services.detector.position.surface import DepthImage, read_windows
+from services.detector.position.surface import DepthImage, DepthWindows
 from services.detector.position.visible_area import in_image
 
 SIDES = [[1, 3, 5, 7, 9, 11, 13, 15], [2, 4, 6, 8, 10, 12, 14, 16]]  # COCO: left, right
@@ -88,12 +88,7 @@ def _joint_depths(pixels: F64, layers_m: F64, image: DepthImage) -> F64:
     joints_px = pixels[:, [*SHOULDERS, *HIPS]].reshape(-1, 2)
     inside = in_image(joints_px, image.info)
     middle_m = np.repeat(layers_m, 4)
-    depths_m, share = read_windows(
-        np.where(inside[:, None], joints_px, 0.0),
-        image,
-        sides_px.ravel(),
-        middle_m - REACH_M,
-        middle_m + REACH_M,
-    )
+    windows = DepthWindows(np.where(inside[:, None], joints_px, 0.0), image, sides_px.ravel())
+    depths_m, share = windows.medians(middle_m - REACH_M, middle_m + REACH_M)
     depths_m[~inside | (share < VISIBLE_MIN)] = np.nan  # False for a joint at NaN
     return depths_m.reshape(-1, 4)

@@ -7,6 +7,7 @@ joints are added (docs/method.md section 10).
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -34,14 +35,16 @@ CENTROID_DOWN_M = 0.2  # centroid from the torso, downward [m]
 SURFACE_M = 0.16  # positions on the surface, along the line of sight [m]
 
 
-def surface_to_axis(right_m: F64, relative_rad: float | None, ellipse: Ellipse) -> F64:
-    """Return the distance from the surface to the axis, along the line of sight.
+def surface_to_axis(
+    rights_m: Sequence[float], relative_rad: float | None, ellipse: Ellipse
+) -> list[float]:
+    """Return the distances from the surface to the axis, along the line of sight.
 
     The ellipse (p.f)^2 / a^2 + (p.l)^2 / b^2 = 1, f and l the unit vectors forward and to the left
     of the person, a and b half its depth and width, solved for the side that faces the camera.
 
     Args:
-        right_m: N points on the surface, to the right of the axis, in metres.
+        rights_m: Points on the surface, to the right of the axis, in metres.
         relative_rad: Yaw from the line of sight, 0 = facing away, + to the left; None if it is
             unknown: then the torso is a circle of the same area.
         ellipse: Cross section.
@@ -54,14 +57,16 @@ def surface_to_axis(right_m: F64, relative_rad: float | None, ellipse: Ellipse) 
     yy = (cosine / a) ** 2 + (sine / b) ** 2
     xy = sine * cosine * (a**-2 - b**-2)
     reach_m = RIM * a * b * math.sqrt(yy)
-    x = np.clip(right_m, -reach_m, reach_m)
-    depth_m: F64 = (np.sqrt((xy * x) ** 2 - yy * (xx * x**2 - 1)) - xy * x) / yy
-    return depth_m
+    depths_m = []
+    for right_m in rights_m:  # few: plain floats are faster than arrays
+        x = min(max(right_m, -reach_m), reach_m)
+        depths_m.append((math.sqrt((xy * x) ** 2 - yy * (xx * x**2 - 1)) - xy * x) / yy)
+    return depths_m
 
 
 def move_to_axis(position_m: F64, yaw_rad: float | None, ellipse: Ellipse) -> F64:
     """Return the position on the axis behind a point on the surface; yaw in the camera's frame."""
-    behind_m = surface_to_axis(np.zeros(1), relative_yaw(position_m, yaw_rad), ellipse)[0]
+    behind_m = surface_to_axis([0.0], relative_yaw(position_m, yaw_rad), ellipse)[0]
     moved: F64 = position_m * (1 + behind_m / math.hypot(position_m[0], position_m[2]))
     return moved
 
@@ -87,14 +92,17 @@ def joint_sigma(z_m: F64, info: CameraInfo) -> F64:
     return np.hypot(JOINT_M, JOINT_PX * z_m / info.fx)
 
 
-def variance_along(z_m: float, readings_m: F64, sigma_m: float, depth_error_per_m: float) -> float:
+def variance_along(
+    z_m: float, readings_m: Sequence[float], sigma_m: float, depth_error_per_m: float
+) -> float:
     """Return the variance, in m^2, of the mean of N readings along the line of sight.
 
     `sigma_m` is common to all; the error of a single reading is `depth_error_per_m` z^2.
     """
     count = len(readings_m)
     sensor_m2 = (depth_error_per_m * z_m**2) ** 2 / count
-    spread_m2 = float(readings_m.var(ddof=1)) / count if count > 1 else 0.0
+    mean_m, pairs = sum(readings_m) / count, max(count * (count - 1), 1)
+    spread_m2 = sum((reading_m - mean_m) ** 2 for reading_m in readings_m) / pairs
     return sensor_m2 + spread_m2 + BODY_M**2 + sigma_m**2
 
 
@@ -109,11 +117,17 @@ def covariance(position_m: F64, right_m2: float, down_m2: float, along_m2: float
 
     The frame is optical; `right_m2` and `down_m2` are across the line of sight.
     """
-    # Plain floats: np.cross takes ten times as long for one vector.
-    x, y, z = (position_m / np.linalg.norm(position_m)).tolist()
-    level = math.hypot(x, z)
-    right_x, right_z = z / level, -x / level
-    down = y * right_z, z * right_x - x * right_z, -y * right_x  # the ray x the right
-    axes = np.array([[right_x, down[0], x], [0.0, down[1], y], [right_z, down[2], z]])
-    rotated: F64 = (axes * (right_m2, down_m2, along_m2)) @ axes.T
-    return (rotated + rotated.T) / 2  # exactly symmetric
+    # Plain floats, which take a fifth of the time of arrays of three.
+    x, y, z = position_m.tolist()
+    level, length = math.hypot(x, z), math.hypot(x, y, z)
+    right = z / level, 0.0, -x / level
+    down = -x * y / (level * length), level / length, -y * z / (level * length)
+    ray = x / length, y / length, z / length
+    axes = list(zip(right, down, ray, strict=True))
+    # Products of two elements come first, so that the result is exactly symmetric.
+    return np.array(
+        [
+            [right_m2 * (a * d) + down_m2 * (b * e) + along_m2 * (c * f) for d, e, f in axes]
+            for a, b, c in axes
+        ]
+    )

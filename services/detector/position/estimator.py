@@ -56,7 +56,7 @@ class PositionEstimator:
             pairs = zip(people, yaws_rad, strict=True)
             positions = [self._from_surface(person, image, yaw_rad) for person, yaw_rad in pairs]
         else:
-            positions = self._torso.estimate(torsos, image, yaws_rad)
+            positions = self._torso.estimate(torsos, image.info, yaws_rad)
             for k, (person, yaw_rad) in enumerate(zip(people, yaws_rad, strict=True)):
                 if person.keypoints is None and person.mask is not None:
                     positions[k] = self._torso.estimate_from_mask(person.mask, image, yaw_rad)
@@ -69,13 +69,13 @@ class PositionEstimator:
     ) -> PositionEstimate | None:
         """Return the position by the methods of [PIC4SeR], which take each person alone."""
         mask, keypoints = person.mask, person.keypoints
-        point_m, readings_m = None, np.zeros(1)
+        point_m, readings_m = None, [0.0]
         if self._config.position != "keypoints":
             point_m = None if mask is None else mask_centroid(mask, image)
         elif keypoints is not None:
             point_m = keypoint_mean(keypoints, image, self._confidence_min)
             depth_m = keypoint_depth(keypoints, image, self._confidence_min)
-            readings_m = depth_m[np.isfinite(depth_m)]
+            readings_m = depth_m[np.isfinite(depth_m)].tolist()
         if point_m is None:
             return None
         if self._ellipse:
@@ -83,7 +83,7 @@ class PositionEstimator:
         return PositionEstimate(point_m, self._covariance(point_m, readings_m, image, yaw_rad))
 
     def _covariance(
-        self, point_m: F64, readings_m: F64, image: DepthImage, yaw_rad: float | None
+        self, point_m: F64, readings_m: Sequence[float], image: DepthImage, yaw_rad: float | None
     ) -> F64:
         z_m, sigma_m = float(point_m[2]), axis_sigma(self._ellipse, yaw_rad)
         along_m2 = variance_along(z_m, readings_m, sigma_m, self._config.depth_error_per_m)

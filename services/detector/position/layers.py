@@ -16,7 +16,7 @@ import numpy as np
 
 from people4d.messages import F64
 from services.detector.position.proportions import BodySize
-from services.detector.position.surface import DepthImage, Flags, read_windows
+from services.detector.position.surface import DepthWindows, Flags
 
 HALF_M = 0.25  # maximum distance of a reading from the middle of its layer [m]
 SIZE_SIGMA = 0.2  # standard deviation of the logarithm of people's sizes
@@ -61,15 +61,6 @@ class _Choice(NamedTuple):
 NO_LAYER = _Choice(math.nan, 0.0, 0.0)
 
 
-@dataclass(frozen=True, slots=True)
-class LayerWindows:
-    """Windows of depth on one person; only readings in the person's layer count."""
-
-    pixels: F64  # [px] Nx2, their middles
-    window_px: int  # [px] odd side
-    layer_m: float  # [m] middle of the layer
-
-
 def assign_layers(people: Sequence[DepthSamples]) -> list[PersonLayer | None]:
     """Return the layer of each person of a frame, None without own samples.
 
@@ -86,29 +77,19 @@ def assign_layers(people: Sequence[DepthSamples]) -> list[PersonLayer | None]:
             layer = layers[other]
             if layer is not None:
                 own = own & ~(own & _on(people[k], people[other], layer))
-        is_alone = np.array_equal(own, finite[k])
+        is_alone = own is finite[k] or np.array_equal(own, finite[k])
         best = alone[k] if is_alone else _best_layer(people[k], own)
         if best.score > 0:
             layers[k] = PersonLayer(best.depth_m, own, best.along_m2)
     return layers
 
 
-def read_layers(people: Sequence[LayerWindows], image: DepthImage) -> list[F64]:
-    """Return the depth in the windows of people by the readings of one layer each only.
+def read_layers(windows: DepthWindows, layers_m: F64) -> F64:
+    """Return the depth in windows by the readings of one layer each, NaN without such readings.
 
     At an outline the depth is of the person's side.
-
-    Returns:
-        N in metres for each, NaN where no reading lies in the layer.
     """
-    counts = [len(windows.pixels) for windows in people]
-    if not sum(counts):
-        return [np.zeros(0) for _ in people]
-    window_px = np.repeat([windows.window_px for windows in people], counts)
-    layer_m = np.repeat([windows.layer_m for windows in people], counts)
-    pixels = np.concatenate([windows.pixels for windows in people])
-    depth_m, _ = read_windows(pixels, image, window_px, layer_m - HALF_M, layer_m + HALF_M)
-    return np.split(depth_m, np.cumsum(counts[:-1]))
+    return windows.medians(layers_m - HALF_M, layers_m + HALF_M)[0]
 
 
 def _best_layer(person: DepthSamples, own: Flags) -> _Choice:
@@ -180,10 +161,20 @@ def _on(person: DepthSamples, other: DepthSamples, layer: PersonLayer) -> Flags:
 
 
 def _inside(pixels: F64, other: DepthSamples) -> Flags:
-    """Return flags of Nx2 pixels inside the outline of another person."""
+    """Return flags of Nx2 pixels inside the outline of another person.
+
+    It is the convex hull of the samples and the crown, and the margin around it.
+    """
     if not len(pixels):
         return np.zeros(0, np.bool_)
     crown_px = [] if other.crown_px is None else [other.crown_px]
-    hull = cv2.convexHull(np.array([*other.pixels, *crown_px], np.float32))
-    inside_px = [cv2.pointPolygonTest(hull, (float(u), float(v)), True) for u, v in pixels]
-    return np.array(inside_px) >= -other.margin_px
+    hull = cv2.convexHull(np.array([*other.pixels, *crown_px], np.float32))[:, 0].astype(np.float64)
+    sides = np.roll(hull, -1, axis=0) - hull
+    off = pixels[:, None] - hull
+    across = sides[:, 0] * off[..., 1] - sides[:, 1] * off[..., 0]
+    lengths = np.maximum((sides * sides).sum(axis=1), 1e-9)
+    along = np.minimum(np.maximum((off * sides).sum(axis=2) / lengths, 0.0), 1.0)
+    off -= along[..., None] * sides
+    nearest = (off * off).sum(axis=2).min(axis=1)
+    is_within = (across >= 0).all(axis=1) | (across <= 0).all(axis=1)
+    return np.asarray(is_within | (nearest <= other.margin_px**2))

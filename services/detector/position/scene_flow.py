@@ -96,8 +96,8 @@ def _velocities(
 
     Points on two torsos are not used: they may lie on either person.
     """
-    areas = np.array([_area(torso) for torso, _ in torsos])
-    layers_m = np.array([[layer.depth_m] for _, layer in torsos])
+    areas = np.array([_area(torso.joints) for torso in torsos])
+    layers_m = np.array([[torso.layer.depth_m] for torso in torsos])
     sizes_px = areas[:, 2:] - areas[:, :2]
     pixels = areas[:, None, :2] + GRID * sizes_px[:, None]
     depths_m = _depths(pixels, pair.now)

@@ -17,7 +17,7 @@ from services.detector.models.base import DetectedPerson, InstanceMask
 Flags = npt.NDArray[np.bool_]
 TORSO = [5, 6, 11, 12]  # COCO: shoulders and hips
 SURFACE_WINDOW_PX = 5  # side of the windows of published keypoint depths [px]
-NONE_MM = np.uint16(65535)  # no reading, after the minimum is subtracted [mm]
+FARTHEST_MM = 1 << 16  # above all readings [mm]
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,67 +82,64 @@ def read_depth(pixels: F64, image: DepthImage, window_px: npt.ArrayLike = 1) -> 
         image: Depth image.
         window_px: Odd side of the windows, one or N; parts beyond the image are left out.
     """
-    return read_windows(pixels, image, window_px, 0.0, image.info.max_depth_m)[0]
+    return DepthWindows(pixels, image, window_px).medians(0.0, image.info.max_depth_m)[0]
 
 
-def read_windows(
-    pixels: F64,
-    image: DepthImage,
-    window_px: npt.ArrayLike,
-    nearest_m: npt.ArrayLike,
-    farthest_m: npt.ArrayLike,
-) -> tuple[F64, F64]:
-    """Return the median of the readings between two depths around pixels, and their share.
+class DepthWindows:
+    """Windows of depth around N pixels, cut and sorted once, read between any depths.
 
     Args:
         pixels: Nx2, u and v, rounded to the nearest pixel.
         image: Depth image.
         window_px: Odd side of the windows, one or N; parts beyond the image are left out.
-        nearest_m: Minimum depth that counts, one or N; 0 is no reading.
-        farthest_m: Maximum depth that counts, one or N.
-
-    Returns:
-        Median, N in metres, NaN where no reading counts; share of the window's pixels, N.
     """
-    height, width = image.depth_mm.shape
-    sides_px = np.asarray(window_px).reshape(-1, 1)
-    most_px = int(sides_px.max(initial=1)) // 2
-    # Clipped, since a wild coordinate would overflow the integer.
-    bounded = np.minimum(np.maximum(pixels, -most_px - 1), max(height, width) + most_px)
-    u, v = np.rint(bounded).astype(np.intp).T[..., None]
-    reach = np.arange(-most_px, most_px + 1)
-    columns, rows, inside = u + reach, v + reach, None
-    if (
-        sides_px.min(initial=2 * most_px + 1) < len(reach)
-        or min(columns.min(initial=0), rows.min(initial=0)) < 0
-        or columns.max(initial=0) >= width
-        or rows.max(initial=0) >= height
-    ):
-        near = np.abs(reach) <= sides_px // 2
-        inside = (near & (rows >= 0) & (rows < height))[:, :, None]
-        inside = inside & (near & (columns >= 0) & (columns < width))[:, None]
-        columns = np.minimum(np.maximum(columns, 0), width - 1)
-        rows = np.minimum(np.maximum(rows, 0), height - 1)
-    indices = (rows * width)[:, :, None] + columns[:, None]
-    least_mm = _millimetres(np.ceil(np.multiply(nearest_m, 1000) - 1e-6), 1)
-    span_mm = _millimetres(np.floor(np.multiply(farthest_m, 1000) + 1e-6), 1) - least_mm
-    # Nearer and missing readings wrap around and are sorted last.
-    above_mm = image.depth_mm.reshape(-1)[indices.reshape(len(pixels), len(reach) ** 2)] - least_mm
-    if inside is not None:
-        inside = inside.reshape(above_mm.shape)
-        above_mm[~inside] = NONE_MM
-    above_mm.sort(axis=1)
-    found = np.count_nonzero(above_mm <= span_mm, axis=1)
-    row = np.arange(len(pixels))
-    middles = above_mm[row, (found - 1) // 2].astype(np.float64) + above_mm[row, found // 2]
-    median_m: F64 = np.where(found > 0, middles / 2000 + least_mm[:, 0] / 1000, np.nan)
-    total = above_mm.shape[1] if inside is None else np.maximum(inside.sum(axis=1), 1)
-    return median_m, found / total
 
+    def __init__(self, pixels: F64, image: DepthImage, window_px: npt.ArrayLike) -> None:
+        halves_px = np.asarray(window_px).reshape(-1) // 2
+        most_px, shape = int(halves_px.max(initial=0)), image.depth_mm.shape
+        # Clipped, since a wild coordinate would overflow the integer.
+        bounded = np.fmin(np.fmax(pixels, -most_px - 1), max(shape) + most_px)
+        middles = np.rint(bounded).astype(np.intp).T[::-1]
+        sides = [min(2 * most_px + 1, length) for length in shape]
+        # At the image's edge a window of full size is moved inside, and its rest does not count.
+        starts = [
+            np.minimum(np.maximum(middle - most_px, 0), length - side)
+            for middle, length, side in zip(middles, shape, sides, strict=True)
+        ]
+        rows, columns = (
+            np.abs(np.arange(side) + (start - middle)[:, None]) <= halves_px[:, None]
+            for side, start, middle in zip(sides, starts, middles, strict=True)
+        )
+        cut = np.lib.stride_tricks.sliding_window_view(image.depth_mm, sides)[starts[0], starts[1]]
+        read_mm = np.multiply(cut, rows[:, :, None] & columns[:, None], dtype=np.int32)
+        read_mm = read_mm.reshape(len(pixels), sides[0] * sides[1])
+        read_mm.sort(axis=1)
+        # Each window begins above the one before: one search finds the limits of all.
+        self._base_mm = np.arange(len(pixels), dtype=np.int32) * FARTHEST_MM
+        read_mm += self._base_mm[:, None]
+        self._read_mm = read_mm.reshape(-1)
+        self._sizes = np.maximum(rows.sum(axis=1) * columns.sum(axis=1), 1)
 
-def _millimetres(depth_mm: npt.ArrayLike, least: int) -> U16:
-    """Return limits of readings as a column."""
-    return np.minimum(np.maximum(depth_mm, least), NONE_MM).astype(np.uint16).reshape(-1, 1)
+    def medians(self, nearest_m: npt.ArrayLike, farthest_m: npt.ArrayLike) -> tuple[F64, F64]:
+        """Return the median of the readings between two depths, and their share.
+
+        Args:
+            nearest_m: Minimum depth that counts, one or for each window; 0 is no reading.
+            farthest_m: Maximum depth that counts, one or for each window.
+
+        Returns:
+            Median, in metres, NaN where no reading counts; share of the window's pixels.
+        """
+        base_mm = self._base_mm
+        least_mm = np.maximum(np.ceil(np.multiply(nearest_m, 1000) - 1e-6), 1)
+        above_mm = np.minimum(np.floor(np.multiply(farthest_m, 1000) + 1e-6) + 1, FARTHEST_MM)
+        limits_mm = np.stack([base_mm + least_mm, base_mm + np.maximum(above_mm, least_mm)])
+        first, end = self._read_mm.searchsorted(limits_mm.astype(np.int32))
+        found = end - first
+        known, middle = found > 0, first + found // 2
+        pairs_mm = self._read_mm[np.where(known, [middle - (found + 1) % 2, middle], 0)] - base_mm
+        median_m = np.where(known, pairs_mm.sum(axis=0) / 2000, np.nan)
+        return median_m, found / self._sizes
 
 
 def keypoint_surfaces(people: Sequence[DetectedPerson], image: DepthImage) -> list[F32 | None]:
@@ -154,5 +151,5 @@ def keypoint_surfaces(people: Sequence[DetectedPerson], image: DepthImage) -> li
     if not pixels:
         return [None] * len(people)
     depth_m = read_depth(np.concatenate(pixels).astype(np.float64), image, SURFACE_WINDOW_PX)
-    rows = iter(np.nan_to_num(depth_m).astype(np.float32).reshape(-1, 17))
+    rows = iter(np.where(depth_m > 0, depth_m, 0.0).astype(np.float32).reshape(-1, 17))
     return [None if person.keypoints is None else next(rows) for person in people]

@@ -7,8 +7,10 @@ section 10).
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -27,7 +29,6 @@ from services.detector.position.axis import (
 )
 from services.detector.position.layers import (
     DepthSamples,
-    LayerWindows,
     PersonLayer,
     assign_layers,
     read_layers,
@@ -36,21 +37,25 @@ from services.detector.position.proportions import size_depth, torso_middles
 from services.detector.position.surface import (
     TORSO,
     DepthImage,
+    DepthWindows,
     Flags,
     PositionEstimate,
-    read_depth,
 )
 from services.detector.position.visible_area import (
     BOX_SIGMA_M,
-    EMPTY,
-    area_pixels,
+    area_grids,
     box_torso,
     cut_side,
     in_image,
     read_pixels,
+    visible_area,
 )
 
 OTHERS = [i for i in range(17) if i not in TORSO]  # face and limbs
+Pixel: TypeAlias = tuple[float, float]
+Rectangle: TypeAlias = tuple[float, float, float, float]
+# [m] points: to the right of the optical axis at the depth of the layer, and depth as read
+Surface: TypeAlias = Sequence[tuple[float, float]]
 TORSO_ROWS = (
     0.20,
     0.275,
@@ -71,16 +76,6 @@ LIMB_OFFSET_M, LIMB_SIGMA_M = 0.06, 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class SamplePoints:
-    """Pixels at which the depth of one person is read."""
-
-    torso_px: F64  # [px] Nx2, middles of windows on the torso
-    window_px: int  # [px] side of the windows
-    others_px: F64  # [px] Nx2, middles of windows at other keypoints
-    area_px: F64  # [px] Nx2, single pixels in the visible area
-
-
-@dataclass(frozen=True, slots=True)
 class TorsoJoints:
     """Torso of one person in the image."""
 
@@ -88,10 +83,23 @@ class TorsoJoints:
     known: Flags  # 4, joints that are confident and inside the image
     diagonal_px: float  # [px] extent of the known joints, 0 if there are none
     box_xyxy_px: F32  # [px] 4
-    points: SamplePoints
 
 
-LayeredTorso = tuple[TorsoJoints, PersonLayer]
+class LayeredTorso(NamedTuple):
+    """Torso of one person, the layer of depth that it is in, and its surface in that layer."""
+
+    joints: TorsoJoints
+    layer: PersonLayer
+    surface: Surface
+
+
+class _Sampled(NamedTuple):
+    """Torso whose depth is to be read."""
+
+    joints: TorsoJoints
+    torso_px: Sequence[Pixel]  # [px] middles of windows on the torso
+    others_px: Sequence[Pixel]  # [px] middles of windows at other keypoints
+    area_px: Rectangle | None  # [px] visible area: left, top, width, height
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,41 +131,37 @@ class TorsoEstimator:
         Keypoints above the minimum confidence and inside the image count. None without keypoints,
         or without depth of the person.
         """
-        torsos = [_joints(person, confidence_min, image.info) for person in people]
+        torsos = _torsos(people, confidence_min, image.info)
         known = [torso for torso in torsos if torso is not None]
-        read = _samples([torso.points for torso in known], image)
-        samples = [_sized(*pair, image.info) for pair in zip(known, read, strict=True)]
-        layers = iter(assign_layers(samples))
-        found: list[LayeredTorso | None] = []
-        for torso in torsos:
-            layer = next(layers) if torso else None
-            found.append((torso, layer) if torso and layer else None)
-        return found
+        if not known:
+            return [None] * len(people)
+        pixels = [[*torso.torso_px, *torso.others_px] for torso in known]
+        counts = [*map(len, pixels)]
+        sides_px = np.repeat([_window(torso.joints.diagonal_px) for torso in known], counts)
+        windows_px = np.array([pixel for own in pixels for pixel in own]).reshape(-1, 2)
+        windows = DepthWindows(windows_px, image, sides_px)
+        layers = assign_layers(_samples(known, windows_px, windows, image))
+        layers_m = np.repeat([layer.depth_m if layer else 0.0 for layer in layers], counts)
+        points = iter(_surface(windows_px, layers_m, windows, image.info))
+        surfaces = [[*islice(points, count)] for count in counts]
+        found = map(_layered, known, layers, surfaces)
+        return [next(found) if torso else None for torso in torsos]
 
     def estimate(
         self,
         torsos: Sequence[LayeredTorso | None],
-        image: DepthImage,
+        info: CameraInfo,
         yaws_rad: Sequence[float | None],
     ) -> list[PositionEstimate | None]:
         """Return the positions of torsos by their joints; yaws in the camera's body frame."""
-        known = [pair for pair in torsos if pair is not None]
-        windows = [
-            LayerWindows(
-                torso.points.torso_px[layer.own[: len(torso.points.torso_px)]],
-                torso.points.window_px,
-                layer.depth_m,
-            )
-            for torso, layer in known
-        ]
-        own_yaws_rad = [yaw for pair, yaw in zip(torsos, yaws_rad, strict=True) if pair]
-        middles = _middles(known, image.info, own_yaws_rad)
-        depths_m = read_layers(windows, image)
+        known = [torso for torso in torsos if torso is not None]
+        own_yaws_rad = [yaw for torso, yaw in zip(torsos, yaws_rad, strict=True) if torso]
+        middles = _middles(known, info, own_yaws_rad)
         positions = iter(
-            self._on_axis(*each, image.info)
-            for each in zip(middles, windows, depths_m, own_yaws_rad, strict=True)
+            self._on_axis(middle, torso.layer.depth_m, torso.surface, yaw_rad)
+            for middle, torso, yaw_rad in zip(middles, known, own_yaws_rad, strict=True)
         )
-        return [None if pair is None else next(positions) for pair in torsos]
+        return [None if torso is None else next(positions) for torso in torsos]
 
     def estimate_from_mask(
         self, mask: InstanceMask, image: DepthImage, yaw_rad: float | None
@@ -171,69 +175,94 @@ class TorsoEstimator:
         columns = [float(np.flatnonzero(mask.window[row]).mean()) for row in chosen]
         torso_px = np.column_stack([mask.x_px + np.array(columns), mask.y_px + chosen])
         window_px = _window(height * float(np.ptp(TORSO_ROWS)))
-        (layer,) = assign_layers(_samples([SamplePoints(torso_px, window_px, EMPTY, EMPTY)], image))
+        windows = DepthWindows(torso_px, image, window_px)
+        depth_m, _ = windows.medians(0.0, image.info.max_depth_m)
+        (layer,) = assign_layers([DepthSamples(torso_px, depth_m, np.ones(len(depth_m)))])
         if layer is None:
             return None
+        layers_m = np.full(len(torso_px), layer.depth_m)
+        surface = [point for point in _surface(torso_px, layers_m, windows, image.info) if point]
         position_m = deproject(torso_px.mean(axis=0), [layer.depth_m], image.info)[0]
         middle = _Middle(position_m, variances_across(layer.depth_m, image.info)[0], 0.0)
-        windows = LayerWindows(torso_px, window_px, layer.depth_m)
-        (depth_m,) = read_layers([windows], image)
-        return self._on_axis(middle, windows, depth_m, yaw_rad, image.info)
+        return self._on_axis(middle, layer.depth_m, surface, yaw_rad)
 
     def _on_axis(
         self,
         middle: _Middle,
-        windows: LayerWindows,
-        depth_m: F64,
+        layer_m: float,
+        surface: Surface,
         yaw_rad: float | None,
-        info: CameraInfo,
     ) -> PositionEstimate:
-        """Return the position on the axis, by the depth in windows on the torso."""
-        layer_m, read = windows.layer_m, np.isfinite(depth_m)
-        if read.any():
-            right_m = deproject(windows.pixels, np.full(len(read), layer_m), info)[read, 0]
-            offset_m = self._to_axis(right_m - middle.position_m[0], middle.position_m, yaw_rad)
-            axis_m = depth_m[read] + offset_m
+        """Return the position on the axis, by the surface of the torso."""
+        if surface:
+            offsets_m = self._to_axis(surface, middle.position_m, yaw_rad)
+            axis_m = [depth + offset for (_, depth), offset in zip(surface, offsets_m, strict=True)]
             sigma_m = axis_sigma(self._ellipse, yaw_rad)
         else:
-            axis_m = np.array([layer_m + (LIMB_OFFSET_M if self._ellipse else 0.0)])
+            axis_m = [layer_m + (LIMB_OFFSET_M if self._ellipse else 0.0)]
             sigma_m = LIMB_SIGMA_M
-        position_m = middle.position_m * (axis_m.mean() / layer_m)
+        position_m = middle.position_m * (sum(axis_m) / len(axis_m) / layer_m)
         along_m2 = variance_along(layer_m, axis_m, sigma_m, self._depth_error_per_m)
         across_m2 = middle.across_m2
         return PositionEstimate(
             position_m, covariance(position_m, across_m2, across_m2, along_m2 + middle.along_m2)
         )
 
-    def _to_axis(self, right_m: F64, middle_m: F64, yaw_rad: float | None) -> F64:
-        """Return the distance from points on the surface to the axis, along the optical axis."""
+    def _to_axis(self, surface: Surface, middle_m: F64, yaw_rad: float | None) -> list[float]:
+        """Return the distances from the surface to the axis, along the optical axis."""
         if self._ellipse is None:
-            return np.zeros(len(right_m))
-        cosine = middle_m[2] / math.hypot(middle_m[0], middle_m[2])
-        yaw_to_ray_rad = relative_yaw(middle_m, yaw_rad)
-        offset_m: F64 = surface_to_axis(right_m * cosine, yaw_to_ray_rad, self._ellipse) * cosine
-        return offset_m
+            return [0.0] * len(surface)
+        x, _, z = middle_m.tolist()
+        cosine = z / math.hypot(x, z)
+        rights_m = [(right_m - x) * cosine for right_m, _ in surface]
+        behind_m = surface_to_axis(rights_m, relative_yaw(middle_m, yaw_rad), self._ellipse)
+        return [distance_m * cosine for distance_m in behind_m]
 
 
-def _joints(person: DetectedPerson, confidence_min: float, info: CameraInfo) -> TorsoJoints | None:
-    """Return the torso of one person in the image; no joint need be known."""
-    keypoints = person.keypoints
-    if keypoints is None:
-        return None
-    pixels = keypoints[:, :2].astype(np.float64)
-    confident = keypoints[:, 2] > confidence_min
-    joints_px = pixels[TORSO]
-    known = confident[TORSO] & in_image(joints_px, info, EDGE_PX)
-    torso_px, diagonal_px = joints_px[known], 0.0
-    if known.any():
-        middle_px = torso_px.mean(axis=0)
-        diagonal_px = math.dist(torso_px.max(axis=0), torso_px.min(axis=0))
-        torso_px = np.vstack([torso_px + (middle_px - torso_px) * PULL, middle_px])
+def _torsos(
+    people: Sequence[DetectedPerson], confidence_min: float, info: CameraInfo
+) -> list[_Sampled | None]:
+    """Return the torsos of people in the image, None without keypoints; no joint need be known."""
+    found = [person.keypoints for person in people if person.keypoints is not None]
+    keypoints = np.array(found, np.float64).reshape(-1, 17, 3)
+    pixels, confident = keypoints[:, :, :2], keypoints[:, :, 2] > np.float32(confidence_min)
+    known = confident[:, TORSO] & in_image(pixels[:, TORSO], info, EDGE_PX)
     visible = confident & in_image(pixels, info)
-    others_px = pixels[OTHERS][visible[OTHERS]]
-    area_px = area_pixels(person.box_xyxy_px, joints_px, known, info)
-    points = SamplePoints(torso_px, _window(diagonal_px), others_px, area_px)
-    return TorsoJoints(joints_px, known, diagonal_px, person.box_xyxy_px, points)
+    each = zip(pixels[:, TORSO], known, pixels.tolist(), visible.tolist(), strict=True)
+    return [None if one.keypoints is None else _sampled(one, *next(each), info) for one in people]
+
+
+def _sampled(
+    person: DetectedPerson,
+    joints_px: F64,
+    known: Flags,
+    pixels: Sequence[Pixel],
+    visible: Sequence[bool],
+    info: CameraInfo,
+) -> _Sampled:
+    """Return the pixels at which the depth of one person is read.
+
+    Args:
+        person: The person.
+        joints_px: Shoulders and hips, 4x2.
+        known: Flags of the known joints.
+        pixels: Keypoints, u and v.
+        visible: Flags of the confident ones inside the image.
+        info: Calibration of the camera.
+    """
+    joints, is_known = joints_px.tolist(), known.tolist()
+    torso_px = [(u, v) for (u, v), use in zip(joints, is_known, strict=True) if use]
+    diagonal_px = 0.0
+    if torso_px:
+        us, vs = zip(*torso_px, strict=True)
+        u, v = sum(us) / len(us), sum(vs) / len(vs)
+        diagonal_px = math.dist((max(us), max(vs)), (min(us), min(vs)))
+        torso_px = [(x + (u - x) * PULL, y + (v - y) * PULL) for x, y in torso_px]
+        torso_px.append((u, v))
+    others_px = [pixels[k] for k in OTHERS if visible[k]]
+    area_px = visible_area(person.box_xyxy_px, joints, is_known, info)
+    torso = TorsoJoints(joints_px, known, diagonal_px, person.box_xyxy_px)
+    return _Sampled(torso, torso_px, others_px, area_px)
 
 
 def _window(torso_px: float) -> int:
@@ -241,49 +270,71 @@ def _window(torso_px: float) -> int:
     return min(max(round(WINDOW_SHARE * torso_px), WINDOW_MIN_PX), WINDOW_MAX_PX) | 1
 
 
-def _samples(people: Sequence[SamplePoints], image: DepthImage) -> list[DepthSamples]:
+def _samples(
+    torsos: Sequence[_Sampled], windows_px: F64, windows: DepthWindows, image: DepthImage
+) -> list[DepthSamples]:
     """Return the first depth samples: on torsos, at other keypoints, in visible areas."""
-    if not people:
-        return []
-    windows_px = [np.concatenate([points.torso_px, points.others_px]) for points in people]
-    sides_px = np.repeat([points.window_px for points in people], list(map(len, windows_px)))
-    windows_m = read_depth(np.concatenate(windows_px), image, sides_px)
-    area_m = read_pixels(np.concatenate([points.area_px for points in people]), image)
-    samples, window, pixel = [], 0, 0
-    for points, keypoints_px in zip(people, windows_px, strict=True):
-        counts = [len(points.torso_px), len(points.others_px), len(points.area_px)]
-        ends = window + len(keypoints_px), pixel + len(points.area_px)
-        depth_m = np.concatenate([windows_m[window : ends[0]], area_m[pixel : ends[1]]])
-        weights = [1.0, OTHER_WEIGHT, AREA_WEIGHT / max(counts[2], 1)]
-        pixels = np.concatenate([keypoints_px, points.area_px])
-        samples.append(DepthSamples(pixels, depth_m, np.repeat(weights, counts)))
-        window, pixel = ends
+    windows_m, _ = windows.medians(0.0, image.info.max_depth_m)
+    grids = area_grids([torso.area_px for torso in torsos if torso.area_px])
+    areas_m = read_pixels(grids.reshape(-1, 2), image).reshape(grids.shape[:2])
+    areas = zip(grids, areas_m, strict=True)
+    samples, first = [], 0
+    for torso in torsos:
+        joints, counts = torso.joints, [len(torso.torso_px), len(torso.others_px)]
+        own = slice(first, first + sum(counts))
+        pixels, depth_m = windows_px[own], windows_m[own]
+        weights = [1.0] * counts[0] + [OTHER_WEIGHT] * counts[1]
+        if torso.area_px:
+            grid_px, grid_m = next(areas)
+            pixels, depth_m = np.concatenate([pixels, grid_px]), np.concatenate([depth_m, grid_m])
+            weights += [AREA_WEIGHT / len(grid_m)] * len(grid_m)
+        left, top, right, _ = joints.box_xyxy_px.tolist()
+        samples.append(
+            DepthSamples(
+                pixels,
+                depth_m,
+                np.array(weights),
+                size=size_depth(joints.joints_px, joints.known, image.info),
+                crown_px=((left + right) / 2, top),
+                margin_px=MARGIN_SHARE * joints.diagonal_px,
+                cut_off=cut_side(joints.box_xyxy_px, image.info) != 0,
+            )
+        )
+        first = own.stop
     return samples
 
 
-def _sized(torso: TorsoJoints, samples: DepthSamples, info: CameraInfo) -> DepthSamples:
-    """Return the depth samples of a torso with its size."""
-    left, top, right, _ = torso.box_xyxy_px.tolist()
-    return replace(
-        samples,
-        size=size_depth(torso.joints_px, torso.known, info),
-        crown_px=((left + right) / 2, top),
-        margin_px=MARGIN_SHARE * torso.diagonal_px,
-        cut_off=cut_side(torso.box_xyxy_px, info) != 0,
-    )
+def _surface(
+    pixels: F64, layers_m: F64, windows: DepthWindows, info: CameraInfo
+) -> Iterator[tuple[float, float] | None]:
+    """Yield the points of the surface in windows around pixels (Nx2), None without a reading."""
+    depths_m = read_layers(windows, layers_m).tolist()
+    rights_m = deproject(pixels, layers_m, info)[:, 0].tolist()
+    for pair in zip(rights_m, depths_m, strict=True):
+        yield pair if pair[1] > 0 else None
+
+
+def _layered(
+    torso: _Sampled, layer: PersonLayer | None, points: Sequence[tuple[float, float] | None]
+) -> LayeredTorso | None:
+    """Return a torso with its layer and the surface in windows that no other person covers."""
+    if layer is None:
+        return None
+    own = zip(points, layer.own[: len(torso.torso_px)].tolist(), strict=False)
+    return LayeredTorso(torso.joints, layer, [point for point, use in own if use and point])
 
 
 def _middles(
     torsos: Sequence[LayeredTorso], info: CameraInfo, yaws_rad: Sequence[float | None]
 ) -> list[_Middle]:
     """Return the middles of torsos by their joints; by the box if none is known."""
-    layers_m = np.array([layer.depth_m for _, layer in torsos])
-    joints_px = np.array([torso.joints_px for torso, _ in torsos]).reshape(-1, 2)
+    layers_m = np.array([torso.layer.depth_m for torso in torsos])
+    joints_px = np.array([torso.joints.joints_px for torso in torsos]).reshape(-1, 2)
     joints_m = deproject(joints_px, np.repeat(layers_m, 4), info)[:, :2].reshape(-1, 4, 2)
-    known = np.array([torso.known for torso, _ in torsos]).reshape(-1, 4)
+    known = np.array([torso.joints.known for torso in torsos]).reshape(-1, 4)
     found = torso_middles(joints_m, known, yaws_rad, joint_sigma(layers_m, info))
     middles = []
-    for (torso, layer), middle_m, across_m2 in zip(torsos, *found, strict=True):
+    for (torso, layer, _), middle_m, across_m2 in zip(torsos, *found, strict=True):
         position_m, variance_m2 = np.array([*middle_m, layer.depth_m]), float(across_m2)
         if not torso.known.any():
             pixel = box_torso(torso.box_xyxy_px, layer.depth_m, info)

@@ -12,7 +12,6 @@ import numpy as np
 from people4d.messages import F32, F64, CameraInfo
 from services.detector.position.surface import DepthImage, Flags
 
-EMPTY: F64 = np.zeros((0, 2))
 COLUMNS, ROWS = 6, 8  # number of depth samples across and downward
 WIDTH = 0.5  # width of the area, relative to the box
 EDGE_RATIO = 0.02  # maximum distance of a cut-off box from the edge, relative to the image's width
@@ -26,32 +25,39 @@ GRID: F64 = np.stack(
 ).reshape(-1, 2)
 
 
-def area_pixels(box_xyxy_px: F32, joints_px: F64, known: Flags, info: CameraInfo) -> F64:
-    """Return a grid of pixels on the visible body, Nx2, u and v.
+def visible_area(
+    box_xyxy_px: F32, joints_px: Sequence[Sequence[float]], known: Sequence[bool], info: CameraInfo
+) -> tuple[float, float, float, float] | None:
+    """Return the visible body's area in the image: left, top, width, height; None if outside.
 
-    It is in the middle of the box. If the image cuts the box off to the left or right, the grid
+    It is in the middle of the box. If the image cuts the box off to the left or right, the area
     begins at that edge, beyond which the body continues.
 
     Args:
         box_xyxy_px: Box of the person, may reach beyond the image.
-        joints_px: Shoulders and hips, 4x2.
-        known: Flags of the known ones, 4.
+        joints_px: Shoulders and hips, u and v.
+        known: Flags of the known joints.
         info: Calibration of the camera.
     """
     left, top, right, bottom = cut_to_image(box_xyxy_px, info)
     if not (left < right and top < bottom):
-        return EMPTY
-    rows_px, is_known = joints_px[:, 1].tolist(), known.tolist()
-    upper, lower = _mean(rows_px[:2], is_known[:2]), _mean(rows_px[2:], is_known[2:])
+        return None
+    rows_px = [v for _, v in joints_px]
+    upper, lower = _mean(rows_px[:2], known[:2]), _mean(rows_px[2:], known[2:])
     if math.isnan(upper):
         upper = top + BELOW_TOP * (bottom - top)
     if math.isnan(lower) or lower <= upper:
         lower = bottom
     width = WIDTH * (right - left)
     fraction = (1 + cut_side(box_xyxy_px, info)) / 2  # 0: at the left, 1: at the right
-    grid: F64 = GRID * (width, lower - upper)
-    grid += (left + fraction * (right - left - width), upper)
-    return grid
+    return left + fraction * (right - left - width), upper, width, lower - upper
+
+
+def area_grids(areas: Sequence[tuple[float, float, float, float]]) -> F64:
+    """Return a grid of pixels in each of N areas, NxGx2, u and v."""
+    rectangles = np.array(areas).reshape(-1, 1, 4)
+    grids: F64 = GRID * rectangles[..., 2:] + rectangles[..., :2]
+    return grids
 
 
 def _mean(values: Sequence[float], known: Sequence[bool]) -> float:
@@ -90,7 +96,7 @@ def box_torso(box_xyxy_px: F32, depth_m: float, info: CameraInfo) -> F64:
 
 
 def in_image(pixels: F64, info: CameraInfo, margin_px: float = 0.0) -> Flags:
-    """Return flags of Nx2 pixels in the image, farther than a margin from its edge."""
+    """Return flags of pixels (...x2) in the image, farther than a margin from its edge."""
     first_px = margin_px - 0.5
     last_px = (info.width - 1 - first_px, info.height - 1 - first_px)
-    return np.asarray(((pixels > first_px) & (pixels < last_px)).all(axis=1))
+    return np.asarray(((pixels > first_px) & (pixels < last_px)).all(axis=-1))

@@ -9,7 +9,7 @@ CHEST = Ellipse(half_depth_m=0.12, half_width_m=0.2)
 
 
 def behind(right_m: float, yaw_rad: float | None, ellipse: Ellipse = CHEST) -> float:
-    return float(surface_to_axis(np.array([right_m]), yaw_rad, ellipse)[0])
+    return surface_to_axis([right_m], yaw_rad, ellipse)[0]
 
 
 @pytest.mark.parametrize(("yaw_deg", "expected_m"), [(0, 0.12), (180, 0.12), (90, 0.2), (-90, 0.2)])

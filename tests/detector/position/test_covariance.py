@@ -24,19 +24,19 @@ def test_one_reading_errs_with_the_square_of_the_distance() -> None:
     assert BODY_M == 0.035
     for z_m, sensor_m in ((1.0, 0.004), (2.0, 0.016), (4.0, 0.064)):
         expected_m2 = sensor_m**2 + 0.035**2
-        assert variance_along(z_m, np.array([z_m]), 0.0, DEPTH_PER_M) == pytest.approx(expected_m2)
+        assert variance_along(z_m, [z_m], 0.0, DEPTH_PER_M) == pytest.approx(expected_m2)
 
 
 def test_several_readings_have_less_variance_but_for_their_spread() -> None:
     # Four at 2 m: 0.016^2 / 4. 1.9, 2.1, 1.9, 2.1: variance 4 * 0.01 / 3, of the mean a quarter.
-    alike = variance_along(2.0, np.full(4, 2.0), 0.0, DEPTH_PER_M)
-    spread = variance_along(2.0, np.array([1.9, 2.1, 1.9, 2.1]), 0.0, DEPTH_PER_M)
+    alike = variance_along(2.0, [2.0] * 4, 0.0, DEPTH_PER_M)
+    spread = variance_along(2.0, [1.9, 2.1, 1.9, 2.1], 0.0, DEPTH_PER_M)
     assert alike == pytest.approx(0.016**2 / 4 + 0.035**2)
     assert spread - alike == pytest.approx(0.01 / 3)
 
 
 def test_a_common_error_does_not_shrink() -> None:
-    readings_m = np.full(4, 2.0)
+    readings_m = [2.0] * 4
     more, less = (variance_along(2.0, readings_m, sigma_m, DEPTH_PER_M) for sigma_m in (0.05, 0.0))
     assert more - less == pytest.approx(0.05**2)
 

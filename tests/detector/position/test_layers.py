@@ -5,9 +5,13 @@ import numpy as np
 import pytest
 
 from people4d.messages import F64
-from services.detector.position.layers import DepthSamples, LayerWindows, assign_layers, read_layers
+from services.detector.position.layers import (
+    DepthSamples,
+    assign_layers,
+    read_layers,
+)
 from services.detector.position.proportions import BodySize
-from services.detector.position.surface import DepthImage
+from services.detector.position.surface import DepthImage, DepthWindows
 from tests.detector.cameras import INFO
 
 SQUARE: F64 = np.array([[10.0, 10.0], [20.0, 10.0], [20.0, 30.0], [10.0, 30.0], [15.0, 20.0]])
@@ -88,12 +92,10 @@ def test_at_an_outline_the_persons_side_is_read() -> None:
     depth_mm = np.full((10, 10), 4000, np.uint16)
     depth_mm[:, :5] = 2000
     image, edge = DepthImage(depth_mm, INFO), np.array([[5.0, 5.0]])
-    windows = [LayerWindows(edge, 3, layer_m) for layer_m in (2.1, 4.0, 3.0)]
-    windows.append(LayerWindows(np.zeros((0, 2)), 3, 2.0))
-    person, wall, neither, nothing = read_layers(windows, image)
-    np.testing.assert_allclose([*person, *wall, *neither], [2.0, 4.0, np.nan])
-    assert not len(nothing)
-    assert [len(none) for none in read_layers(windows[3:], image)] == [0]
+    windows = DepthWindows(np.repeat(edge, 3, axis=0), image, 3)
+    depths_m = read_layers(windows, np.array([2.1, 4.0, 3.0]))
+    np.testing.assert_allclose(depths_m, [2.0, 4.0, np.nan])
+    assert not len(read_layers(DepthWindows(np.zeros((0, 2)), image, 3), np.zeros(0)))
 
 
 def test_an_outline_reaches_beyond_the_keypoints() -> None:

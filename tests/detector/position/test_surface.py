@@ -6,10 +6,10 @@ from services.detector.config import CONFIDENCE_MIN
 from services.detector.models.base import InstanceMask
 from services.detector.position.surface import (
     DepthImage,
+    DepthWindows,
     keypoint_mean,
     mask_centroid,
     read_depth,
-    read_windows,
 )
 from tests import builders
 
@@ -133,7 +133,7 @@ def test_windows_of_several_sizes_and_ranges_are_read_as_each_alone() -> None:
     sides = rng.choice([1, 3, 5, 9], 40)
     nearest_m = rng.uniform(-0.5, 2.0, 40)
     farthest_m = nearest_m + rng.uniform(0.1, 3.0, 40)
-    median_m, share = read_windows(pixels, image, sides, nearest_m, farthest_m)
+    median_m, share = DepthWindows(pixels, image, sides).medians(nearest_m, farthest_m)
     for k, (u, v) in enumerate(np.rint(pixels).astype(int)):
         half = sides[k] // 2
         rows = slice(max(v - half, 0), max(v + half + 1, 0))

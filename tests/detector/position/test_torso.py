@@ -50,7 +50,7 @@ def estimates(
 ) -> list[PositionEstimate | None]:
     image = DepthImage(depth_mm, INFO)
     torsos = estimator.find_torsos([person(points) for points in people], 0.3, image)
-    return estimator.estimate(torsos, image, [yaw_rad] * len(torsos))
+    return estimator.estimate(torsos, image.info, [yaw_rad] * len(torsos))
 
 
 def person(points: F32) -> DetectedPerson:
@@ -191,7 +191,7 @@ def test_near_person_from_the_side_without_hips_is_not_put_on_the_wall() -> None
     assert torsos[0] is not None
     known = torsos[0][0].known.tolist()
     assert known == [True, True, False, False]  # hips at the edge are guesses
-    (estimate,) = AXIS.estimate(torsos, image, [None])
+    (estimate,) = AXIS.estimate(torsos, image.info, [None])
     assert estimate is not None
     assert estimate.position_m[2] == pytest.approx(1.35, abs=0.02)
     assert estimate.covariance_m2 is not None
@@ -279,6 +279,6 @@ def test_person_beside_the_image_is_not_on_the_wall(
     corners = np.array([box[0], 100, box[1], 400], np.float32)
     image = DepthImage(depth_mm, INFO)
     torsos = SURFACE.find_torsos([DetectedPerson(0.9, corners, points)], 0.3, image)
-    (estimate,) = SURFACE.estimate(torsos, image, [None])
+    (estimate,) = SURFACE.estimate(torsos, image.info, [None])
     assert estimate is not None
     assert estimate.position_m[2] == pytest.approx(2.0)
