@@ -60,10 +60,10 @@ def crop_person(
         return None
     image = rgb[top:bottom, left:right]
     mask = None if person.mask is None else person.mask.cut((left, top, right, bottom))
-    scale = np.ones(2)
+    scale = 1.0, 1.0
     if bottom - top > height_max_px:
         size = (max(1, round((right - left) * height_max_px / (bottom - top))), height_max_px)
-        scale = np.divide(size, (right - left, bottom - top))
+        scale = size[0] / (right - left), size[1] / (bottom - top)
         image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_LINEAR), np.uint8)
         if mask is not None:
             mask = np.asarray(cv2.resize(mask, size, interpolation=cv2.INTER_NEAREST), np.uint8)
@@ -73,7 +73,7 @@ def crop_person(
     if person.keypoints is not None:  # pixel centres are whole numbers
         keypoints = person.keypoints.copy()
         moved = keypoints[:, :2] - (left, top) + 0.5
-        keypoints[:, :2] = moved * scale.astype(np.float32) - 0.5
+        keypoints[:, :2] = moved * np.array(scale, np.float32) - 0.5
     return Crop(detection=index, rgb=image, mask=mask, keypoints=keypoints)
 
 

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import ClassVar
 
+import cv2
+
 from common.runtime.node import NO_LOOP, LoopCallbacks, Node, Sharing, Status
 from common.transport.trace import span
 from people4d.messages import (
@@ -173,7 +175,7 @@ class DetectorNode(Node):
             log.debug("the model failed", exc_info=True)
             self._fault(frame, "model_errors", f"the model failed: {error!r:.200}")
             return []
-        if frame.depth_mm.any():
+        if cv2.hasNonZero(frame.depth_mm):  # ends at the first reading
             with self._lock:
                 self._faults.pop(frame.camera, None)
         else:

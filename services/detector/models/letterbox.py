@@ -64,7 +64,7 @@ class Letterbox:
         return canvas
 
     def to_image(self, positions: npt.ArrayLike) -> F64:
-        """Map positions (Nx2 x, y or Nx4 xyxy) in the network's input to the image, unclipped."""
+        """Map positions (...x2 or ...x4 xyxy) in the network's input to the image, unclipped."""
         points = np.asarray(positions, np.float64)
         pairs = (points.reshape(-1, 2) - (self.left, self.top)) / (self.scale_x, self.scale_y)
         return pairs.reshape(points.shape)

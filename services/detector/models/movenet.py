@@ -5,6 +5,7 @@ box and a first guess of the keypoints; a heat map per keypoint, read near that 
 below the grid's step. Cut at these heads, it has no limit of six people.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -61,9 +62,7 @@ class MoveNet(NetworkModel):
 
     def _people(self, outputs: Outputs, letterbox: Letterbox) -> list[DetectedPerson]:
         candidates = decode(self._reader.heads(outputs), self._limits)
-        return [
-            to_person(candidates, k, letterbox) for k in select_people(candidates, self._limits)
-        ]
+        return to_people(candidates, select_people(candidates, self._limits), letterbox)
 
 
 def decode(heads: Heads, limits: Limits) -> MoveNetCandidates:
@@ -174,12 +173,12 @@ def similarities(boxes: F64, keypoints: F64) -> F64:
     return mean
 
 
-def to_person(candidates: MoveNetCandidates, index: int, letterbox: Letterbox) -> DetectedPerson:
-    """Return a candidate in pixels of the image."""
-    keypoints = candidates.keypoints[index].copy()
-    keypoints[:, :2] = letterbox.to_image(keypoints[:, :2])
-    return DetectedPerson(
-        score=float(candidates.scores[index]),
-        box_xyxy_px=letterbox.to_image(candidates.boxes[index]).astype(np.float32),
-        keypoints=keypoints.astype(np.float32),
-    )
+def to_people(
+    candidates: MoveNetCandidates, chosen: Sequence[int], letterbox: Letterbox
+) -> list[DetectedPerson]:
+    """Return the chosen candidates in pixels of the image."""
+    keypoints = candidates.keypoints[chosen]
+    keypoints[..., :2] = letterbox.to_image(keypoints[..., :2])
+    boxes = letterbox.to_image(candidates.boxes[chosen]).astype(np.float32)
+    scores = candidates.scores[chosen].tolist()
+    return list(map(DetectedPerson, scores, boxes, keypoints.astype(np.float32)))

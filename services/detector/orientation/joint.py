@@ -93,7 +93,10 @@ def joint_yaws(
 def log_likelihood(observations: YawObservations, fx: float) -> F64:
     """Return the logarithm of the likelihood of each of `ANGLES`, NxA; fx in pixels."""
     flat = np.zeros((len(observations.z_m), len(ANGLES)))
-    total: F64 = sum(_cues(observations, fx), flat)
+    cues = [(error, flat + sigma, *rest) for error, sigma, *rest in _cues(observations, fx)]
+    errors, sigmas, outliers, spans = map(np.array, zip(*cues, strict=True))
+    by_cue = _log_density(errors, sigmas, outliers[:, None, None], spans[:, None, None])
+    total: F64 = by_cue.sum(axis=0)
     # Low confidence of the joints of a side makes confusion of the sides more likely.
     factors = sigma_factors(observations)[:, None]
     swapped = np.minimum(SWAPPED * factors**2, SWAPPED_MAX)
@@ -126,8 +129,8 @@ def expected_along(name: str) -> F64:
     return expected_m
 
 
-def _cues(observations: YawObservations, fx: float) -> Iterator[F64]:
-    """Yield the log likelihoods by shoulders, hips and head, NxA."""
+def _cues(observations: YawObservations, fx: float) -> Iterator[tuple[F64, F64, float, float]]:
+    """Yield the arguments of `_log_density` for shoulders, hips and head."""
     z_m = observations.z_m
     for name, pair in PAIRS.items():
         offsets = observations.pairs[name]
@@ -135,27 +138,27 @@ def _cues(observations: YawObservations, fx: float) -> Iterator[F64]:
         joints_m = np.hypot(SIGMA_ACROSS_M, math.sqrt(2) * JOINT_PX * z_m / fx)
         sigma_m = np.hypot(joints_m[:, None], SIGMA_WIDTH * pair.width_m * COSINE)
         error_m = offsets.across_m[:, None] - expected_across(name)
-        yield _log_density(error_m, sigma_m, OUTLIERS_ACROSS, SPAN_M)
+        yield error_m, sigma_m, OUTLIERS_ACROSS, SPAN_M
         noise_m = np.hypot(pair.sigma_along_m, DEPTH_PER_M * z_m**2)[:, None]
         error_m = offsets.along_m[:, None] - expected_along(name)
-        yield _log_density(error_m, noise_m, OUTLIERS_ALONG, SPAN_M)
+        yield error_m, noise_m, OUTLIERS_ALONG, SPAN_M
     yield _head(observations)
 
 
-def _head(observations: YawObservations) -> F64:
-    """Return the log likelihood from the head, which may be turned relative to the chest."""
+def _head(observations: YawObservations) -> tuple[F64, F64, float, float]:
+    """Return the cue of the head, which may be turned relative to the chest."""
     forward, left = observations.ears_m / EARS_M, observations.nose_m / NOSE_M
     size = np.maximum(np.hypot(forward, left), 0.3)
     sigma_rad = np.hypot(SIGMA_HEAD_RAD, SIGMA_FACE / size)
     error_rad = wrap_each(np.arctan2(left, forward)[:, None] - ANGLES)
-    return _log_density(error_rad, sigma_rad[:, None], OUTLIERS_HEAD, 2 * math.pi)
+    return error_rad, sigma_rad[:, None], OUTLIERS_HEAD, 2 * math.pi
 
 
-def _log_density(error: F64, sigma: F64, outliers: float, span: float) -> F64:
+def _log_density(error: F64, sigma: F64, outliers: F64, span: F64) -> F64:
     """Return the log density of errors: normal, a fraction of outliers uniform; 0 if unknown."""
     normal = np.exp(-np.square(error / sigma) / 2) * ((1 - outliers) / math.sqrt(2 * math.pi))
     density = np.log(normal / sigma + outliers / span)
-    return np.where(np.isnan(error[:, :1]), 0.0, density)
+    return np.where(np.isnan(error[..., :1]), 0.0, density)
 
 
 def best_angles(log_p: F64) -> tuple[F64, F64]:

@@ -140,14 +140,21 @@ def _estimate(points: F64, sigma_px: float, pair: FramePair) -> VelocityEstimate
     return VelocityEstimate((now_m - before_m) / dt_s, covariance(now_m, *variances))
 
 
-def _area(torso: TorsoJoints) -> F64:
+def _area(torso: TorsoJoints) -> tuple[float, float, float, float]:
     """Return the torso's rectangle in the image: left, top, right, bottom [px]."""
-    box = torso.box_xyxy_px.astype(np.float64)
+    left, top, right, bottom = torso.box_xyxy_px.tolist()
+    width, height = right - left, bottom - top
     if not torso.known.all():
-        return np.tile(box[:2], 2) + np.tile(box[2:] - box[:2], 2) * UPPER_BODY
-    (left, top), (right, bottom) = torso.joints_px.min(axis=0), torso.joints_px.max(axis=0)
-    margin_px = max(MARGIN * (right - left), MARGIN_DOWN * (box[3] - box[1]))
-    return np.array([left - margin_px, top, right + margin_px, bottom])
+        first_u, first_v, last_u, last_v = UPPER_BODY
+        return (
+            left + width * first_u,
+            top + height * first_v,
+            left + width * last_u,
+            top + height * last_v,
+        )
+    us, vs = zip(*torso.joints_px.tolist(), strict=True)
+    margin_px = max(MARGIN * (max(us) - min(us)), MARGIN_DOWN * height)
+    return min(us) - margin_px, min(vs), max(us) + margin_px, max(vs)
 
 
 def _depths(pixels: F64, frame: RgbdFrame) -> F64:
