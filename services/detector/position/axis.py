@@ -57,11 +57,9 @@ def surface_to_axis(
     yy = (cosine / a) ** 2 + (sine / b) ** 2
     xy = sine * cosine * (a**-2 - b**-2)
     reach_m = RIM * a * b * math.sqrt(yy)
-    depths_m = []
-    for right_m in rights_m:  # few: plain floats are faster than arrays
-        x = min(max(right_m, -reach_m), reach_m)
-        depths_m.append((math.sqrt((xy * x) ** 2 - yy * (xx * x**2 - 1)) - xy * x) / yy)
-    return depths_m
+    # Few: plain floats are faster than arrays.
+    xs = [min(max(right_m, -reach_m), reach_m) for right_m in rights_m]
+    return [(math.sqrt((xy * x) ** 2 - yy * (xx * x**2 - 1)) - xy * x) / yy for x in xs]
 
 
 def move_to_axis(position_m: F64, yaw_rad: float | None, ellipse: Ellipse) -> F64:
@@ -117,17 +115,11 @@ def covariance(position_m: F64, right_m2: float, down_m2: float, along_m2: float
 
     The frame is optical; `right_m2` and `down_m2` are across the line of sight.
     """
-    # Plain floats, which take a fifth of the time of arrays of three.
-    x, y, z = position_m.tolist()
-    level, length = math.hypot(x, z), math.hypot(x, y, z)
-    right = z / level, 0.0, -x / level
-    down = -x * y / (level * length), level / length, -y * z / (level * length)
-    ray = x / length, y / length, z / length
-    axes = list(zip(right, down, ray, strict=True))
-    # Products of two elements come first, so that the result is exactly symmetric.
-    return np.array(
-        [
-            [right_m2 * (a * d) + down_m2 * (b * e) + along_m2 * (c * f) for d, e, f in axes]
-            for a, b, c in axes
-        ]
-    )
+    # Plain floats: np.cross takes ten times as long for one vector.
+    x, y, z = (position_m / np.linalg.norm(position_m)).tolist()
+    level = math.hypot(x, z)
+    right_x, right_z = z / level, -x / level
+    down = y * right_z, z * right_x - x * right_z, -y * right_x  # the ray x the right
+    axes = np.array([[right_x, down[0], x], [0.0, down[1], y], [right_z, down[2], z]])
+    rotated: F64 = (axes * (right_m2, down_m2, along_m2)) @ axes.T
+    return (rotated + rotated.T) / 2  # exactly symmetric

@@ -102,14 +102,11 @@ class DepthWindows:
         middles = np.rint(bounded).astype(np.intp).T[::-1]
         sides = [min(2 * most_px + 1, length) for length in shape]
         # At the image's edge a window of full size is moved inside, and its rest does not count.
-        starts = [
-            np.minimum(np.maximum(middle - most_px, 0), length - side)
-            for middle, length, side in zip(middles, shape, sides, strict=True)
-        ]
-        rows, columns = (
-            np.abs(np.arange(side) + (start - middle)[:, None]) <= halves_px[:, None]
-            for side, start, middle in zip(sides, starts, middles, strict=True)
-        )
+        limits = np.subtract(shape, sides)[:, None]
+        starts = np.minimum(np.maximum(middles - most_px, 0), limits)
+        down, across = (starts - middles)[..., None]
+        rows = np.abs(down + np.arange(sides[0])) <= halves_px[:, None]
+        columns = np.abs(across + np.arange(sides[1])) <= halves_px[:, None]
         cut = np.lib.stride_tricks.sliding_window_view(image.depth_mm, sides)[starts[0], starts[1]]
         read_mm = np.multiply(cut, rows[:, :, None] & columns[:, None], dtype=np.int32)
         read_mm = read_mm.reshape(len(pixels), sides[0] * sides[1])

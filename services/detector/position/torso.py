@@ -7,9 +7,9 @@ section 10).
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import islice
+from itertools import chain, compress
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -138,12 +138,12 @@ class TorsoEstimator:
         pixels = [[*torso.torso_px, *torso.others_px] for torso in known]
         counts = [*map(len, pixels)]
         sides_px = np.repeat([_window(torso.joints.diagonal_px) for torso in known], counts)
-        windows_px = np.array([pixel for own in pixels for pixel in own]).reshape(-1, 2)
+        windows_px = np.array(list(chain(*pixels))).reshape(-1, 2)
         windows = DepthWindows(windows_px, image, sides_px)
         layers = assign_layers(_samples(known, windows_px, windows, image))
         layers_m = np.repeat([layer.depth_m if layer else 0.0 for layer in layers], counts)
-        points = iter(_surface(windows_px, layers_m, windows, image.info))
-        surfaces = [[*islice(points, count)] for count in counts]
+        points = _surface(windows_px, layers_m, windows, image.info)
+        surfaces = np.split(points, np.cumsum(counts)[:-1])
         found = map(_layered, known, layers, surfaces)
         return [next(found) if torso else None for torso in torsos]
 
@@ -181,7 +181,8 @@ class TorsoEstimator:
         if layer is None:
             return None
         layers_m = np.full(len(torso_px), layer.depth_m)
-        surface = [point for point in _surface(torso_px, layers_m, windows, image.info) if point]
+        points = _surface(torso_px, layers_m, windows, image.info)
+        surface = points[points[:, 1] > 0].tolist()
         position_m = deproject(torso_px.mean(axis=0), [layer.depth_m], image.info)[0]
         middle = _Middle(position_m, variances_across(layer.depth_m, image.info)[0], 0.0)
         return self._on_axis(middle, layer.depth_m, surface, yaw_rad)
@@ -251,7 +252,7 @@ def _sampled(
         info: Calibration of the camera.
     """
     joints, is_known = joints_px.tolist(), known.tolist()
-    torso_px = [(u, v) for (u, v), use in zip(joints, is_known, strict=True) if use]
+    torso_px: list[Pixel] = list(compress(joints, is_known))
     diagonal_px = 0.0
     if torso_px:
         us, vs = zip(*torso_px, strict=True)
@@ -304,24 +305,20 @@ def _samples(
     return samples
 
 
-def _surface(
-    pixels: F64, layers_m: F64, windows: DepthWindows, info: CameraInfo
-) -> Iterator[tuple[float, float] | None]:
-    """Yield the points of the surface in windows around pixels (Nx2), None without a reading."""
-    depths_m = read_layers(windows, layers_m).tolist()
-    rights_m = deproject(pixels, layers_m, info)[:, 0].tolist()
-    for pair in zip(rights_m, depths_m, strict=True):
-        yield pair if pair[1] > 0 else None
+def _surface(pixels: F64, layers_m: F64, windows: DepthWindows, info: CameraInfo) -> F64:
+    """Return the points of the surface in N windows around pixels, Nx2; NaN without a reading."""
+    points_m = deproject(pixels, layers_m, info)[:, :2]
+    points_m[:, 1] = read_layers(windows, layers_m)
+    return points_m
 
 
-def _layered(
-    torso: _Sampled, layer: PersonLayer | None, points: Sequence[tuple[float, float] | None]
-) -> LayeredTorso | None:
+def _layered(torso: _Sampled, layer: PersonLayer | None, points: F64) -> LayeredTorso | None:
     """Return a torso with its layer and the surface in windows that no other person covers."""
     if layer is None:
         return None
-    own = zip(points, layer.own[: len(torso.torso_px)].tolist(), strict=False)
-    return LayeredTorso(torso.joints, layer, [point for point, use in own if use and point])
+    count = len(torso.torso_px)
+    used = layer.own[:count] & (points[:count, 1] > 0)
+    return LayeredTorso(torso.joints, layer, points[:count][used].tolist())
 
 
 def _middles(
