@@ -87,7 +87,7 @@ class Magnitude:
         # The length takes a seventh of the time and decides nearly always. NaN compares as false;
         # squares of integers would wrap around.
         if array.size <= FEW:
-            if math.hypot(*array.ravel().tolist()) < self._safe:
+            if math.hypot(*array.flat) < self._safe:
                 return True
         elif array.dtype.kind == "f" and np.vdot(array, array) < self._safe**2:
             return True
