@@ -63,7 +63,6 @@ PARTS = {
     "visibility": Part((f"{STRONG}.visibility=false",)),
     "identity": Part((f"{STRONG}.identity.enabled=false",)),
     "limit of re-identification": Part((f"{STRONG}.identity.match_max={ROUND_1_MAX}",)),
-    "likelihood in round 1": Part((f"{STRONG}.likelihood=false",)),
     "life cycle by hits": Part((f"{STRONG}.lifetime=streak", f"{STRONG}.n_init=3")),
     "standing model": Part((f"{STRONG}.standing_model=false",), "IMM [Blom 1988]"),
     "acceleration": Part((f"{STRONG}.sigma_acceleration_mps2=0.5",)),

@@ -3,7 +3,6 @@
 Rows of a cost matrix are tracks, columns detections; +inf marks an inadmissible pair.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
@@ -17,7 +16,6 @@ from services.tracker.motion.track_record import TrackRecord
 
 T = TypeVar("T")
 D = TypeVar("D")
-ROUNDING = 1e-6  # tolerance of costs: a pair as costly as no match is matched
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,13 +30,11 @@ class RoundMatches(Generic[T, D]):
     unmatched_detections: list[D]
 
 
-def assign(cost: F64, unmatched: float = math.inf) -> list[tuple[int, int]]:
-    """Match admissible pairs at the minimum sum of costs (Hungarian method).
+def assign(cost: F64) -> list[tuple[int, int]]:
+    """Match as many admissible pairs as possible at the minimum sum of costs (Hungarian method).
 
     Args:
         cost: NxM, +inf for inadmissible pairs.
-        unmatched: Cost of an unmatched row or column, and upper limit of the cost of a pair;
-            infinity: as many pairs as possible are matched.
 
     Returns:
         Matched pairs (row, column), ordered by row.
@@ -52,18 +48,14 @@ def assign(cost: F64, unmatched: float = math.inf) -> list[tuple[int, int]]:
     least = costs.min()
     # Above the sum of all pairs: dropping an admissible pair never lowers the cost.
     forbidden = (costs.max() - least + 1.0) * (min(cost.shape) + 1)
-    if unmatched < math.inf:
-        cost, forbidden = np.minimum(cost, unmatched), unmatched - least + ROUNDING
     rows, columns = linear_sum_assignment(np.where(admissible, cost - least, forbidden))
     chosen = admissible[rows, columns]
     return list(zip(rows[chosen].tolist(), columns[chosen].tolist(), strict=True))
 
 
-def associate(
-    cost: F64, tracks: Sequence[T], detections: Sequence[D], unmatched: float = math.inf
-) -> RoundMatches[T, D]:
+def associate(cost: F64, tracks: Sequence[T], detections: Sequence[D]) -> RoundMatches[T, D]:
     """Match tracks (N) and detections (M) at the minimum sum of costs (NxM), see `assign`."""
-    pairs = assign(cost, unmatched)
+    pairs = assign(cost)
     rows, columns = {i for i, _ in pairs}, {j for _, j in pairs}
     return RoundMatches(
         cost,

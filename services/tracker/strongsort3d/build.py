@@ -15,9 +15,7 @@ from services.tracker.motion.yaw_sources import make_yaw
 from services.tracker.strongsort3d.base_drift import BaseDrift
 from services.tracker.strongsort3d.config import StrongSort3dConfig
 from services.tracker.strongsort3d.identity import Reidentification
-from services.tracker.strongsort3d.likelihood import Likelihood
 from services.tracker.strongsort3d.policies import (
-    CostPolicy,
     IdentityPolicy,
     Policies,
     VisibilityPolicy,
@@ -46,7 +44,6 @@ def build_strongsort3d(config: TrackerConfig) -> StrongSort3d:
         _state_filter(strong, motion),
     )
     policies = Policies(
-        cost=Likelihood() if strong.likelihood else CostPolicy(),
         visibility=TrackVisibility() if strong.visibility else VisibilityPolicy(),
         identity=Reidentification(strong.identity) if strong.identity.enabled else IdentityPolicy(),
         drift=BaseDrift(),

@@ -41,9 +41,6 @@ class StrongSort3dConfig(Config, frozen=True, kw_only=True):
     # C_cos, maximum cosine distance by name of the embedder (section 5); defaults:
     # COSINE_DISTANCE_MAX, else COSINE_DISTANCE_MAX_OTHER
     cosine_distance_max: dict[str, CosineDistance] = msgspec.field(default_factory=dict)
-    # True: lambda ln |S| is added to c, as in a likelihood, and an unmatched track or detection
-    # costs C_cos; section 5: False, the number of pairs is maximised
-    likelihood: bool = True
     # round 2
     distance_max_m: Positive = 0.7  # [m] maximum 3D distance; section 5 (default)
     # life cycle

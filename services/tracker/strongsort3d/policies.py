@@ -1,6 +1,5 @@
 """Policies around StrongSORT-3D: each base class does nothing and leaves the published method."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -79,18 +78,6 @@ class TrackPolicy:
         """Delete the state of the policy."""
 
 
-class CostPolicy:
-    """Costs of round 1; this base leaves the published method."""
-
-    def added_cost(self, weight: float, log_det: F64) -> F64 | float:  # noqa: ARG002
-        """Return the cost (NxM) added to each pair, from the weight of motion and ln |S| (NxM)."""
-        return 0.0
-
-    def unmatched_cost(self, c_cos: float) -> float:  # noqa: ARG002
-        """Return the cost of an unmatched track or detection; infinity: as published."""
-        return math.inf
-
-
 class VisibilityPolicy(TrackPolicy):
     """People occluded or outside the image; this base leaves the published method."""
 
@@ -101,8 +88,8 @@ class VisibilityPolicy(TrackPolicy):
         R: F64,
         d_cos: F64,  # noqa: ARG002
         frame: FrameContext,
-    ) -> tuple[F64, F64]:
-        """Return d_M^2 and ln |S| (NxM) of tracks and detections.
+    ) -> F64:
+        """Return d_M^2 (NxM) of tracks and detections.
 
         Args:
             x: States of the tracks, Nx6.
@@ -111,7 +98,7 @@ class VisibilityPolicy(TrackPolicy):
             d_cos: Cosine distances, NxM; NaN where unknown.
             frame: Context of the frame.
         """
-        return kalman.gate(x, P, frame.positions_m, R)
+        return kalman.gate(x, P, frame.positions_m, R)[0]
 
 
 class IdentityPolicy(TrackPolicy):
@@ -137,7 +124,6 @@ class IdentityPolicy(TrackPolicy):
 class Policies:
     """All policies of one tracker."""
 
-    cost: CostPolicy = field(default_factory=CostPolicy)
     visibility: VisibilityPolicy = field(default_factory=VisibilityPolicy)
     identity: IdentityPolicy = field(default_factory=IdentityPolicy)
     drift: TrackPolicy = field(default_factory=TrackPolicy)

@@ -121,22 +121,20 @@ class StrongSort3d(TrackSetTracker, AreaTracker):
         frame = FrameContext(observation, in_order(observation.measurements), self._config)
 
         cost = self._appearance_cost(self.tracks.confirmed, frame)
-        unmatched = self._policies.cost.unmatched_cost(frame.cosine_distance_max)
-        first = associate(cost, self.tracks.confirmed, frame.detections, unmatched)
+        first = associate(cost, self.tracks.confirmed, frame.detections)
         recent = [t for t in first.unmatched_tracks if t.frames_missed <= 1] + tentative
         rest = first.unmatched_detections
         second = associate(self._distance_cost(recent, rest), recent, rest)
         return AssociationResult(frame, first, second)
 
     def _appearance_cost(self, records: Sequence[TrackRecord], frame: FrameContext) -> F64:
-        motion, detections, policies = self._motion, frame.detections, self._policies
+        motion, detections = self._motion, frame.detections
         if not records or not detections:
             return np.full((len(records), len(detections)), np.inf)
         (x, P), R = stack(records), motion.gate_noise(detections)
         d_cos = cosine_distances(records, detections)
-        d_m2, log_det = policies.visibility.gate(x, P, R, d_cos, frame)
-        cost = combined_cost(d_m2, d_cos, frame.cosine_distance_max)
-        return cost + policies.cost.added_cost(MOTION_WEIGHT, log_det)
+        d_m2 = self._policies.visibility.gate(x, P, R, d_cos, frame)
+        return combined_cost(d_m2, d_cos, frame.cosine_distance_max)
 
     def _distance_cost(
         self, records: Sequence[TrackRecord], detections: Sequence[Measurement]

@@ -57,8 +57,8 @@ class TrackVisibility(VisibilityPolicy):
         """Delete all views."""
         self._views.clear()
 
-    def gate(self, x: F64, P: F64, R: F64, d_cos: F64, frame: FrameContext) -> tuple[F64, F64]:
-        """Return d_M^2 and ln |S| with a wide gate along the ray to covered detections.
+    def gate(self, x: F64, P: F64, R: F64, d_cos: F64, frame: FrameContext) -> F64:
+        """Return d_M^2 with a wide gate along the ray to covered detections.
 
         A wide gate requires an embedding. The update uses the measured noise; otherwise the track
         would lag beside its person.
@@ -67,8 +67,7 @@ class TrackVisibility(VisibilityPolicy):
         if wider_m2 is None:
             return gate
         wide = super().gate(x, P, R + wider_m2, d_cos, frame)
-        d_m2, log_det = np.where(np.isnan(d_cos), gate, wide)
-        return d_m2, log_det
+        return np.where(np.isnan(d_cos), gate, wide)
 
     def after_update(self, tracks: TrackSet, result: AssociationResult) -> None:
         """Store the views of matched tracks, and end unmatched tracks at empty positions."""

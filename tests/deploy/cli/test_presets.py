@@ -65,7 +65,6 @@ def test_the_other_methods_track_by_sections_3_and_5(method: str, suffix: str) -
     assert not tracker.publish_lost
     strong = tracker.strongsort3d
     assert strong == StrongSort3dConfig(
-        likelihood=False,
         n_init=3,
         a_max=30,
         lifetime="streak",

@@ -9,7 +9,7 @@ import pytest
 
 from common.geometry.transforms import LINK_FROM_OPTICAL, transform_from
 from people4d.messages import Track
-from services.tracker.interface import Measurement, Observation
+from services.tracker.interface import Observation
 from services.tracker.strongsort3d.build import build_strongsort3d
 from services.tracker.strongsort3d.strongsort3d import StrongSort3d
 from tests.tracker.scene import BLUE, RED, frame, person, published, published_config
@@ -196,17 +196,3 @@ def test_empty_frame_of_another_camera_ends_no_track() -> None:
     assert tracks[0].hits == 6
     (handed_over,) = sort.update(frame(12, person(3, 0), camera="back"))
     assert (handed_over.id, handed_over.state) == (1, "confirmed")
-
-
-@pytest.mark.parametrize(("likelihood", "index"), [(True, 0), (False, 1)])
-def test_of_two_detections_the_certain_one_is_likelier(likelihood: bool, index: int) -> None:
-    # The same appearance; 0.1 m off by 0.05 m each way, or 0.2 m off by 0.5 m.
-    def found(y: float, sigma_m: float, number: int) -> Measurement:
-        one = person(3, y, number, embedding=RED)
-        return dataclasses.replace(one, covariance_m2=sigma_m**2 * np.eye(3))
-
-    sort = tracker(likelihood=likelihood, noise="measured")
-    for number in range(5):
-        sort.update(frame(number, found(0.0, 0.05, 0)))
-    tracks = sort.update(frame(5, found(0.1, 0.05, 0), found(-0.2, 0.5, 1)))
-    assert next(track for track in tracks if track.id == 1).detection == index
