@@ -1,7 +1,7 @@
 """README's figures, written from the tables: `python -m benchmarks readme`.
 
-A figure is not shown if its table is older than its code; its row names the command that makes the
-table. `--check` fails if README differs from what the command would write.
+Figures of a table that is older than its code are not shown; a line below names such tables.
+`--check` fails if README differs from what the command would write.
 """
 
 import re
@@ -49,9 +49,16 @@ class Table:
         raise LookupError(f"{self._name} has no {column!r} of {labels} in {section!r}")
 
     def best(self, column: str, label: str) -> str:
-        """Return the highest cell of a column among rows whose first cell matches a pattern."""
-        cells = [row for _, row in self._rows if re.search(label, next(iter(row.values())))]
-        return max((row[column] for row in cells), key=number)
+        """Return the highest cell of a column among rows whose first cell matches a pattern.
+
+        Raises:
+            LookupError: There is no such row.
+        """
+        rows = [row for _, row in self._rows if re.search(label, next(iter(row.values())))]
+        cells = [row[column] for row in rows if column in row]
+        if not cells:
+            raise LookupError(f"{self._name} has no {column!r} of {label!r}")
+        return max(cells, key=number)
 
 
 def _rows(text: str) -> Iterator[tuple[str, dict[str, str]]]:
@@ -140,9 +147,11 @@ def of_arrangements(*figures: tuple[str, str, str]) -> Callable[[Table], str]:
 def peers(table: Table) -> str:
     """Return the share of the bare network that is left, beside other packages."""
     column = "of the bare network, onnxruntime"
-    ours = median(table.cell(column, "ours, the same network, together"))
-    other = median(table.best(column, "^(?!ours|bare)"))
-    return f"{ours} of the bare network; best other package {other}"
+    ours = f"{median(table.cell(column, 'ours, the same network, together'))} of the bare network"
+    try:
+        return f"{ours}; best other package {median(table.best(column, '^(?!ours|bare)'))}"
+    except LookupError:  # a run without --peers
+        return ours
 
 
 def own_work(table: Table) -> str:
@@ -212,14 +221,21 @@ def block() -> str:
     """Return README's block of figures, from the tables that are as new as their code."""
     folder = table_age.ROOT / "benchmarks"
     older = {name: table_age.age(folder / f"{name}.md") for name in {row.table for row in ROWS}}
-    rows = []
-    for row in ROWS:
-        command = f"`python -m benchmarks {row.table}`"
-        text = f"table is older than its code; {command} makes it"
-        if not older[row.table]:
-            text = row.text(Table(folder / f"{row.table}.md"))
-        rows.append([f"{row.what} ([{row.table}](benchmarks/{row.table}.md))", text])
-    return f"{BEGIN}\n{markdown(('what', 'measured'), rows)}\n{END}"
+    parts = []
+    rows = [
+        [f"{row.what} ({_link(row.table)})", row.text(Table(folder / f"{row.table}.md"))]
+        for row in ROWS
+        if not older[row.table]
+    ]
+    if rows:
+        parts.append(markdown(("what", "measured"), rows))
+    if names := [_link(name) for name in sorted(older) if older[name]]:
+        parts.append(f"Tables older than their code, not shown: {', '.join(names)}.")
+    return "\n".join((BEGIN, "\n\n".join(parts), END))
+
+
+def _link(table: str) -> str:
+    return f"[{table}](benchmarks/{table}.md)"
 
 
 def written(text: str) -> str:
