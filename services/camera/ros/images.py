@@ -9,7 +9,6 @@ import numpy.typing as npt
 
 from common.io.image_header import PNG, TIFF
 from common.io.images import decode_image
-from common.io.rvl import decode_rvl
 from people4d.errors import DecodeError
 from people4d.messages import U8, U16
 from people4d.messages.base import MAX_PIXELS
@@ -108,6 +107,8 @@ def _compressed_depth(layout: str, data: bytes) -> U16:
     if data[size:].startswith(LOSSLESS):
         depth = decode_image(data[size:], cv2.IMREAD_UNCHANGED)
     elif "rvl" in layout:
+        from common.io.rvl import decode_rvl  # noqa: PLC0415  # loads the compiler
+
         depth = decode_rvl(data[size:])
     else:
         raise DecodeError(

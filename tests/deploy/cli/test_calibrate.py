@@ -177,7 +177,7 @@ def test_live_walk_that_shows_nothing_ends_after_its_time() -> None:
         pytest.fail("the time was over before")
 
     with pytest.raises(CalibrationError, match="no person walked"):
-        listen(CalibrationSession(set(), "", 1.0), standing(), 20.0)
+        listen(CalibrationSession(set(), "", 1.0), standing(), 15.0)
 
 
 def test_progress_shows_where_each_camera_found_people() -> None:
@@ -186,7 +186,7 @@ def test_progress_shows_where_each_camera_found_people() -> None:
     # The camera stands at (-3, -3) and looks at the middle; the person stays left of that and far.
     for arrival in arrivals(square("a"), [lambda _: (-0.6, 0.9)]):
         session.add(arrival.message, arrival.received_ns)
-    assert "a 400 of 400  #.. ... ..." in session.summary()
+    assert "a 200 of 200  #.. ... ..." in session.summary()
 
 
 def test_ctrl_c_ends_the_walk_with_a_last_attempt() -> None:
