@@ -21,7 +21,7 @@ RATE_HZ = 15.0
 FRAMES, QUICK_FRAMES = 100, 20
 LATENCY = ("all but inference p50 [ms]", "p99 [ms]")
 
-Figures = dict[str, float]  # of one round, by column
+Figures = dict[str, float]  # figures of one round, by column
 FORMS = {"of the bare network": "{:.2f}", "network busy": "{:.0%}", "processor": "{:.0%}"}
 
 

@@ -39,25 +39,24 @@ def squared_lengths(y: F64, inverse: F64) -> F64:
     return lengths
 
 
-def gate(x: F64, P: F64, z: F64, R: F64) -> tuple[F64, F64]:
-    """Return the squared Mahalanobis distances of N predictions and M measurements, and ln |S|.
+def gate(x: F64, P: F64, z: F64, R: F64) -> F64:
+    """Return the squared Mahalanobis distances (NxM) of N predictions and M measurements.
 
-    Both are NxM. The innovation covariances S of all pairs are factorised together (S = L D L^T),
-    element by element: a solver for each pair takes twelve times as long for 200 people.
+    The innovation covariances S of all pairs are factorised together (S = L D L^T), element by
+    element: a solver for each pair takes twelve times as long for 200 people.
     """
     m = z.shape[-1]
     y = [z[:, i] - x[:, i, None] for i in range(m)]
     S = {(i, j): P[:, i, j, None] + R[:, i, j] for i in range(m) for j in range(i, m)}
-    distances, determinants = np.zeros((len(x), len(z))), np.ones((len(x), len(z)))
+    distances = np.zeros((len(x), len(z)))
     for i in range(m):
         distances += y[i] * y[i] / S[i, i]
-        determinants *= S[i, i]
         for j in range(i + 1, m):
             factor = S[i, j] / S[i, i]
             y[j] = y[j] - factor * y[i]
             for k in range(j, m):
                 S[j, k] = S[j, k] - factor * S[i, k]
-    return distances, np.asarray(np.log(determinants))
+    return distances
 
 
 def update(x: F64, P: F64, z: F64, R: F64) -> tuple[F64, F64]:

@@ -28,7 +28,7 @@ AREAS = {  # folder of the product: folder of its tests
     "people4d": "tests/people4d",
 }
 QUICK = "not processes and not network and not render and not slow"
-TIMEOUT_S = 20  # of one test
+TIMEOUT_S = 20  # maximum time of one test [s]
 COMPARISONS: dict[type[ast.cmpop], type[ast.cmpop]] = {
     ast.Lt: ast.LtE,
     ast.LtE: ast.Lt,
@@ -49,7 +49,7 @@ class Mutant:
     path: str
     name: str  # qualified name of the function
     line: int
-    index: int  # of the operator in its file
+    index: int  # index of the operator in its file
 
     @property
     def function(self) -> Function:
@@ -169,7 +169,7 @@ class Mutation:
 
 
 def called(item: pytest.Item, wanted: set[Function]) -> set[Function]:
-    """Run a test and return those of the wanted functions that it calls."""
+    """Run a test and return the wanted functions that it calls."""
     found = set[Function]()
 
     def profile(frame: FrameType, event: str, _: object) -> None:

@@ -9,7 +9,7 @@ from people4d.errors import DecodeError
 from people4d.messages import U8, U16
 from people4d.messages.base import MAX_PIXELS
 
-MAX_NIBBLES = 11  # of a number of 32 bits
+MAX_NIBBLES = 11  # maximum number of nibbles of a number of 32 bits
 SIZE = struct.Struct("<ii")  # columns and rows
 
 

@@ -73,7 +73,7 @@ def of_instance(healths: Sequence[Health], instance: str, pid: int = 0) -> Healt
     """Return the heartbeat of a process, preferably on this host; None if there is none.
 
     Each host has a watchdog-1, and a container has another host name, so a process of another host
-    counts only if none of its name runs here. A process number excludes other processes.
+    counts only if no process of its name runs here. `pid` excludes other processes.
     """
     found = [h for h in healths if h.instance == instance and pid in (0, h.pid)]
     here = socket.gethostname()

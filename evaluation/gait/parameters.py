@@ -141,7 +141,7 @@ def _time_asymmetry(
     """Return (left - right) / mean of step times with Student's interval over pairs of steps.
 
     A late landing makes a step longer and the next one shorter, so errors of steps are correlated,
-    those of pairs hardly. Steps far from the median of their foot are turns or wrong landings.
+    errors of pairs hardly. Steps far from the median of their foot are turns or wrong landings.
     """
     middles = {foot: float(np.median(values)) for foot, values in times.items() if len(values)}
     pairs: list[tuple[float, float]] = []

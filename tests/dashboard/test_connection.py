@@ -15,7 +15,7 @@ from services.dashboard.server import WebServer
 from services.dashboard.web import LOGINS_MAX
 
 WAIT_S = 20.0
-IMPATIENT_S = 0.5  # of a server that waits for headers and bodies only briefly
+IMPATIENT_S = 0.5  # maximum wait of a server for headers and bodies [s]
 HALF = b"GET /login.html HTTP/1.1\r\nHost: 127."
 
 

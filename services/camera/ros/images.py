@@ -103,10 +103,11 @@ def _pixels(message: Any, kind: np.dtype[Any], channels: int) -> npt.NDArray[Any
 
 def _compressed_depth(layout: str, data: bytes) -> U16:
     """Decode PNG, TIFF or RVL, after the header of compressed_depth_image_transport if present."""
-    size = 0 if data.startswith(LOSSLESS) else COMPRESSED_DEPTH_HEADER.size
+    has_header = "compressedDepth" in layout and not data.startswith(LOSSLESS)
+    size = COMPRESSED_DEPTH_HEADER.size if has_header else 0
     if data[size:].startswith(LOSSLESS):
         depth = decode_image(data[size:], cv2.IMREAD_UNCHANGED)
-    elif "rvl" in layout:
+    elif has_header and "rvl" in layout:
         from common.io.rvl import decode_rvl  # noqa: PLC0415  # loads the compiler
 
         depth = decode_rvl(data[size:])
@@ -119,7 +120,7 @@ def _compressed_depth(layout: str, data: bytes) -> U16:
         return millimetres(depth)
     if depth.dtype != np.uint16 or depth.ndim != 2:
         raise DecodeError(f"depth image: expected 16 bits grey, got {depth.dtype} {depth.shape}")
-    if not (size and layout.startswith("32FC1")):
+    if not (has_header and layout.startswith("32FC1")):
         return np.asarray(depth, np.uint16)
     _, a, b = COMPRESSED_DEPTH_HEADER.unpack(data[:size])
     with np.errstate(divide="ignore", invalid="ignore"):

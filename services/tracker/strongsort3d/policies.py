@@ -98,7 +98,7 @@ class VisibilityPolicy(TrackPolicy):
             d_cos: Cosine distances, NxM; NaN where unknown.
             frame: Context of the frame.
         """
-        return kalman.gate(x, P, frame.positions_m, R)[0]
+        return kalman.gate(x, P, frame.positions_m, R)
 
 
 class IdentityPolicy(TrackPolicy):
