@@ -1,10 +1,12 @@
 """Both wheels in clean environments: a planner with the contract alone, a robot with the pipeline.
 
-The user's folder holds modules named like packages of the project; these once replaced them.
+The index is a folder of both wheels. Links to the declared dependencies of a wheel, as they are
+installed here, stand in for their download. The user's folder holds modules named like packages of
+the project; these once replaced them.
 """
 
 import contextlib
-import importlib
+import json
 import os
 import re
 import shutil
@@ -14,10 +16,13 @@ import tomllib
 import venv
 import zipfile
 from collections.abc import Mapping
+from importlib.metadata import distribution
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import pytest
+from packaging.requirements import Requirement
 
 from common.io.recording import RecordingWriter, open_recording
 from common.transport.ports import free_port
@@ -35,7 +40,7 @@ FILES = (
     *("pyproject.toml", "README.md", "LICENSE", "NOTICE"),
     *("people4d_command.py", "people4d_robot.py"),
 )
-CONTRACT = ("zenoh", "msgpack", "msgspec", "numpy")
+CONTRACT_DEPENDENCIES = 4
 SHADOWS = ("common", "services", "deploy", "lab")
 TIMEOUT_S = 100.0
 CONTRACT_MAX_BYTES = 200_000
@@ -65,34 +70,52 @@ def wheels(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     return contract, pipeline
 
 
-def environment(folder: Path, *wheels: Path) -> tuple[Path, Path]:
-    """Create an environment with wheels alone; return its programs and its packages."""
+def project(folder: str) -> dict[str, Any]:
+    """Return the metadata of a distribution."""
+    text = (ROOT / folder / "pyproject.toml").read_text()
+    metadata: dict[str, Any] = tomllib.loads(text)["project"]
+    return metadata
+
+
+def link_dependencies(packages: Path, waiting: list[str]) -> None:
+    """Link installed distributions, and the ones that they require."""
+    linked = {"people4d"}
+    while waiting:
+        needed = Requirement(waiting.pop())
+        if needed.name in linked or (needed.marker and not needed.marker.evaluate({"extra": ""})):
+            continue
+        linked.add(needed.name)
+        found = distribution(needed.name)
+        waiting += found.requires or ()
+        for top in {file.parts[0] for file in found.files or ()} - {"..", "__pycache__"}:
+            if not (packages / top).exists():
+                (packages / top).symlink_to(Path(str(found.locate_file(top))))
+
+
+def environment(folder: Path, index: Path, name: str, dependencies: list[str]) -> Path:
+    """Install a distribution from a folder of wheels; return the programs."""
     venv.create(folder, with_pip=False, symlinks=True)
-    flags: tuple[str | Path, ...] = ("install", "--no-deps", "--no-index", "--no-compile", "-q")
-    done = run(sys.executable, "-m", "pip", "--python", folder / "bin" / "python", *flags, *wheels)
-    assert done.returncode == 0, done.stderr
     (packages,) = folder.glob("lib/python*/site-packages")
-    return folder / "bin", packages
+    link_dependencies(packages, dependencies)
+    flags = ("install", "--no-index", "--no-compile", "-q", "--find-links", index)
+    done = run(sys.executable, "-m", "pip", "--python", folder / "bin" / "python", *flags, name)
+    assert done.returncode == 0, done.stderr
+    return folder / "bin"
 
 
 @pytest.fixture(scope="module")
 def planner(tmp_path_factory: pytest.TempPathFactory, wheels: tuple[Path, Path]) -> Path:
-    """Programs of an environment with the four dependencies of the contract."""
-    programs, packages = environment(tmp_path_factory.mktemp("planner"), wheels[0])
-    for name in CONTRACT:
-        found = Path(importlib.import_module(name).__path__[0])
-        for folder in found.parent.glob(f"{name}*"):  # numpy.libs, too
-            (packages / folder.name).symlink_to(folder)
-    return programs
+    """Programs of an environment with the contract."""
+    folder, dependencies = tmp_path_factory.mktemp("planner"), project("people4d")["dependencies"]
+    return environment(folder, wheels[0].parent, "people4d", dependencies)
 
 
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory: pytest.TempPathFactory, wheels: tuple[Path, Path]) -> Path:
-    """Programs of an environment with all dependencies."""
-    programs, packages = environment(tmp_path_factory.mktemp("robot"), *wheels)
-    found = importlib.import_module("numpy").__path__[0]
-    (packages / "dependencies.pth").write_text(f"{Path(found).parent}\n")
-    return programs
+    """Programs of an environment with the pipeline."""
+    folder = tmp_path_factory.mktemp("robot")
+    dependencies = [*project("people4d")["dependencies"], *project(".")["dependencies"]]
+    return environment(folder, wheels[1].parent, "people4d-robot", dependencies)
 
 
 @pytest.fixture
@@ -151,15 +174,20 @@ def test_wheel_of_the_pipeline_holds_no_contract(wheels: tuple[Path, Path]) -> N
 
 
 def test_both_distributions_have_one_version_and_name_each_other() -> None:
-    contract, pipeline = (
-        tomllib.loads((ROOT / folder / "pyproject.toml").read_text())["project"]
-        for folder in ("people4d", ".")
-    )
+    contract, pipeline = project("people4d"), project(".")
     version = contract["version"]
     assert pipeline["version"] == version
     assert f"people4d=={version}" in pipeline["dependencies"]
     assert contract["optional-dependencies"]["robot"] == [f"people4d-robot=={version}"]
-    assert len(contract["dependencies"]) == len(CONTRACT)
+    assert len(contract["dependencies"]) == CONTRACT_DEPENDENCIES
+
+
+def test_release_notes_and_citation_are_of_the_released_version() -> None:
+    released = re.search(r"^## (\S+) \((\S+)\)", (ROOT / "CHANGELOG.md").read_text(), re.M)
+    assert released
+    assert released[1] == project(".")["version"]
+    citation = (ROOT / "CITATION.cff").read_text()
+    assert f"version: {released[1]}\ndate-released: {released[2]}\n" in citation
 
 
 def test_image_is_built_from_the_files_of_the_wheel() -> None:
@@ -206,3 +234,14 @@ def test_pipeline_with_a_plug_in_runs_beside_modules_named_like_ours(
     finally:
         done = run(robot / "people4d", "down", cwd=folder, env=variables)
     assert done.returncode == 0, done.stderr
+
+
+def test_demo_needs_the_wheels_alone(robot: Path, folder: Path, state_folder: Path) -> None:
+    variables = clean(PEOPLE4D_STATE=str(state_folder), OMP_NUM_THREADS="1")
+    command = (robot / "people4d", "demo", "--playback", "lockstep")
+    done = run(*command, cwd=folder, env=variables)
+    assert done.returncode in (0, 3), done.stdout + done.stderr  # 3: complete, with limits
+    assert (folder / "out" / "demo" / "report.html").is_file()
+    summary = json.loads((folder / "out" / "demo" / "summary.json").read_text())
+    assert (summary["frames"], summary["frames_tracked"], summary["tracks"]) == (135, 135, 3)
+    assert (summary["score"]["id_switches"], summary["score"]["false_alarms"]) == (0, 0)
