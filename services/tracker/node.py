@@ -2,12 +2,10 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import ClassVar
 
 import msgspec
 
-from common.geometry.transform_history import TransformEstimate
 from common.runtime.node import LoopCallbacks, StatefulNode, Status
 from common.transport.trace import span
 from people4d.errors import DecodeError
@@ -24,7 +22,6 @@ from people4d.messages import (
     Track,
     Tracks,
 )
-from people4d.messages.base import MAX_CAMERAS
 from services.tracker.areas.exchange import AreaExchange
 from services.tracker.areas.hosts import CameraHosts
 from services.tracker.cameras.absence import CameraAbsence
@@ -34,8 +31,8 @@ from services.tracker.cameras.frame_join import FrameJoin, PendingFrame
 from services.tracker.cameras.poses import CameraPoseLookup
 from services.tracker.cameras.stamp_guard import ArrivedFrame, StampGuard
 from services.tracker.config import TrackerConfig
-from services.tracker.interface import LATE_MAX_NS, ImageEdges, Observation, Tracker
-from services.tracker.observe import edges, observe
+from services.tracker.interface import LATE_MAX_NS, Observation, Tracker
+from services.tracker.observe import FrameObserver
 from services.tracker.output import TrackerOutput
 from services.tracker.prediction_schedule import PredictionSchedule
 from services.tracker.stateful import pack, unpack
@@ -90,10 +87,10 @@ class TrackerNode(StatefulNode):
         self._drift, self._absence = CameraDrift(), CameraAbsence()
         self._hosts = CameraHosts(config.area.hosts)
         self._areas = AreaExchange(config.area, config.frame_id, self._tracker)
-        self._edges: dict[str, ImageEdges] = {}  # edges of the image by camera, see Observation
         self._held: PendingFrame | None = None  # frame that waits for its odometry
         self._schedule = PredictionSchedule()
         self._counters = Counter(dict.fromkeys(COUNTERS, 0))
+        self._observer = FrameObserver(self._poses, self._counters)
 
     def attach(self, loop: LoopCallbacks) -> None:
         """Subscribe to cameras of other hosts and to neighbouring areas."""
@@ -110,8 +107,7 @@ class TrackerNode(StatefulNode):
         elif isinstance(message, AreaPeople):
             self._areas.hear(message, now_ns, self._schedule.time_ns(now_ns))
         elif isinstance(message, CameraInfo):
-            if message.camera in self._edges or len(self._edges) < MAX_CAMERAS:
-                self._edges[message.camera] = edges(message)
+            self._observer.add_calibration(message)
         elif isinstance(message, TRANSFORMS) and self._poses.add_transform(message):
             # Tracks are relative to the previous pose of the camera.
             self._counters["transform_changes"] += 1
@@ -137,7 +133,7 @@ class TrackerNode(StatefulNode):
         due_ns = self._join.wake_ns() if self._join.waiting else self._schedule.wake_ns
         waking = [due_ns, self._guard.wake_ns(), self._areas.wake_ns()]
         if self._held:
-            waking = [self._held_until_ns(self._held), self._areas.wake_ns()]
+            waking = [self._held.arrived_ns + ODOMETRY_WAIT_NS, self._areas.wake_ns()]
         return min((ns for ns in waking if ns is not None), default=None)
 
     def status(self) -> Status:
@@ -249,36 +245,23 @@ class TrackerNode(StatefulNode):
         if frame is None:
             return None
         camera_time = frame.detections.frame_id, frame.time_ns
-        is_early = not flush and now_ns < self._held_until_ns(frame)
+        is_early = not flush and now_ns < frame.arrived_ns + ODOMETRY_WAIT_NS
         if is_early and self._poses.awaits_sample(*camera_time):
             return None
         self._held = None
         return frame
 
-    def _held_until_ns(self, frame: PendingFrame) -> int:
-        return frame.arrived_ns + ODOMETRY_WAIT_NS
-
     def _track(self, frame: PendingFrame) -> Tracks | None:
-        detections, embeddings = frame.detections, frame.embeddings
-        pose = self._poses.lookup(detections.frame_id, frame.time_ns)
-        if pose is None:
-            self._counters["no_transform"] += 1
-            return None
-        self._counters["predicted_base"] += pose.is_uncertain
         with span("association"):
-            observation = observe(
-                detections, embeddings, pose, self._counters, self._pose_before(frame)
-            )
-            observation = replace(
-                observation, stamp_ns=frame.time_ns, edges=self._edges.get(detections.camera)
-            )
+            observation = self._observer.observe(frame)
+            if observation is None:
+                return None
             self._areas.refresh(frame.time_ns, frame.arrived_ns)
             tracks = self._update_tracker(observation)
         if self._clocks.has_several:
             self._compare_cameras(observation, tracks, frame)
-        return self._output.tracks(
-            detections, tracks, frame.time_ns, (embeddings or detections).trace
-        )
+        trace = (frame.embeddings or frame.detections).trace
+        return self._output.tracks(frame.detections, tracks, frame.time_ns, trace)
 
     def _update_tracker(self, observation: Observation) -> list[Track]:
         if self._last_ns is not None and observation.stamp_ns < self._last_ns:
@@ -299,13 +282,6 @@ class TrackerNode(StatefulNode):
         self._drift.add_frame(observation, tracks)
         self._clocks.correct_stamps(self._drift, frame.time_ns)
         self._absence.add_frame(observation, tracks, frame.arrived_ns)
-
-    def _pose_before(self, frame: PendingFrame) -> TransformEstimate | None:
-        """Return the pose of the camera at the beginning of the interval of velocities."""
-        interval_s = frame.detections.velocity_interval_s
-        if interval_s is None:
-            return None
-        return self._poses.lookup(frame.detections.frame_id, frame.time_ns - int(interval_s * 1e9))
 
     def _predict_due(self, now_ns: int) -> list[Message]:
         """Return predicted tracks if detections stopped; after the last track an empty message."""

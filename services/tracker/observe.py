@@ -3,14 +3,16 @@
 import math
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from common.geometry.transform_history import TransformEstimate
 from common.geometry.transforms import apply
 from people4d.messages import F64, CameraInfo, Detection, Detections, Embeddings
-from people4d.messages.base import MAX_M
-from services.tracker.cameras.poses import pose_covariance
+from people4d.messages.base import MAX_CAMERAS, MAX_M
+from services.tracker.cameras.frame_join import PendingFrame
+from services.tracker.cameras.poses import CameraPoseLookup, pose_covariance
 from services.tracker.interface import (
     ImageEdges,
     Measurement,
@@ -28,6 +30,41 @@ VELOCITY_SIGMA_MPS = 0.03  # standard deviation of the change of a velocity with
 MOTION_ERROR = 0.1  # relative error of the motion of a camera
 SURFACE_M = 0.12  # distance of a position from the surface on which velocities are measured [m]
 LEVEL_MIN = 0.2  # minimum horizontal part of a heading with a yaw (78 deg steep)
+
+
+class FrameObserver:
+    """Conversion of frames to observations, by the poses of their cameras.
+
+    Args:
+        poses: Poses of the cameras.
+        counters: Counters of dropped data.
+    """
+
+    def __init__(self, poses: CameraPoseLookup, counters: Counter[str]) -> None:
+        self._poses, self._counters = poses, counters
+        self._edges: dict[str, ImageEdges] = {}  # edges of the image by camera, see Observation
+
+    def add_calibration(self, info: CameraInfo) -> None:
+        """Store the edges of a camera's image."""
+        if info.camera in self._edges or len(self._edges) < MAX_CAMERAS:
+            self._edges[info.camera] = edges(info)
+
+    def observe(self, frame: PendingFrame) -> Observation | None:
+        """Return the observation of a frame; None, counted, without a pose of its camera."""
+        detections = frame.detections
+        pose = self._poses.lookup(detections.frame_id, frame.time_ns)
+        if pose is None:
+            self._counters["no_transform"] += 1
+            return None
+        self._counters["predicted_base"] += pose.is_uncertain
+        before, interval_s = None, detections.velocity_interval_s
+        if interval_s is not None:
+            begin_ns = frame.time_ns - int(interval_s * 1e9)
+            before = self._poses.lookup(detections.frame_id, begin_ns)
+        observation = observe(detections, frame.embeddings, pose, self._counters, before)
+        return replace(
+            observation, stamp_ns=frame.time_ns, edges=self._edges.get(detections.camera)
+        )
 
 
 def observe(

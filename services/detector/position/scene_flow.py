@@ -16,7 +16,8 @@ import numpy as np
 from common.geometry.transforms import deproject
 from people4d.messages import F64, U8, CameraInfo, RgbdFrame
 from services.detector.position.axis import covariance
-from services.detector.position.torso import LayeredTorso, TorsoJoints
+from services.detector.position.torso import LayeredTorso
+from services.detector.position.torso_samples import TorsoJoints
 
 INTERVAL_MAX_S = 0.25  # maximum time between two compared frames [s]
 COLUMNS, ROWS = 5, 8  # grid of points on a torso
