@@ -10,6 +10,7 @@ import onnx
 import pytest
 from onnx import TensorProto, helper, numpy_helper
 
+from common.inference import engines
 from common.inference.engines import open_session
 from common.inference.onnx import OnnxSession
 from common.inference.session import Array, Engine, Session
@@ -158,9 +159,11 @@ def test_network_of_integers_that_cannot_be_run_fused_runs_as_in_its_file(
 
 
 @pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("fast", [True, False])
 def test_network_of_integers_is_compared_with_its_file(
     tmp_path: Path,
     engine: Engine,
+    fast: bool,
     monkeypatch: pytest.MonkeyPatch,
     caplog: pytest.LogCaptureFixture,
 ) -> None:
@@ -178,6 +181,8 @@ def test_network_of_integers_is_compared_with_its_file(
         return found if plain else {name: np.zeros_like(a) for name, a in found.items()}
 
     monkeypatch.setattr(kind, "run", wrong)
+    monkeypatch.setattr(engines, "has_integer_dot_products", lambda: fast)
     session = open_session(path, 1, engine)
     assert "another result than the file says" in caplog.text
+    assert ("use a float network on this processor" in caplog.text) is not fast
     np.testing.assert_allclose(outputs(session, values)["rounded"], [[0, 0.5, 1.0]], atol=1e-6)

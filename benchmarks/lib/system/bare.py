@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from common.inference.onnx import OnnxSession
+from common.inference.engines import open_session
 from common.io.weights import choose, find, folders, load_manifest
 from services.detector.config import ModelSettings
 from services.detector.models.network import ImageInput
@@ -17,7 +17,7 @@ SIZE_PX = (256, 320)  # Input of a network with any size: height, width
 
 
 def bare_ms(model: str = FLOAT) -> float:
-    """Return the mean time of one run [ms].
+    """Return the mean time of one run as a detector runs it [ms].
 
     Args:
         model: Name in the manifest, or path of an .onnx file.
@@ -25,7 +25,7 @@ def bare_ms(model: str = FLOAT) -> float:
     path = Path(model)
     if path.suffix != ".onnx":
         path = find(choose(model, load_manifest()), folders(""))
-    session = OnnxSession(path, threads=1)
+    session = open_session(path)
     image = ImageInput.from_session(session, ModelSettings(), SIZE_PX)
     tensor = image.tensor(np.full((image.height, image.width, 3), 114, np.uint8), 1.0)
     session.run(tensor)
