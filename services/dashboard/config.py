@@ -20,6 +20,8 @@ class DashboardConfig(Config, frozen=True, kw_only=True):
     planner_token: str = ""
     certificate: str = ""  # PEM file of the certificate; with its key the page is served by https
     certificate_key: str = ""  # PEM file of its key
+    # True: programs may read people as JSON, see docs/operation/json.md
+    people_json: bool = False
     privacy: bool = False  # True: no images or depth leave the process
     rate_max_hz: Positive = 10.0  # maximum rate of images and people [Hz]
     history_s: Positive = 60.0  # length of the history that viewers can go back to [s]

@@ -1,4 +1,4 @@
-"""Viewers of the page, and the packets waiting for each.
+"""Viewers of the page, programs among them, and the packets waiting for each.
 
 Only `Hub.publish` may be called from other threads than the web server's.
 """
@@ -17,14 +17,16 @@ from services.dashboard.history import History, Packet
 POSITIONS_MAX = 600  # maximum number of frames in trajectories
 FRAME = ("scene", "image", "cloud")  # parts of the packet of a frame
 IMAGES = ("image", "cloud")  # parts with pixels
+JSON = "json"  # part for programs
 RECORDED = ("scene", "skeletons", "predictions")  # parts in the history
 
 
 @dataclass(eq=False)
 class Viewer:
-    """One open page."""
+    """One open page, or one program."""
 
     role: str  # operator or planner; a planner gets no images
+    json: bool = False  # True for a program, which gets people as JSON only
     images: bool = True  # True if the page shows images
     cloud: bool = False  # True if the page shows the depth cloud
     paused: bool = False  # True if the page shows the past
@@ -33,6 +35,8 @@ class Viewer:
 
     def wants(self, kind: str) -> bool:
         """Check that the viewer shows a kind of part."""
+        if self.json or kind == JSON:
+            return self.json and kind == JSON
         if kind in IMAGES:
             return self.role == "operator" and (self.images if kind == "image" else self.cloud)
         return True
@@ -57,6 +61,7 @@ class Demand(msgspec.Struct, frozen=True):
     viewers: int = 0
     images: bool = False
     cloud: bool = False
+    json: bool = False
 
 
 class Hub:
@@ -66,6 +71,8 @@ class Hub:
         history: Packets that viewers can go back to.
         on_demand: Called when the demand of the viewers changes.
     """
+
+    serves_json = False  # True: programs may join
 
     def __init__(self, history: History, on_demand: Callable[[Demand], None]) -> None:
         self.history = history
@@ -125,6 +132,7 @@ class Hub:
             len(self._viewers),
             any(viewer.wants("image") for viewer in self._viewers),
             any(viewer.wants("cloud") for viewer in live),
+            any(viewer.json for viewer in self._viewers),
         )
         if demand != self._demand:
             self._demand = demand

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import msgspec
 
 from common.io.images import decompress
+from common.io.plain_json import to_json
 from common.io.zones import PlainZone
 from common.runtime.node import NO_LOOP, LoopCallbacks, Node, Status
 from people4d.codec import decode
@@ -32,7 +33,7 @@ from people4d.messages import (
 from people4d.topics import Topic
 from services.dashboard.config import DashboardConfig
 from services.dashboard.history import History, Packet
-from services.dashboard.hub import Demand, Hub
+from services.dashboard.hub import JSON, Demand, Hub
 from services.dashboard.overview import Overview
 from services.dashboard.scene import SceneBuilder, event_of, predictions_of, skeletons_of
 from services.dashboard.selection import FrameSelection, Key
@@ -59,6 +60,7 @@ class DashboardNode(Node):
         self._config, self._loop = config, NO_LOOP
         history = History(config.history_s, HISTORY_BYTES)
         self._hub = Hub(history, self._take_demand)
+        self._hub.serves_json = config.people_json
         self._selection = FrameSelection(IDLE_HZ)
         self._scenes = SceneBuilder(config.base_frame)
         self._overview = Overview()
@@ -198,6 +200,9 @@ class DashboardNode(Node):
         if scene["people"] is not None:
             positions = [(one["id"], *one["position_m"][:2]) for one in scene["people"]]
             self._hub.positions.append({"at_ms": at_ms, "people": positions})
+        if tracks and self._demand.json:
+            part = JSON, to_json(tracks, self._loop.robot)
+            self._hub.publish(Packet(at_ms, f"{JSON} {key[0]}", (part,)))
         self._last[key[0]] = key[1], scene
         self._send(key, {**scene, "at_ms": at_ms}, frame)
 

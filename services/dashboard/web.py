@@ -1,4 +1,4 @@
-"""Web application: the page, its stream over a WebSocket, edits of zones."""
+"""Web application: the page, its stream and people as JSON over WebSockets, edits of zones."""
 
 import asyncio
 import time
@@ -70,6 +70,7 @@ class WebApp:
         self._logins = 0
         routes: list[BaseRoute] = [
             WebSocketRoute("/stream", self._stream),
+            WebSocketRoute("/people", self._stream),
             Route("/zones", self._edit_zones, methods=["PUT"]),
             Route("/login", self._login, methods=["POST"]),
             Mount("/", StaticFiles(directory=PAGE, html=True)),
@@ -115,13 +116,17 @@ class WebApp:
         return PlainTextResponse(f"{error}\n", 400)
 
     async def _stream(self, socket: WebSocket) -> None:
-        """Serve a page until it leaves, stops reading or sends an invalid request."""
+        """Serve a page or program until it leaves, stops reading or sends an invalid request."""
         await socket.accept()
+        json = socket.url.path == "/people"
+        if json and not self._hub.serves_json:
+            await socket.close(REFUSED, "off: set dashboard.people_json = true")
+            return
         if self._hub.viewers >= VIEWERS_MAX:
             self._hub.counters["viewers_refused"] += 1
             await socket.close(BUSY, "too many viewers")
             return
-        viewer = Viewer(socket.scope["role"])
+        viewer = Viewer(socket.scope["role"], json)
         self._hub.join(viewer)
         refusals: list[str] = []
         try:
@@ -146,7 +151,10 @@ class WebApp:
                 for kind, data in packet.parts:
                     if viewer.wants(kind):
                         with anyio.fail_after(STUCK_S):
-                            await socket.send_bytes(data)
+                            if viewer.json:
+                                await socket.send_text(data.decode())
+                            else:
+                                await socket.send_bytes(data)
         except TimeoutError:
             self._hub.counters["viewers_stuck"] += 1
             return ""

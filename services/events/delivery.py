@@ -1,13 +1,11 @@
 """Delivery of events to an external receiver, in order, with retries."""
 
-import json
 import threading
 import time
 from pathlib import Path
 from typing import Protocol
 
-import msgspec
-
+from common.io.plain_json import to_json
 from people4d.messages import Event
 from services.events.journal import Journal
 
@@ -106,7 +104,7 @@ class Delivery:
                 if self._closed.is_set():
                     return
                 self._sending_s = time.monotonic()
-                self._receiver.send(event, self._body(event))
+                self._receiver.send(event, to_json(event, self._robot))
                 journal.set_mark(name, event.sequence)
                 self.counters[self._sent] += 1
 
@@ -117,8 +115,3 @@ class Delivery:
 
     def _waiting(self, reason: str) -> str:
         return f"{self._receiver.name} does not take events ({reason}); they wait in the journal"
-
-    def _body(self, event: Event) -> bytes:
-        fields = msgspec.to_builtins(event, enc_hook=lambda array: array.tolist())
-        fields.pop("trace")
-        return json.dumps({"robot": self._robot, **fields}).encode()
