@@ -20,18 +20,20 @@ from deploy.exporters.metrics_server import MetricsServer
 from people4d.errors import People4dError
 
 UNITS = {"s": "_seconds", "By": "_bytes", "1": ""}
-PIECE = ("service", "instance", "stage")
+ROBOT = "robot"
+PIECE = (ROBOT, "service", "instance", "stage")
 
 
 class PrometheusExporter(Exporter, Collector):
-    """Serves /metrics.
+    """Serves /metrics with the robot's name in the labels.
 
     Raises:
         People4dError: The server cannot listen at the address.
     """
 
-    def __init__(self, address: str, port: int) -> None:
+    def __init__(self, robot: str, address: str, port: int) -> None:
         super().__init__()
+        self._robot = robot
         registry = CollectorRegistry()
         self._stages = Histogram(
             "people4d_stage_seconds", STAGE_TEXT, PIECE, buckets=BUCKETS_S, registry=registry
@@ -45,12 +47,12 @@ class PrometheusExporter(Exporter, Collector):
         self._end_to_end = Histogram(
             "people4d_latency_seconds",
             LATENCY_TEXT,
-            ("camera",),
+            (ROBOT, "camera"),
             buckets=BUCKETS_S,
             registry=registry,
         )
         text = "Confirmed people in the last message"
-        self._people = Gauge("people4d_people", text, ("camera",), registry=registry)
+        self._people = Gauge("people4d_people", text, (ROBOT, "camera"), registry=registry)
         registry.register(self)
         try:
             self._server = MetricsServer(address, port, registry)
@@ -68,7 +70,7 @@ class PrometheusExporter(Exporter, Collector):
     def add_frame_path(self, path: FramePath) -> None:
         """Add the path of a frame."""
         for part in path.stages:
-            labels = (part.service, part.instance, part.stage)
+            labels = (self._robot, part.service, part.instance, part.stage)
             if not self._stage_sets.admits(*labels):
                 continue
             if part.ms < 0:
@@ -78,9 +80,9 @@ class PrometheusExporter(Exporter, Collector):
         camera = path.tracks.camera
         if not self._camera_sets.admits(camera):
             return
-        self._end_to_end.labels(camera).observe(path.end_to_end.ms / 1e3)
+        self._end_to_end.labels(self._robot, camera).observe(path.end_to_end.ms / 1e3)
         confirmed = sum(person.state == "confirmed" for person in path.tracks.tracks)
-        self._people.labels(camera).set(confirmed)
+        self._people.labels(self._robot, camera).set(confirmed)
 
     def close(self) -> None:
         """Send the remaining values, and stop."""
@@ -90,14 +92,14 @@ class PrometheusExporter(Exporter, Collector):
         """Yield a metric for each measure with a value."""
         found = sorted(self.samples(*MEASURES), key=lambda sample: sample.name)
         for name, group in groupby(found, lambda sample: sample.name):
-            yield _metric(name, list(group))
+            yield _metric(name, list(group), self._robot)
 
 
-def _metric(name: str, values: list[Sample]) -> Metric:
+def _metric(name: str, values: list[Sample], robot: str) -> Metric:
     measure, labels = MEASURES[name], list(values[0].labels)
     full = f"people4d_{name}{UNITS[measure.unit]}"
     kind = CounterMetricFamily if measure.kind == "counter" else GaugeMetricFamily
-    metric = kind(full, measure.text, labels=labels)
+    metric = kind(full, measure.text, labels=[ROBOT, *labels])
     for sample in values:
-        metric.add_metric([sample.labels[label] for label in labels], sample.value)
+        metric.add_metric([robot, *(sample.labels[label] for label in labels)], sample.value)
     return metric

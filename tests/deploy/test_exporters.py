@@ -58,20 +58,21 @@ def path(number: int, trace: Sequence[Span], clocks: Mapping[str, HostOffset]) -
 
 
 def fetched(exporter: PrometheusExporter) -> dict[tuple[str, frozenset[str]], float]:
-    """Return what /metrics serves: values by name and labels."""
+    """Return what /metrics serves: values by name and labels, which all name the robot."""
     url = f"http://127.0.0.1:{exporter.port}/metrics"
     with urllib.request.urlopen(url, timeout=WAIT_S) as answer:
         families = text_string_to_metric_families(answer.read().decode())
-        return {
-            (sample.name, frozenset(f"{k}={v}" for k, v in sample.labels.items())): sample.value
-            for family in families
-            for sample in family.samples
-        }
+        samples = [sample for family in families for sample in family.samples]
+    assert {sample.labels.pop("robot") for sample in samples} == {"robby"}
+    return {
+        (sample.name, frozenset(f"{k}={v}" for k, v in sample.labels.items())): sample.value
+        for sample in samples
+    }
 
 
 @pytest.fixture
 def prometheus() -> Iterator[PrometheusExporter]:
-    with closing(PrometheusExporter("127.0.0.1", 0)) as exporter:
+    with closing(PrometheusExporter("robby", "127.0.0.1", 0)) as exporter:
         yield exporter
 
 
@@ -193,7 +194,7 @@ def test_metrics_are_served_beside_many_connections_that_ask_nothing(
 
 def test_taken_port_is_reported(prometheus: PrometheusExporter) -> None:
     with pytest.raises(People4dError, match=r"nothing can listen at .*Take another port"):
-        PrometheusExporter("127.0.0.1", prometheus.port)
+        PrometheusExporter("robby", "127.0.0.1", prometheus.port)
 
 
 def test_opentelemetry_spans_match_hand_worked_values() -> None:

@@ -55,7 +55,9 @@ def export(
     ):
         used: list[Exporter] = []
         if prometheus is not None:
-            used.append(exporters.enter_context(closing(prometheus_exporter(address, prometheus))))
+            used.append(
+                exporters.enter_context(closing(prometheus_exporter(robot, address, prometheus)))
+            )
         if otlp:
             used.append(exporters.enter_context(closing(otlp_exporter(robot, otlp))))
         feed(client, used)
@@ -72,11 +74,11 @@ def feed(client: Client, exporters: Sequence[Exporter]) -> None:
                 exporter.healths = monitor.healths(time.monotonic())
 
 
-def prometheus_exporter(address: str, port: int) -> Exporter:
+def prometheus_exporter(robot: str, address: str, port: int) -> Exporter:
     """Return the exporter for Prometheus."""
     from deploy.exporters.prometheus import PrometheusExporter  # noqa: PLC0415 (optional)
 
-    exporter = PrometheusExporter(address, port)
+    exporter = PrometheusExporter(robot, address, port)
     typer.echo(f"Serving http://{address}:{exporter.port}/metrics; Ctrl-C ends it.")
     return exporter
 
