@@ -19,7 +19,7 @@ from common.runtime.throughput import losses
 from common.transport.clock import ClockMonitor, HostOffset
 from common.transport.trace import ProcessId, Tracer
 from people4d.client import Client
-from people4d.messages import Detections, Health, Span, Tracks
+from people4d.messages import Detections, Health, Message, Span, Tracks
 from people4d.queue import Arrival
 
 FRESH_S = 3.0  # maximum silence of a process [s]
@@ -106,10 +106,17 @@ class Monitor:
         self._end_to_end = _Stage(seconds)
         self.clocks: dict[str, HostOffset] = {}
 
-    def follow(self, client: Client) -> Iterator[tuple[Arrival, FramePath | None]]:
-        """Receive the messages of a system; yield each with the path of its frame, if complete."""
+    def follow(
+        self, client: Client, *more: type[Message]
+    ) -> Iterator[tuple[Arrival, FramePath | None]]:
+        """Receive the messages of a system; yield each with the path of its frame, if complete.
+
+        Args:
+            client: Client of the system.
+            more: Types of message besides Health, Tracks and Detections.
+        """
         clock = ClockMonitor(client.session)
-        for arrival in client.arrivals(Health, Tracks, Detections):
+        for arrival in client.arrivals(Health, Tracks, Detections, *more):
             clock.query()
             with self._lock:
                 offset = clock.offset()

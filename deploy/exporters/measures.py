@@ -7,7 +7,7 @@ from typing import Literal, get_args
 
 from common.runtime.monitor import FramePath, clocks_of
 from common.runtime.throughput import losses
-from people4d.messages import Health
+from people4d.messages import Health, Message
 from people4d.messages.status import State
 
 # Maximum numbers of label sets, stages and cameras. Without authentication any process can send
@@ -82,6 +82,9 @@ class Exporter(ABC):
     def __init__(self) -> None:
         self._limits = LabelSets(SAMPLES_MAX), LabelSets(STAGES_MAX), LabelSets(CAMERAS_MAX)
         self._sample_sets, self._stage_sets, self._camera_sets = self._limits
+
+    def add_message(self, message: Message) -> None:  # noqa: B027  # most need paths only
+        """Add a message of the system."""
 
     @abstractmethod
     def add_frame_path(self, path: FramePath) -> None:

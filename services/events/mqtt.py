@@ -1,8 +1,9 @@
-"""MQTT broker as a receiver of events."""
+"""MQTT broker as a receiver of events, and its address and client for other senders."""
 
 import os
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
@@ -18,13 +19,53 @@ EXAMPLE = "mqtt://192.168.1.9/robots/events"
 NO_KEEP_ALIVE = 0  # keep-alive interval: no pings between events [s]
 
 
+@dataclass(frozen=True)
+class BrokerAddress:
+    """Address mqtt://[user@]host[:port][/topic], or mqtts for TLS.
+
+    The certificates are those of the system; the user's password is in PEOPLE4D_MQTT_PASSWORD.
+    """
+
+    host: str
+    port: int
+    user: str  # empty: without login
+    tls: bool
+    topic: str  # empty: none is given
+
+    @classmethod
+    def parse(cls, text: str, setting: str) -> "BrokerAddress":
+        """Parse the address in a setting; ConfigError if it is invalid."""
+        parts = urlsplit(text)
+        try:
+            port = parts.port
+        except ValueError:
+            port = -1
+        topic = unquote(parts.path.lstrip("/"))
+        wrong = parts.scheme not in PORTS or not parts.hostname or port == -1
+        if wrong or parts.query or "#" in text or "#" in topic or "+" in topic:
+            raise ConfigError(f"{setting} is no address: {text!r}", f"Write: {EXAMPLE}.")
+        user, tls = unquote(parts.username or ""), parts.scheme == "mqtts"
+        return cls(str(parts.hostname), port or PORTS[parts.scheme], user, tls, topic)
+
+    def client(self, name: str) -> Any:
+        """Return an unconnected client of paho-mqtt with this login."""
+        from paho.mqtt.client import Client  # noqa: PLC0415  # an extra
+        from paho.mqtt.enums import CallbackAPIVersion  # noqa: PLC0415
+
+        made: Any = Client(CallbackAPIVersion.VERSION2, name)
+        made.connect_timeout = TIMEOUT_S
+        if self.user:
+            made.username_pw_set(self.user, os.environ.get(PASSWORD))
+        if self.tls:
+            made.tls_set()
+        return made
+
+
 class MqttBroker:
     """Receiver of events by MQTT 3.1.1 with quality of service 1.
 
     Args:
-        address: mqtt://[user@]host[:port][/topic], or mqtts for TLS with the certificates of the
-            system; without a topic people4d/<robot>/events. A user's password is in
-            PEOPLE4D_MQTT_PASSWORD.
+        address: Address of the broker; without a topic people4d/<robot>/events.
         robot: Name of the robot.
 
     Raises:
@@ -37,19 +78,10 @@ class MqttBroker:
         need("events.mqtt", "mqtt")
         from paho.mqtt import client  # noqa: PLC0415  # an extra
 
-        self._paho: Any = client
-        parts = urlsplit(address)
-        try:
-            port = parts.port
-        except ValueError:
-            port = -1
-        topic = unquote(parts.path.lstrip("/")) or f"people4d/{robot}/events"
-        wrong = parts.scheme not in PORTS or not parts.hostname or port == -1
-        if wrong or parts.query or "#" in address or "+" in topic:
-            raise ConfigError(f"events.mqtt is no address: {address!r}", f"Write: {EXAMPLE}.")
-        self._host, self._port = parts.hostname, port or PORTS[parts.scheme]
-        self._user, self._tls = unquote(parts.username or ""), parts.scheme == "mqtts"
-        self._topic, self._id = topic, f"people4d-{robot}"
+        self._error_text: Callable[[Any], str] = client.error_string
+        self._address = BrokerAddress.parse(address, "events.mqtt")
+        self._topic = self._address.topic or f"people4d/{robot}/events"
+        self._id = f"people4d-{robot}"
         self._client: Any = None
 
     def send(self, event: Event, body: bytes) -> None:  # noqa: ARG002
@@ -71,19 +103,14 @@ class MqttBroker:
             self._client = None
 
     def _connected(self) -> Any:
-        client = self._paho.Client(self._paho.CallbackAPIVersion.VERSION2, self._id)
+        client = self._address.client(self._id)
         answers: list[Any] = []
 
         def answer(_client: Any, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
             answers.append(reason)
 
         client.on_connect = answer
-        client.connect_timeout = TIMEOUT_S
-        if self._user:
-            client.username_pw_set(self._user, os.environ.get(PASSWORD))
-        if self._tls:
-            client.tls_set()
-        client.connect(self._host, self._port, keepalive=NO_KEEP_ALIVE)
+        client.connect(self._address.host, self._address.port, keepalive=NO_KEEP_ALIVE)
         self._await(client, lambda: answers, "answer")
         if answers[0].is_failure:
             raise OSError(f"refused: {answers[0]}")
@@ -98,7 +125,7 @@ class MqttBroker:
                 raise OSError(f"no {what} within {TIMEOUT_S:g} s")
             failure = client.loop(left_s)
             if failure and not came():
-                raise OSError(self._paho.error_string(failure))
+                raise OSError(self._error_text(failure))
 
 
 def check_broker(config: EventsConfig) -> None:

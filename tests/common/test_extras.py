@@ -46,6 +46,7 @@ def test_missing_extra_is_an_error_with_its_installation(
         ("parquet", ["csv", str(DEMO), "FILE.parquet"]),
         ("keys", ["keys", "FILE"]),
         ("dashboard", ["up", "demo", "--dashboard"]),
+        ("mqtt", ["export", "--mqtt", "mqtt://127.0.0.1:1"]),
         ("mqtt", ["up", "demo", "--events", "--set", "events.mqtt='mqtt://127.0.0.1:1'"]),
     ],
 )

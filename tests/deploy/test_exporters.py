@@ -281,4 +281,4 @@ def test_metrics_of_a_running_system_are_served(
 def test_export_without_a_target_is_rejected() -> None:
     result = CliRunner().invoke(app, ["export"])
     assert result.exit_code == 2
-    assert "--prometheus PORT, --otlp URL" in result.stderr
+    assert "--prometheus PORT, --otlp URL or --mqtt URL" in result.stderr

@@ -15,8 +15,9 @@ from common.transport.trace import ProcessId
 from deploy.cli.options import Connect, Robot, open_client
 from deploy.cli.terminal import signals_interrupt
 from deploy.exporters.measures import Exporter
+from deploy.exporters.mqtt import MqttExporter
 from people4d.client import Client
-from people4d.messages import Health
+from people4d.messages import Health, Zones
 
 WINDOW_S = 10.0
 METRICS_S = 10.0
@@ -34,19 +35,27 @@ def export(
             metavar="URL", help="Send to an OpenTelemetry collector, e.g. http://localhost:4318."
         ),
     ] = "",
+    mqtt: Annotated[
+        str,
+        typer.Option(
+            metavar="URL", help="Send people and zones to a broker, e.g. mqtt://localhost."
+        ),
+    ] = "",
     robot: Robot = "robot",
     connect: Connect = "",
 ) -> None:
-    """Export latency of every stage and health of every process to Prometheus or OpenTelemetry.
+    """Export latency and health to Prometheus or OpenTelemetry, people and zones to MQTT.
 
-    Runs until Ctrl-C. Prometheus needs the extra prometheus, OpenTelemetry the extra otel.
+    Runs until Ctrl-C. The extras are prometheus, otel and mqtt.
     """
-    if prometheus is None and not otlp:
-        raise typer.BadParameter("name --prometheus PORT, --otlp URL, or both")
+    if prometheus is None and not otlp and not mqtt:
+        raise typer.BadParameter("name --prometheus PORT, --otlp URL or --mqtt URL")
     if prometheus is not None:
         need("Prometheus", "prometheus")
     if otlp:
         need("OpenTelemetry", "otel")
+    if mqtt:
+        need("MQTT", "mqtt")
     with (
         open_client(connect, robot) as client,
         ExitStack() as exporters,
@@ -60,14 +69,17 @@ def export(
             )
         if otlp:
             used.append(exporters.enter_context(closing(otlp_exporter(robot, otlp))))
+        if mqtt:
+            used.append(exporters.enter_context(closing(mqtt_exporter(robot, mqtt))))
         feed(client, used)
 
 
 def feed(client: Client, exporters: Sequence[Exporter]) -> None:
     """Pass messages to exporters until interrupted."""
     monitor = Monitor(ProcessId("export", f"export-{os.getpid()}", socket.gethostname()), WINDOW_S)
-    for arrival, path in monitor.follow(client):
+    for arrival, path in monitor.follow(client, Zones):
         for exporter in exporters:
+            exporter.add_message(arrival.message)
             if path:
                 exporter.add_frame_path(path)
             elif isinstance(arrival.message, Health):
@@ -80,6 +92,13 @@ def prometheus_exporter(robot: str, address: str, port: int) -> Exporter:
 
     exporter = PrometheusExporter(robot, address, port)
     typer.echo(f"Serving http://{address}:{exporter.port}/metrics; Ctrl-C ends it.")
+    return exporter
+
+
+def mqtt_exporter(robot: str, url: str) -> Exporter:
+    """Return the exporter for MQTT."""
+    exporter = MqttExporter(robot, url)
+    typer.echo(f"Sending to {exporter.topic}/ of the broker; Ctrl-C ends it.")
     return exporter
 
 
