@@ -117,7 +117,7 @@ def score_scene(run: EvaluationRun) -> RunScores:
 
 
 def scene_sums(run: RunScores) -> F64:
-    """Return part and total of each figure of SIMULATED in one scene."""
+    """Return numerator and denominator of each SIMULATED metric in one scene."""
     scores, errors = run.scores, run.scores.pose
     minutes = scores.lifetimes.duration_s / 60
     identity, lifetimes = scores.identity, scores.lifetimes

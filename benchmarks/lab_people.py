@@ -1,8 +1,8 @@
-"""People in random scenes of the lab that are as hard as real ones: the preset `best`.
+"""Accuracy of preset `best` in random lab scenes of real difficulty.
 
-Scenes are drawn from seeds, see `lab.random_scenario`. Constants may be chosen on the seeds of
-CHOOSING; those of TESTING serve this table alone. Renderings and detections are kept in the cache
-of `people4d evaluate`: the same command goes on.
+Scenes are drawn from seeds, see `lab.random_scenario`. Tune constants on the seeds CHOOSING only;
+TESTING is the test split. Renderings and detections are in the cache of `people4d evaluate`: the
+same command resumes an interrupted run.
 """
 
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""README's figures, written from the tables: `python -m benchmarks readme`.
+"""Write the figures of README.md from the tables: `python -m benchmarks readme`.
 
 Figures of a table that is older than its code are not shown; a line below names such tables.
 `--check` fails if README differs from what the command would write.
@@ -97,7 +97,7 @@ def percent(cell: str) -> str:
 
 
 def real_people(table: Table) -> str:
-    """Return the identity of annotated people, beside other packages on the same boxes."""
+    """Return the identity of annotated people, and of the best other package on the same boxes."""
     column = "correct identity"
     ours = percent(table.cell(column, "MoveNet, appearance (default)"))
     other = percent(table.best(column, r"^MoveNet, [^:]+: "))
@@ -121,7 +121,7 @@ def real_events(table: Table) -> str:
 
 
 def mot15(table: Table) -> str:
-    """Return the figures of SORT in the image, beside the best other package."""
+    """Return the figures of SORT in the image and of the best other packages."""
     columns = ("MOTA %", "IDF1 %", "HOTA %")
     ours = [f"{column[:4]} {table.cell(column, 'ours, chosen')}" for column in columns]
     others = [f"{column[:4]} {table.best(column, '^(?!ours).*, chosen')}" for column in columns]
@@ -129,7 +129,7 @@ def mot15(table: Table) -> str:
 
 
 def of_arrangements(*figures: tuple[str, str, str]) -> Callable[[Table], str]:
-    """Return the text of figures of the services together and apart: load, figure, unit."""
+    """Return a function that formats figures (load, figure, unit), together and apart."""
 
     def text(table: Table) -> str:
         parts = []
@@ -145,7 +145,7 @@ def of_arrangements(*figures: tuple[str, str, str]) -> Callable[[Table], str]:
 
 
 def peers(table: Table) -> str:
-    """Return the share of the bare network that is left, beside other packages."""
+    """Return the rate as a share of the bare network, for ours and the best other package."""
     column = "of the bare network, onnxruntime"
     ours = f"{median(table.cell(column, 'ours, the same network, together'))} of the bare network"
     try:
@@ -155,9 +155,9 @@ def peers(table: Table) -> str:
 
 
 def own_work(table: Table) -> str:
-    """Return the own work of a frame as part of a run of the float network."""
+    """Return the time of a frame outside the networks as a share of one float32 inference."""
     share = table.cell("median", "part of a run of the float network")
-    return f"{median(share)} of a run of the float network"
+    return f"{median(share)} of one float32 inference"
 
 
 def tracker_cost(table: Table) -> str:
@@ -199,7 +199,7 @@ ROWS = (
         ),
     ),
     Row(
-        "latency beside inference at 30 Hz, median and 99th percentile",
+        "latency without inference at 30 Hz, median and 99th percentile",
         "together",
         of_arrangements(
             ("30 Hz", LATENCY.format("p50"), " ms"), ("30 Hz", LATENCY.format("p99"), " ms")
@@ -211,14 +211,14 @@ ROWS = (
         of_arrangements(("30 Hz", "memory with the router [MB]", " MB")),
     ),
     Row("YOLOv8n-pose from image to tracks, in one process", "peers", peers),
-    Row("own work of a frame beside the networks, one thread", "own_work", own_work),
+    Row("time per frame outside the networks, one thread", "own_work", own_work),
     Row("tracker, by number of people", "tracker_cost", tracker_cost),
     Row("a service killed; hung", "faults", faults),
 )
 
 
 def block() -> str:
-    """Return README's block of figures, from the tables that are as new as their code."""
+    """Return the block of figures from the tables that are as new as their code."""
     folder = table_age.ROOT / "benchmarks"
     older = {name: table_age.age(folder / f"{name}.md") for name in {row.table for row in ROWS}}
     parts = []
@@ -230,7 +230,7 @@ def block() -> str:
     if rows:
         parts.append(markdown(("what", "measured"), rows))
     if names := [_link(name) for name in sorted(older) if older[name]]:
-        parts.append(f"Tables older than their code, not shown: {', '.join(names)}.")
+        parts.append(f"Outdated tables, not shown here: {', '.join(names)}.")
     return "\n".join((BEGIN, "\n\n".join(parts), END))
 
 
@@ -239,10 +239,10 @@ def _link(table: str) -> str:
 
 
 def written(text: str) -> str:
-    """Return the text of README with the block of today.
+    """Return the text of README.md with the present block.
 
     Raises:
-        ValueError: It has no place for the block.
+        ValueError: README.md has no place for the block.
     """
     if not BLOCK.search(text):
         raise ValueError(f"README.md has no {BEGIN} and {END}")
@@ -251,7 +251,7 @@ def written(text: str) -> str:
 
 
 def main() -> None:
-    """Write README, or check it."""
+    """Write README.md, or check it."""
     parser = options.parser(__doc__)
     parser.add_argument("--check", action="store_true", help="fail if README differs")
     asked = parser.parse_args()
@@ -261,6 +261,6 @@ def main() -> None:
         sys.exit(None if asked.check else "The age of tables needs the whole history of git.")
     new = written(text)
     if asked.check and new != text:
-        sys.exit("README.md has other figures than the tables: run `python -m benchmarks readme`")
+        sys.exit("README.md differs from the tables: run `python -m benchmarks readme`")
     if not asked.check:
         path.write_text(new, encoding="utf-8")

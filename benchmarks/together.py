@@ -121,7 +121,7 @@ def main() -> None:
         "detectors",
         nargs="*",
         default=[f"model={FLOAT}", f"model={FLOAT}-int8"],
-        help="settings of the detector with commas between: model=...,engine=openvino",
+        help="comma-separated settings of the detector: model=...,engine=openvino",
     )
     asked = parser.parse_args()
     rounds, frames = (1, QUICK_FRAMES) if asked.quick else (asked.rounds, FRAMES)

@@ -70,7 +70,7 @@ def read_method(preset: str, settings: Sequence[str] = ()) -> Method:
         service, _, field = text.partition(".")
         if service not in fields:
             known = ", ".join(SERVICES)
-            raise ConfigError(f"setting {text!r} is of no service that runs", f"These are {known}.")
+            raise ConfigError(f"setting {text!r} names no running service", f"These are {known}.")
         fields[service].append(field)
 
     def record(kind: type[T], service: str) -> T:

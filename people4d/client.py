@@ -93,7 +93,7 @@ class Client:
         while timeout_s is None or time.monotonic() - last_s < timeout_s:
             arrival = self.queue.get(POLL_S if timeout_s is None else min(timeout_s, POLL_S))
             if arrival is None and self.queue.failure:
-                raise People4dError(f"messages are received no more: {self.queue.failure!r}")
+                raise People4dError(f"receiving stopped: {self.queue.failure!r}")
             if arrival is None and self.session.closed:
                 return
             if arrival and isinstance(arrival.message, kinds):

@@ -26,7 +26,7 @@ class Announcements:
 
     def __init__(self) -> None:
         self.own: dict[str, tuple[str, bytes]] = {}  # session and last payload, by key
-        self._services: dict[str, set[str]] = {}  # service by session
+        self._services: dict[str, set[str]] = {}  # services of each session
         self._running: Counter[str] = Counter()  # number of sessions by service
         self._others: set[str] = set()  # awaited sessions
         self._changed = threading.Condition()

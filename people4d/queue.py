@@ -180,7 +180,7 @@ class MessageQueue:
             self._changed.notify_all()
 
     def last_error_is_fresh(self) -> bool:
-        """Check for a decoding error within the last seconds."""
+        """Check whether a payload failed to decode in the last FRESH_S seconds."""
         return time.monotonic() - self._failed_s < FRESH_S
 
     def _is_full(self) -> bool:

@@ -78,7 +78,9 @@ def endpoints_of(text: str) -> list[str]:
     for endpoint in full:
         protocol, _, address = endpoint.partition("/")
         if not (protocol and address):
-            raise ConfigError(f"{endpoint!r} is no endpoint", "Write it as tcp/192.168.1.7:7447.")
+            raise ConfigError(
+                f"{endpoint!r} is not an endpoint", "Write it as tcp/192.168.1.7:7447."
+            )
     return full
 
 
@@ -231,11 +233,13 @@ class ZenohSession:
         subscriber: Any,
         max_bytes: int = IMAGE_MAX_BYTES,
         keys_max: int = KEYS_MAX,
-        but: str | None = None,
+        exclude: str | None = None,
         owners: KeyOwners | None = None,
     ) -> ZenohSubscription:
         self._subscriptions = [one for one in self._subscriptions if not one.closed]
-        self._subscriptions.append(ZenohSubscription(subscriber, max_bytes, keys_max, but, owners))
+        self._subscriptions.append(
+            ZenohSubscription(subscriber, max_bytes, keys_max, exclude, owners)
+        )
         return self._subscriptions[-1]
 
     def _tokens_of(self, key: str) -> ZenohSubscription:

@@ -55,7 +55,7 @@ class ZenohSubscription:
         subscriber: Subscriber of Zenoh.
         max_bytes: Maximum size of a payload.
         keys_max: Maximum number of keys.
-        but: Session whose payloads are ignored, or None.
+        exclude: Session whose payloads are ignored, or None.
         owners: Owners of the keys; None: keys have no owner.
     """
 
@@ -64,13 +64,13 @@ class ZenohSubscription:
         subscriber: Any,
         max_bytes: int = IMAGE_MAX_BYTES,
         keys_max: int = KEYS_MAX,
-        but: str | None = None,
+        exclude: str | None = None,
         owners: KeyOwners | None = None,
     ) -> None:
         self._subscriber, self._owners = subscriber, owners
         self._max_bytes = max_bytes
         self._keys = KeyLimit(keys_max)
-        self._but = but
+        self._exclude = exclude
         self._closed = False
         self._receiving = threading.Lock()
         self._refused, self._reported_s = 0, -math.inf  # number of unreported messages
@@ -103,7 +103,7 @@ class ZenohSubscription:
 
     def _read(self, sample: Any) -> list[tuple[str, bytes]]:
         """Return the payload of a sample, after a report of refused messages."""
-        if sample.kind != zenoh.SampleKind.PUT or self._is_passed_over(sample):
+        if sample.kind != zenoh.SampleKind.PUT or self._is_excluded(sample):
             return []
         key, now_s, size = str(sample.key_expr), time.monotonic(), len(sample.payload)
         received: list[tuple[str, bytes]] = []
@@ -124,9 +124,9 @@ class ZenohSubscription:
             received.append((key, sample.payload.to_bytes()))
         return received
 
-    def _is_passed_over(self, sample: Any) -> bool:
+    def _is_excluded(self, sample: Any) -> bool:
         # The cache of this session also replies to its own subscribers.
-        return self._but is not None and session_of(sample) == self._but
+        return self._exclude is not None and session_of(sample) == self._exclude
 
     def _receive(self) -> Any:
         """Wait for a sample; None once closed."""

@@ -115,7 +115,7 @@ def change(node: ast.expr) -> None:
 
 
 def draw(count: int, seed: int) -> dict[str, list[Mutant]]:
-    """Return the mutants of each area."""
+    """Draw `count` random mutants; return them by area."""
     found = [
         (area, Mutant(str(path), name, node.lineno, k))
         for area in AREAS

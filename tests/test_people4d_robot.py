@@ -99,7 +99,7 @@ def test_wrong_images_are_refused_by_what_they_are(
 def test_wrong_first_frame_does_not_fix_the_size(small: Pipeline) -> None:
     with Pipeline() as own:
         own.add_camera("front", LENS)
-        with pytest.raises(SourceError, match="rgb is no image"):
+        with pytest.raises(SourceError, match="rgb is not an image"):
             own.process(np.uint8(0), DEPTH, 0.0)  # type: ignore[arg-type]
         with pytest.raises(SourceError, match=r"expected uint16 \(24, 64\)"):
             own.process(RGB[:24], DEPTH, 0.0)

@@ -104,7 +104,7 @@ def adjust(
         if absent:
             apart = ", ".join(absent)
             raise CalibrationError(
-                f"people before {apart} are not where the other cameras have them",
+                f"positions of people in {apart} disagree with the other cameras",
                 "Depth or intrinsics of a camera are wrong, or it moved.",
             )
         start = problem.solve(start)

@@ -26,11 +26,11 @@ def check_cameras(observed: Sequence[CameraObservations], reference: str) -> Non
         heard = f"only {names} sends detections" if observed else "no camera sends detections"
         raise CalibrationError(f"expected two cameras or more, {heard}", "Start the others, too.")
     if reference not in [c.camera for c in observed]:
-        raise CalibrationError(f"there is no camera {reference}", f"There are {names}.")
+        raise CalibrationError(f"unknown camera {reference}", f"Known cameras: {names}.")
     several = [c.camera for c in observed if c.is_of_several]
     if several:
         raise CalibrationError(
-            f"two cameras or robots call themselves {_these(several)}: their frames are mixed",
+            f"two cameras or robots are named {_these(several)}: their frames are mixed",
             "Give each camera of the site a name of its own: camera.camera.",
         )
     empty = [c.camera for c in observed if c.people < PEOPLE_MIN]
@@ -118,7 +118,7 @@ def check_adjustment(adjustment: AdjustmentResult, reference: str) -> None:
         near = max(seconds, key=lambda pair: seconds[pair], default=(name, reference))
         other = near[0] if near[1] == name else near[1]
         raise CalibrationError(
-            f"the pose of {name} is not sure: {100 * pose.sigma_m:.1f} cm, "
+            f"the pose of {name} is too uncertain: {100 * pose.sigma_m:.1f} cm, "
             f"{np.degrees(pose.sigma_rad):.1f} deg",
             f"Walk longer, and in curves, between {name} and {other}.",
         )

@@ -16,13 +16,16 @@ PIXELS = 80  # longer side of a thinned image [px]
 IMAGES_MIN = 3  # minimum number of images of a camera
 READ_MIN = 0.3  # minimum share of the images in which a pixel has a reading
 GATES_M = (0.25, 0.15, 0.08)  # maximum distance from the plane, by round
-NOISE_M, NOISE_PER_M = 0.01, 0.004  # error of a pixel's median at depth z: s + k z^2
+NOISE_M, NOISE_PER_M = (
+    0.01,
+    0.004,
+)  # standard deviation of a pixel's median at depth z: s + k z^2 [m]
 PIXELS_MIN = 150  # minimum number of pixels on the floor
 EXTENT_MIN_M = 0.2  # minimum standard deviation of their positions along either direction
 ALIKE = 5.0  # number of neighbouring pixels with a correlated error
 TILT_MAX = np.radians(3)  # maximum tilt from the direction up of people
-HEIGHT_SIGMA = 0.005  # relative error of the camera's height: the scale of depth
-TILT_SIGMA_RAD = 0.003  # error of the tilt
+HEIGHT_SIGMA = 0.005  # relative standard deviation of the camera's height: the scale of depth
+TILT_SIGMA_RAD = 0.003  # standard deviation of the tilt
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,15 +19,15 @@ ACROSS_SIGMA_M, DEPTH_SIGMA_M, DEPTH_SIGMA_PER_M = (
     0.02,
     0.02,
     0.001,
-)  # [m] error at depth z: s + k z^2
-LIMB_ACROSS_SIGMA_M = 0.02  # [m] error of joints across their ray
-LIMB_ALONG_SIGMA_M = 1.0  # [m] error of joints along their ray, at the distance of the torso
-BIAS_SIGMA_M = 0.02  # [m] deviation of a camera from the mean bias
-COMMON_BIAS_SIGMA_M = 0.1  # [m] mean bias, from the body's surface to its axis
-DRIFT_SIGMA = 1e-4  # drift of clocks, 100 ppm
-SCALE_SIGMA = 0.1  # deviation of a scale from 1
-COMMON_SCALE_SIGMA = 1e-3  # deviation of the mean scale from 1
-UP_SIGMA_RAD = 0.007  # [rad] error of the direction up of a single camera
+)  # [m] standard deviations across the ray, and at depth z: s + k z^2
+LIMB_ACROSS_SIGMA_M = 0.02  # [m] standard deviation of limb joints across the ray
+LIMB_ALONG_SIGMA_M = 1.0  # [m] along the ray, about the torso's distance
+BIAS_SIGMA_M = 0.02  # [m] standard deviation of a camera's bias from the mean bias
+COMMON_BIAS_SIGMA_M = 0.1  # [m] standard deviation of the mean bias, surface to axis of the body
+DRIFT_SIGMA = 1e-4  # standard deviation of the drift of a clock, 100 ppm
+SCALE_SIGMA = 0.1  # standard deviation of a scale from 1
+COMMON_SCALE_SIGMA = 1e-3  # standard deviation of the mean scale from 1
+UP_SIGMA_RAD = 0.007  # [rad] standard deviation of the direction up of a single camera
 CORRELATED = 6.0  # number of consecutive positions, at intervals of 0.1 s, that count as one
 POSE, CLOCK, BIAS, SCALE = slice(0, 6), slice(6, 8), slice(8, 9), slice(9, 11)
 STEP = 1e-6  # step of numeric derivatives

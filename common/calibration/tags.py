@@ -166,8 +166,8 @@ def move_to_map(found: CalibrationResult, by_tags: Mapping[str, F64]) -> Calibra
         apart_m, apart_rad = displacement(invert(poses[name]) @ by_tags[name])
         if apart_m > APART_M or apart_rad > APART_RAD:
             raise CalibrationError(
-                f"tags have {name} {100 * apart_m:.0f} cm and "
-                f"{np.degrees(apart_rad):.1f} deg from where walking has it",
+                f"tags place {name} {100 * apart_m:.0f} cm and "
+                f"{np.degrees(apart_rad):.1f} deg from the pose estimated from walking people",
                 "Measure the positions of its tags again, or walk longer.",
             )
     paths = {

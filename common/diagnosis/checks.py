@@ -47,7 +47,7 @@ def names(evidence: Evidence) -> Iterator[Diagnostic]:
     twice = sorted(name for name, v in evidence.vitals.items() if len(v.pids) > 1)
     trackers = [v.last for v in evidence.of_service("tracker")]
     if twice:
-        what = f"several processes call themselves {', '.join(twice)}, or one has just restarted"
+        what = f"several processes are named {', '.join(twice)}, or one has just restarted"
         yield problem("twice", what, "Give each its own name: --instance.", *twice)
     elif len(trackers) > 1:
         listing = ", ".join(f"{t.instance} on {t.host} (process {t.pid})" for t in trackers)
@@ -101,7 +101,7 @@ def frames(evidence: Evidence) -> Iterator[Diagnostic]:
         )
         yield problem("frames", what, hint, *about)
     else:
-        yield ok("frames", f"{sum(sent) / max(evidence.elapsed_s, 0.1):.0f} frames a second come")
+        yield ok("frames", f"{sum(sent) / max(evidence.elapsed_s, 0.1):.0f} frames a second arrive")
 
 
 def pairs(evidence: Evidence) -> Iterator[Diagnostic]:
@@ -238,14 +238,14 @@ def output(evidence: Evidence) -> Iterator[Diagnostic]:
         what = f"{rate_hz:.0f} messages about people a second, of up to {most} people"
         sent = sum(v.since("sent_frames", "sent_compressed") for v in evidence.of_service("camera"))
         if len(evidence.tracks) < MOST * sent:
-            come_hz = sent / max(evidence.elapsed_s, 0.1)
+            arrive_hz = sent / max(evidence.elapsed_s, 0.1)
             hint = "People are late or missing in between: see people4d top for the slowest stage."
-            yield warning("output", f"{what}, but {come_hz:.0f} frames a second come", hint)
+            yield warning("output", f"{what}, but {arrive_hz:.0f} frames a second arrive", hint)
         else:
             yield ok("output", what)
     elif evidence.of_service("tracker") or evidence.of_service(SITE):
-        hint = "What stands above explains it; else see people4d logs tracker."
-        yield problem("output", "no message about people comes", hint)
+        hint = "See the problems above, else people4d logs tracker."
+        yield problem("output", "no people message arrives", hint)
 
 
 def others(diagnostics: Sequence[Diagnostic], evidence: Evidence) -> Iterator[Diagnostic]:

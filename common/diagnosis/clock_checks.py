@@ -33,10 +33,12 @@ def clocks(evidence: Evidence) -> Iterator[Diagnostic]:
     cameras = list(_camera_clocks(evidence))
     if behind_ms:
         hint = "Let all hosts keep time by one server: chrony or systemd-timesyncd."
-        yield problem("clocks", f"clocks of hosts are apart: {_listing(behind_ms)}", hint)
+        yield problem("clocks", f"host clocks differ: {_listing(behind_ms)}", hint)
     if stepped:
         what = f"a clock was set while {', '.join(stepped)} ran"
-        yield problem("clocks", what, "Let it be steered, not set: chrony does, date does not.")
+        yield problem(
+            "clocks", what, "Adjust the clock gradually with chrony; do not set it with date."
+        )
     yield from cameras
     if not (behind_ms or stepped or cameras) and jumps:
         what = f"stamps of frames jumped {jumps} times since the start: people got new numbers"

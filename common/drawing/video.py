@@ -33,7 +33,7 @@ class VideoWriter:
 
     def __init__(self, path: Path, rate_hz: float, size_px: tuple[int, int]) -> None:
         if path.suffix != SUFFIX:
-            raise People4dError(f"video {path} is of another kind", f"Name it *{SUFFIX}.")
+            raise People4dError(f"video {path} has an unsupported format", f"Name it *{SUFFIX}.")
         self._path = path
         try:
             self._container = av.open(str(path), "w")

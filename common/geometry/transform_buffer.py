@@ -93,7 +93,7 @@ class TransformBuffer:
     def camera_pose(self, frame_id: str, optical_frame_id: str, stamp_ns: int) -> F64 | None:
         """Return frame_from_optical at a time; None if the known pose does not cover this time.
 
-        A camera without any transform is at the origin and points along +x.
+        If a camera has no transform, it is at the origin and points along +x.
         """
         found = self.lookup(frame_id, optical_frame_id, stamp_ns)
         if found is not None:

@@ -52,7 +52,7 @@ class InferenceCores:
         allowed = os.sched_getaffinity(0)
         if not named < allowed:
             raise ConfigError(
-                f"{VARIABLE} is {text!r}, this process may use the cores {listed(allowed)}", HINT
+                f"{VARIABLE}={text} is not a part of the allowed cores {listed(allowed)}", HINT
             )
         self._reserved = named
         bind(allowed - named)

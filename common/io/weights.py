@@ -91,7 +91,7 @@ def find(model: ModelFile, searched: Sequence[Path]) -> Path:
         if path.is_file():
             return path
     names = ", ".join(map(str, searched))
-    raise ModelError(f"model {model.name}: {model.file} is in none of {names}", model.get)
+    raise ModelError(f"model {model.name}: {model.file} was not found in {names}", model.get)
 
 
 def locate(model: str, folder: str = "") -> tuple[Path, ModelFile | None]:

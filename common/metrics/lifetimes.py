@@ -50,12 +50,12 @@ class Lifetimes(Counts):
 
     @property
     def mean_first_track_s(self) -> float | None:
-        """Mean time to the first track of all people with a track; None without any."""
+        """Mean time to the first track of all people with a track; None if there are none."""
         return self.first_track_s / self.people_found if self.people_found else None
 
     @property
     def share_reidentified(self) -> float | None:
-        """Share of the returns under the same track; None without returns."""
+        """Share of the returns under the same track; None if there were no returns."""
         return self.reidentified / self.returns if self.returns else None
 
 

@@ -123,7 +123,7 @@ class Matcher:
 
 
 def match(sequence: EvaluationSequence, similarity: Similarity, threshold: float = 0.5) -> Matching:
-    """Match truth and tracks of every frame; arguments as of `Matcher`.
+    """Match truth and tracks of every frame; for the arguments see `Matcher`.
 
     Raises:
         ValueError: The similarity has another shape than people by tracks, or is not finite.

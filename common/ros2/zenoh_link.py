@@ -28,7 +28,7 @@ def read_config(config: Ros2Config) -> zenoh.Config:
     if not config.endpoints:
         if os.environ.get("PEOPLE4D_KEYS"):
             raise ConfigError(
-                "the robot's router lets in roles of people4d only, which nodes of ROS 2 have not",
+                "the robot's router admits only people4d roles, which ROS 2 nodes lack",
                 "Run rmw_zenohd on another port, and set ros2.endpoints to it.",
             )
         return session.read_config(None, "peer")

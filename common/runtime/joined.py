@@ -92,7 +92,7 @@ def _loops(
         service, _, setting = text.partition(".")
         if service not in settings:
             raise ConfigError(
-                f"setting {text!r} is of no service here", "Write service.field=value."
+                f"setting {text!r} names no running service", "Write service.field=value."
             )
         settings[service].append(setting)
     loops = {}

@@ -77,7 +77,7 @@ def merge_stages(path: Sequence[TraceSegment]) -> list[TraceSegment]:
 def end_to_end(
     trace: Sequence[Span], clocks: Mapping[str, HostOffset] | None = None
 ) -> TraceSegment | None:
-    """Return the path as one segment, from the first stage to the last; None without any."""
+    """Return the path as one segment, from the first stage to the last; None if it has no stage."""
     if not trace:
         return None
     known = clocks or {}

@@ -39,7 +39,7 @@ class Durations(msgspec.Struct, frozen=True, kw_only=True):
     count: int  # number of measured messages
     # [ms] bound of the clock error: 0 on one host; null: clocks of two hosts were not compared
     error_ms: float | None
-    beside: bool = False  # parallel work for the same frames, which does not delay them
+    parallel: bool = False  # parallel work for the same frames, which does not delay them
 
 
 class ProcessSnapshot(msgspec.Struct, frozen=True, kw_only=True):
@@ -82,13 +82,13 @@ class FramePath:
 
     tracks: Tracks  # end of the path
     parts: list[TraceSegment]  # segments up to this listener
-    beside: list[TraceSegment]  # parallel work for the frame
+    parallel: list[TraceSegment]  # parallel work for the frame
     end_to_end: TraceSegment  # from the first stage to the last
 
     @property
     def stages(self) -> list[TraceSegment]:
         """Stages of all processes, each once, parallel work last."""
-        return merge_stages(self.parts) + merge_stages(self.beside)
+        return merge_stages(self.parts) + merge_stages(self.parallel)
 
 
 class Monitor:
@@ -201,20 +201,20 @@ class Monitor:
     def _frame_path(self, tracks: Tracks) -> FramePath:
         passed = set(tracks.trace)
         trace = self._detections.pop((tracks.camera, tracks.stamp_ns), ())
-        beside = [segments([span], self.clocks)[0] for span in trace if span not in passed]
+        parallel = [segments([span], self.clocks)[0] for span in trace if span not in passed]
         total = end_to_end(tracks.trace, self.clocks)
         assert total is not None, "only messages with a trace have a path"
-        return FramePath(tracks, segments(tracks.trace, self.clocks), beside, total)
+        return FramePath(tracks, segments(tracks.trace, self.clocks), parallel, total)
 
     def _add_frame_path(self, path: FramePath, now_s: float) -> None:
         stages = [(part, False) for part in merge_stages(path.parts)]
-        stages += [(part, True) for part in merge_stages(path.beside)]
-        for part, beside in stages:
-            key = (part.process, part.stage, beside)
+        stages += [(part, True) for part in merge_stages(path.parallel)]
+        for part, parallel in stages:
+            key = (part.process, part.stage, parallel)
             if key not in self._stages and len(self._stages) >= MAX_STAGES:
                 self._forget(now_s)
             if key in self._stages or len(self._stages) < MAX_STAGES:
-                stage = self._stages.setdefault(key, _Stage(self._seconds, beside))
+                stage = self._stages.setdefault(key, _Stage(self._seconds, parallel))
                 stage.add_segment(part, now_s, part.start_ns - path.end_to_end.start_ns)
         self._end_to_end.add_segment(path.end_to_end, now_s, 0)
 
@@ -222,8 +222,8 @@ class Monitor:
 class _Stage:
     """Durations of one stage of one process, on the path of frames or parallel to it."""
 
-    def __init__(self, seconds: float, beside: bool = False) -> None:
-        self._beside = beside
+    def __init__(self, seconds: float, parallel: bool = False) -> None:
+        self._parallel = parallel
         self._window = SlidingWindow(seconds)
 
     def add_segment(self, part: TraceSegment, now_s: float, after_ns: int) -> None:
@@ -245,7 +245,7 @@ class _Stage:
             p99_ms=p99_ms,
             count=len(values_ms),
             error_ms=None if error_ns is None else error_ns / 1e6,
-            beside=self._beside,
+            parallel=self._parallel,
         )
 
 

@@ -81,7 +81,7 @@ def main(
 
 
 def prepare(name: str, debug: bool) -> None:
-    """Prepare this process to run loops: its log, libraries, signals and failing threads.
+    """Set up log, libraries, signal handlers and thread monitoring of this process.
 
     Args:
         name: Name of the process in the log.

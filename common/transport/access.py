@@ -1,8 +1,8 @@
 """Zenoh's access rules, derived from the table of streams.
 
-A process with a proven role (by certificate or password) may publish the topics of which the role
-is a producer, and receive the topics of which it is a reader; nothing else passes. Rules are from
-the side of the enforcing process: "ingress" comes from the other process, "egress" goes to it.
+A process with a proven role (by certificate or password) may publish the topics that the role
+produces and receive the topics that it reads; nothing else passes. Rules take the view of the
+enforcing process: "ingress" comes from the other process, "egress" goes to it.
 """
 
 import re

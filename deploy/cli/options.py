@@ -88,7 +88,7 @@ Fidelity = Annotated[
     typer.Option(help="geometry: detections in place of frames. depth: people in flat colours."),
 ]
 VisualOdometry = Annotated[
-    bool, typer.Option("--visual-odometry", help="Motion of the base from images, not wheels.")
+    bool, typer.Option("--visual-odometry", help="Estimate the base's motion from images.")
 ]
 Figures = Annotated[
     bool, typer.Option(help="Draw figures, if matplotlib is installed, the extra 'evaluate'.")

@@ -23,7 +23,7 @@ def router(endpoint: str, error: People4dError) -> Diagnostic:
     match = ENDPOINT.fullmatch(endpoint.partition(",")[0])
     if not match:
         hint = "Write it as tcp/192.168.1.7:7447."
-        return problem("router", f"{endpoint!r} is no endpoint", hint)
+        return problem("router", f"{endpoint!r} is not an endpoint", hint)
     if isinstance(error, ConfigError):
         return problem("settings", error.problem, error.hint)
     if not _listens(match["host"], int(match["port"])):

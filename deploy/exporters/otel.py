@@ -65,7 +65,7 @@ class OtelExporter(Exporter):
             },
         )
         inside = trace.set_span_in_context(frame)
-        for part in (*path.parts, *path.beside):
+        for part in (*path.parts, *path.parallel):
             tracer = self._tracer(part.service, part.instance, part.process.partition("@")[2])
             piece = tracer.start_span(
                 part.name, inside, start_time=part.start_ns, attributes=_clock(part)

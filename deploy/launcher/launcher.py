@@ -271,7 +271,7 @@ def stop(state: State) -> bool:
             start_s = time.monotonic()
             while state.read() and (elapsed_s := time.monotonic() - start_s) < timeout_s:
                 if elapsed_s > STOP_S:
-                    state.kill_processes(but=spared)
+                    state.kill_processes(exclude=spared)
                 time.sleep(POLL_S)
         swept = state.sweep()
         state.clear()

@@ -168,11 +168,11 @@ class State:
         """Return living processes of this system; zombies have no mark."""
         return [p for p in psutil.process_iter() if _is_marked(p.pid, self.folder)]
 
-    def kill_processes(self, but: Collection[int]) -> None:
+    def kill_processes(self, exclude: Collection[int]) -> None:
         """Kill all processes except some process groups."""
         for process in self.leftovers():
             with suppress(psutil.Error, ProcessLookupError):
-                if os.getpgid(process.pid) not in but:
+                if os.getpgid(process.pid) not in exclude:
                     process.kill()
 
     def sweep(self) -> int:

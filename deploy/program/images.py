@@ -88,7 +88,7 @@ class CameraImages:
 
     def _calibration(self, rgb: U8) -> CameraInfo:
         if np.ndim(rgb) < 2:
-            raise SourceError(f"camera {self.name}: rgb is no image", "Give HxWx3, red first.")
+            raise SourceError(f"camera {self.name}: rgb is not an image", "Give HxWx3, red first.")
         size = (np.shape(rgb)[0], np.shape(rgb)[1])
         info = camera_info(self._intrinsics, size, self.transform.child)
         return msgspec.structs.replace(info, camera=self.name, max_depth_m=self._max_depth_m)

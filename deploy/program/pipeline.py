@@ -142,7 +142,7 @@ class Pipeline:
         if not name and len(self._cameras) == 1:
             return next(iter(self._cameras.values()))
         known = ", ".join(self._cameras) or "none"
-        raise ConfigError(f"there is no camera {name!r} but {known}", "Call add_camera before.")
+        raise ConfigError(f"unknown camera {name!r}; known: {known}", "Call add_camera before.")
 
     def _publish(self, now_ns: int, *messages: Message) -> list[Message]:
         """Return messages and all resulting messages."""

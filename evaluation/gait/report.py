@@ -136,7 +136,7 @@ def frame_count(run: GaitRun) -> int:
     """Return the approximate number of played frames, at least 1.
 
     Raises:
-        SourceError: The source is of no known kind.
+        SourceError: The source has an unsupported format.
     """
     camera = run.method.camera
     if scenarios.is_scenario(run.source):

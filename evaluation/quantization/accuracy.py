@@ -62,7 +62,7 @@ def found_by(node: Node, frames: Sequence[RenderedFrame]) -> Found:
 
 
 def compare(frames: Sequence[RenderedFrame], reference: Found, found: Found) -> AccuracyLoss:
-    """Return the losses between the detections of two networks."""
+    """Return the loss of accuracy of a network relative to a reference."""
     people = sum(len(rendered.people) for rendered in frames)
     both = sorted(reference.keys() & found.keys())
     errors = np.array([[*_errors(frames, k, reference), *_errors(frames, k, found)] for k in both])

@@ -54,7 +54,7 @@ def cut(surface: BodySurface, field: F64) -> BodySurface:
     inside = field > 0
     corners = inside[surface.faces].sum(axis=1)
     inner_faces = surface.faces[corners == 3]
-    # Rotate the corner that differs from both others to the front.
+    # Rotate each mixed triangle so that its odd corner comes first.
     mixed = surface.faces[(corners == 1) | (corners == 2)]
     odd = inside[mixed] == (inside[mixed].sum(axis=1) == 1)[:, None]
     start = odd.argmax(axis=1)

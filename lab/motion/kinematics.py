@@ -24,8 +24,8 @@ from lab.motion.walker import STEP_S
 from people4d.messages import F64
 
 BLEND_S = 0.2  # duration of the transition between walking and standing [s]
-STAND_LOW_M = 0.005  # height of the pelvis below straight legs, standing [m]
-WALK_LOW_M = 0.022  # mean height of the pelvis below standing, walking at 1.3 m/s [m]
+STAND_LOW_M = 0.005  # drop of the standing pelvis below straight legs [m]
+WALK_LOW_M = 0.022  # mean drop of the pelvis below its standing height at 1.3 m/s [m]
 ANTICIPATION_S = 0.5  # look-ahead of the head along the path [s]
 GAZE_MAX_RAD = 0.7  # maximum yaw of the head ahead of the path [rad]
 GAZE_OF_CHEST = 0.25  # ratio of the chest's to the head's yaw in looking around

@@ -16,7 +16,7 @@ from people4d.validation import FINITE_ARRAY, INFINITE, Magnitude, Rule, Shape, 
 
 # A leading dot or dash would turn a name into "..", a hidden file or a flag.
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}")
-NAME_FORM = "1 to 64 of A-Z a-z 0-9 _ . -, not . or - first"
+NAME_FORM = "1 to 64 characters from A-Z a-z 0-9 _ . -, the first neither . nor -"
 MAX_TRACE = 64
 MAX_SIDE = 16384  # [px]
 MAX_PIXELS = 4096 * 4096  # maximum size of an image [px], a bound on allocated memory

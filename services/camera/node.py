@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 FRAMES_AHEAD = 4  # number of frames read ahead
 POLL_NS = 2_000_000  # [ns] period of polling without a loop
 STOP_S = 2.0  # [s] maximum wait for the reading thread
-MAX_AGE_NS = 1_000_000_000  # [ns] maximum age of a live frame whose stamp is of this clock
+MAX_AGE_NS = 1_000_000_000  # [ns] maximum age of a live frame whose stamp comes from this clock
 
 ANSWERS: dict[str, type[Message]] = {"people": Tracks, "detections": Detections}
 

@@ -117,7 +117,9 @@ class DetectorNode(Node):
             info = self._calibrations.get(frame.camera)
         height, width = frame.depth_mm.shape
         if info is None:
-            self._fault(frame, "no_calibration", "no CameraInfo has come, its frames are dropped")
+            self._fault(
+                frame, "no_calibration", "no CameraInfo was received, its frames are dropped"
+            )
         elif (info.height, info.width) != (height, width):
             expected = f"{info.width}x{info.height}"
             why = f"expected {expected} as in its CameraInfo, got {width}x{height}"

@@ -49,7 +49,7 @@ class Delivery:
 
     @property
     def problem(self) -> str:
-        """Message on waiting events; empty without any."""
+        """Message on waiting events; empty if none wait."""
         sending_s = self._sending_s
         held_s = 0.0 if sending_s is None else time.monotonic() - sending_s
         if held_s > TIMEOUT_S + 1:  # for example a slow name look-up

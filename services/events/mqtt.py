@@ -43,7 +43,7 @@ class BrokerAddress:
         topic = unquote(parts.path.lstrip("/"))
         wrong = parts.scheme not in PORTS or not parts.hostname or port == -1
         if wrong or parts.query or "#" in text or "#" in topic or "+" in topic:
-            raise ConfigError(f"{setting} is no address: {text!r}", f"Write: {EXAMPLE}.")
+            raise ConfigError(f"{setting} is not an address: {text!r}", f"Write: {EXAMPLE}.")
         user, tls = unquote(parts.username or ""), parts.scheme == "mqtts"
         return cls(str(parts.hostname), port or PORTS[parts.scheme], user, tls, topic)
 

@@ -37,7 +37,7 @@ class Webhook:
             self._host = ""
         if not self._host or parts.scheme not in CONNECTIONS or parts.username or not url.isascii():
             raise ConfigError(
-                f"events.webhook is no address: {url!r}", "Write: http://192.168.1.9/events."
+                f"events.webhook is not an address: {url!r}", "Write: http://192.168.1.9/events."
             )
         self._connection = CONNECTIONS[parts.scheme]
         self._target = f"{parts.path or '/'}{'?' if parts.query else ''}{parts.query}"

@@ -179,7 +179,7 @@ class VideoFile:
 
 
 def frame_rate_hz(stamps_ns: list[int]) -> float:
-    """Return the rate of frames by the median of their intervals, 30 Hz without any."""
+    """Return the frame rate from the median interval; 30 Hz if there is no interval."""
     intervals = np.diff(stamps_ns) / 1e9
     rising = intervals[intervals > 0]
     return float(np.clip(1 / np.median(rising), *HZ_RANGE)) if len(rising) else 30.0

@@ -78,7 +78,7 @@ class RunLimits:
         if Truth in self._ends_ns and RgbdFrame in self._ends_ns:
             early_ns = self._ends_ns[RgbdFrame] - self._ends_ns[Truth]
             if not is_scored:
-                found.append("truth: none is of the time of the frames")
+                found.append("truth: does not cover the time of the frames")
             elif early_ns > ENDED_NS:
                 found.append(f"truth: ended {early_ns / 1e9:.1f} s before the frames")
         return tuple(sorted(found))

@@ -30,7 +30,7 @@ class OutputConfig(Config, frozen=True, kw_only=True):
 
 
 class OutputConfigs(Config, frozen=True, kw_only=True):
-    """Topics and rates of all outputs, those that are not published, too."""
+    """Topics and rates of all outputs, including unpublished ones."""
 
     people: OutputConfig = OutputConfig(topic="/people")
     markers: OutputConfig = OutputConfig(topic="people4d/markers", rate_max_hz=15.0)

@@ -21,7 +21,7 @@ import zenoh.ext
 
 Fields = dict[str, Any]
 LISTEN_S = 20.0
-ASK_S = 4.0  # then the history is asked for again: on a busy machine an answer may be lost
+ASK_S = 4.0  # wait before the history is requested again [s]; a busy machine may lose a reply
 NAMES = 500
 DETECTIONS_MAX = 512  # maximum number of detections in a message
 FRESH_S = 0.3  # a frame older than 1 s is dropped

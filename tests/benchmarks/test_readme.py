@@ -55,7 +55,7 @@ def test_figure_of_an_older_table_disappears(table: Path, monkeypatch: pytest.Mo
     measured = "identity correct in 94 %; best other package 78 %"
     assert f"| identity ([own](benchmarks/own.md)) | {measured} |" in readme.block()
     (table.parents[1] / "people4d" / "code.py").write_text("def f(x):\n    return x + 1\n")
-    older = "Tables older than their code, not shown: [own](benchmarks/own.md)."
+    older = "Outdated tables, not shown here: [own](benchmarks/own.md)."
     assert readme.block() == f"{readme.BEGIN}\n{older}\n{readme.END}"
 
 
@@ -69,7 +69,7 @@ def test_check_fails_if_the_block_differs(table: Path, monkeypatch: pytest.Monke
     monkeypatch.setattr("sys.argv", ["readme", "--check"])
     readme.main()
     page.write_text(page.read_text().replace("94 %", "95 %"))
-    with pytest.raises(SystemExit, match="other figures"):
+    with pytest.raises(SystemExit, match="differs from the tables"):
         readme.main()
 
 

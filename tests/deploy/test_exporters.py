@@ -48,13 +48,13 @@ def give(exporter: Exporter, frames: int) -> None:
 
 
 def path(number: int, trace: Sequence[Span], clocks: Mapping[str, HostOffset]) -> FramePath:
-    """Return the path of a frame, beside which its people were placed for 5 ms."""
+    """Return the path of a frame with 5 ms of parallel work on its people."""
     total = end_to_end(trace, clocks)
     assert total is not None
-    beside = segments(
+    parallel = segments(
         [span("detector.locate", 20 * number + 36, 20 * number + 41, "detector-1@nuc")]
     )
-    return FramePath(tracks(number), segments(trace, clocks), beside, total)
+    return FramePath(tracks(number), segments(trace, clocks), parallel, total)
 
 
 def fetched(exporter: PrometheusExporter) -> dict[tuple[str, frozenset[str]], float]:
@@ -208,7 +208,7 @@ def test_opentelemetry_spans_match_hand_worked_values() -> None:
     assert (frame.start_time, frame.end_time) == (BEGIN_NS, BEGIN_NS + 45 * MS)
     assert frame.attributes is not None
     assert frame.attributes["people4d.clock_error_ms"] == 0.5
-    # 10 measured, 2 between processes, 1 beside; all below the frame.
+    # 10 measured, 2 between processes, 1 parallel; all below the frame.
     children = [one for one in finished if one.parent is not None]
     assert len(children) == 13
     assert {child.parent.span_id for child in children if child.parent} == {frame.context.span_id}

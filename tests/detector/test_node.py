@@ -175,7 +175,7 @@ def test_frames_before_the_calibration_are_dropped_and_reported() -> None:
     assert len(bus.publish(frame(0))) == 1
     status = detector.status()
     assert status.state == "degraded"
-    assert status.reason == "camera front: no CameraInfo has come, its frames are dropped"
+    assert status.reason == "camera front: no CameraInfo was received, its frames are dropped"
     assert status.counters == {"frames": 1, "no_calibration": 1}
     assert len(bus.publish(INFO, frame(1))) == 4
     assert detector.status().state == "ready"

@@ -143,7 +143,7 @@ def test_people_are_found_once_for_all_trackers(tmp_path: Path) -> None:
         ),
         (
             ["seg-sort", "--recordings", "lab:short_walk", "--set", "report.video=false"],
-            "'report.video=false' is of no service that runs",
+            "'report.video=false' names no running service",
         ),
     ],
 )

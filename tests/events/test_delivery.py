@@ -89,7 +89,7 @@ def raw_receiver(first: Iterable[bytes]) -> Iterator[RawReceiver]:
 
 
 def byte_after_byte() -> Iterator[bytes]:
-    """Answer with one byte after the other, each in time, and never to the end."""
+    """Yield the bytes of an answer that never ends, each within the timeout."""
     while True:
         yield b"H"
         threading.Event().wait(0.1)

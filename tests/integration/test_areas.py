@@ -95,13 +95,13 @@ def test_walker_has_one_identity_and_people_of_other_areas_outlive_a_tracker(
             f"people4d/v1/{hall}_$*/people", lambda sample: heard_keys.add(str(sample.key_expr))
         )
 
-        # Somebody in each area: two identities in one stream.
+        # One person in each area: two identities in one stream.
         feeds[0].people, feeds[1].people = [(-1.0, RED)], [(1.4, BLUE)]
         both = planner.wait(Tracks, lambda m: {t.id % 1000 for t in m.tracks} == {1, 2})
-        # The areas of a site are one key expression, too, without those of other sites.
+        # One key expression matches all areas of a site, and no area of another site.
         assert heard_keys == {f"people4d/v1/{area}/people" for area in (a, b)}
         red, blue = (next(t.id for t in both.tracks if t.id % 1000 == n) for n in (1, 2))
-        # Red leaves area a; area b hears of it, and sees them 0.5 m further on.
+        # Red leaves area a; area b receives the person and detects it 0.5 m farther on.
         feeds[0].watcher.wait(AreaPeople, lambda m: red in {p.id for p in m.people})
         feeds[0].people = []
         heard = feeds[1].watcher.wait(Health, lambda h: h.service == "tracker")
@@ -118,12 +118,15 @@ def test_walker_has_one_identity_and_people_of_other_areas_outlive_a_tracker(
         health = feeds[1].watcher.wait_for_counters(identities_taken_over=1)
         assert health.service == "tracker"
 
-        # A person in area a, whose tracker dies: those of area b go on.
+        # The tracker of area a dies: the tracks of area b continue.
         feeds[0].people = [(0.5, [0.6, 0.8])]
         planner.wait(Tracks, lambda m: {red, blue} < {t.id for t in m.tracks})
         first.kill()
         planner.wait(Tracks, lambda m: {t.id for t in m.tracks} == {red, blue})
         planner.wait(Health, lambda h: h.reason == f"no people arrive from {a}: they are left out")
         lonely = feeds[1].watcher.wait(Health, lambda h: "nothing comes" in h.reason)
-        assert lonely.reason == f"nothing comes of area {a}: people from there get new identities"
+        assert (
+            lonely.reason
+            == f"no messages arrive from area {a}: people from there get new identities"
+        )
         planner.wait(Tracks, lambda m: {t.id for t in m.tracks} == {red, blue})

@@ -30,7 +30,7 @@ def test_cameras_of_other_hosts_outlive_one(routers: list[Network], state_folder
     with contextlib.ExitStack() as stack:
         feeds = []
         for n, (host, network) in enumerate(zip(HOSTS, routers, strict=True)):
-            # Two cameras a host; their people stand 3 m from those of the next host.
+            # Two cameras a host; their people stand 3 m from the people of the next host.
             cameras = (f"c{2 * n + 1}", f"c{2 * n + 2}")
             for camera in cameras:
                 feeds.append(AreaFeed(network, host, camera, 3.0 * n))
@@ -62,11 +62,11 @@ def test_cameras_of_other_hosts_outlive_one(routers: list[Network], state_folder
         complete = planner.wait(Tracks, is_complete)
         people = {round(float(t.position_m[1]) / 3): t.id for t in complete.tracks}
 
-        # The first host dies with its router: those of the others go on under their identities.
+        # The first host dies with its router: the people of the other hosts keep their identities.
         for feed in feeds[:2]:
             feed.close()
         routers[0].close()
-        health = planner.wait(Health, lambda h: "no detections come of host cam1" in h.reason)
+        health = planner.wait(Health, lambda h: "no detections arrive from host cam1" in h.reason)
         assert health.state == "degraded"
         left = planner.wait(
             Tracks, lambda m: {t.id for t in m.tracks} == set(people.values()) - {people[0]}

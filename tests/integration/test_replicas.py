@@ -87,9 +87,9 @@ def test_work_is_divided_among_replicas_and_taken_over_on_failure(reids: Reids) 
     reids.answers.clear()
     by = Counter(reids.ask()[0] for _ in range(20))
     assert by == {"reid-1": 10, "reid-2": 10}
-    assert set(reids.answers.values()) == {1}  # nothing twice
+    assert set(reids.answers.values()) == {1}  # no duplicate replies
 
-    # One hangs: what it should do is taken over once it has been silent.
+    # One replica hangs: the other takes over its work after a silence.
     os.kill(reids.processes["reid-2"].pid, signal.SIGSTOP)
     answers = [reids.ask() for _ in range(10)]
     assert {name for name, _ in answers} == {"reid-1"}

@@ -108,9 +108,9 @@ def test_tracker_of_cameras_on_three_hosts_outlives_one(
     printed = ""
     for _ in range(5):  # on a busy machine another host may be late for a moment
         printed = " ".join(run("tracker", f"people4d ps {router} || true").split())
-        if "no detections come of host cam3" in printed:
+        if "no detections arrive from host cam3" in printed:
             break
-    assert "no detections come of host cam3" in printed
+    assert "no detections arrive from host cam3" in printed
 
 
 def write_slow(path: Path) -> None:

@@ -128,7 +128,7 @@ def test_endpoint_without_a_protocol_is_tcp(text: str, expected: list[str]) -> N
 
 @pytest.mark.parametrize("text", ["nuc", "tcp/", "/nuc:7447"])
 def test_endpoint_that_is_none_is_rejected(text: str) -> None:
-    with pytest.raises(ConfigError, match="is no endpoint"):
+    with pytest.raises(ConfigError, match="is not an endpoint"):
         endpoints_of(text)
 
 

@@ -24,7 +24,8 @@ BAD_FIELDS: list[tuple[str, dict[str, Any], str]] = [
     (
         "Truth",
         {"frame_id": "a/b"},
-        "frame_id: expected 1 to 64 of A-Z a-z 0-9 _ . -, not . or - first, got 'a/b'",
+        "frame_id: expected 1 to 64 characters from A-Z a-z 0-9 _ . -, the first neither . nor -, "
+        "got 'a/b'",
     ),
     # Escape sequences once reached the terminal of people4d ps.
     ("Health", {"reason": "all\x1b[2Jwell"}, "reason: expected printable text, got"),

@@ -99,7 +99,7 @@ def cost(steps: Sequence[Sequence[Message]], handle: Callable[[Message], object]
         elif number < WARM + COUNTED:
             with counting:
                 run(step, handle)
-        else:  # apart, since counting allocates
+        else:  # memory is measured in separate frames, since counting allocates
             tracemalloc.start()
             run(step, handle)
             kilobytes += tracemalloc.get_traced_memory()[1] // 1000

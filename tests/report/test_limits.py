@@ -54,7 +54,7 @@ def test_truth_that_ends_early_is_a_limit() -> None:
     assert limits_of(frame(5 * S), early) == ("truth: ended 4.0 s before the frames",)
     assert limits_of(frame(5 * S), early, late) == ()
     assert limits_of(frame(5 * S), late, is_scored=False) == (
-        "truth: none is of the time of the frames",
+        "truth: does not cover the time of the frames",
     )
 
 

@@ -21,12 +21,12 @@ def stage_tables(paths: Sequence[FramePath], end_to_end_ms: Sequence[float]) -> 
     """Return the stages in the order of the path, by kind, and their sum, as tables."""
     found: dict[tuple[str, bool], list[float]] = defaultdict(list)
     for path in sorted(paths, key=lambda path: -len(path.parts)):  # order of the longest path
-        for pieces, is_beside in ((path.parts, False), (path.beside, True)):
+        for pieces, is_parallel in ((path.parts, False), (path.parallel, True)):
             for part in merge_stages(pieces):
-                found[part.name, is_beside].append(part.ms)
+                found[part.name, is_parallel].append(part.ms)
     rows = []
-    for (name, is_beside), values in sorted(found.items(), key=lambda item: item[0][1]):
-        share = "beside the path" if is_beside else _share(values, end_to_end_ms)
+    for (name, is_parallel), values in sorted(found.items(), key=lambda item: item[0][1]):
+        share = "parallel" if is_parallel else _share(values, end_to_end_ms)
         rows.append([*_row(name, values, len(paths)), share])
     return [
         markdown(("stage", *HEADER, "of the whole"), rows),

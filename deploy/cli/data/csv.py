@@ -72,7 +72,7 @@ def write(file: Path, messages: Iterable[Truth | Tracks]) -> int:
     """Write the people of messages, by rising stamp, to a table; return the number of rows."""
     writers = {".csv": _open_csv, PARQUET: _open_parquet}
     if file.suffix not in writers:
-        raise ConfigError(f"{file} is of no known kind", f"Write {' or '.join(writers)}.")
+        raise ConfigError(f"{file} has an unsupported format", f"Write {' or '.join(writers)}.")
     start_ns, count = None, 0
     part = file.with_name(f".{file.name}.{os.getpid()}.part")  # renamed when complete
     try:

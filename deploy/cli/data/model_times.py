@@ -70,7 +70,7 @@ def _times_ms(run: Callable[[], object], seconds: float) -> list[float]:
 
 def _show(times_ms: dict[tuple[str, Engine], list[float]]) -> None:
     if not times_ms:
-        raise People4dError("no detection model is here", "See: people4d models.")
+        raise People4dError("no detection model is installed", "See: people4d models.")
     medians = {key: statistics.median(times) for key, times in times_ms.items()}
     table = plain_table("model", "engine", ">median [ms]", ">10 to 90 %", ">images/s", "")
     for (name, engine), times in times_ms.items():

@@ -21,10 +21,10 @@ def quantize(
         Path | None, typer.Option(help="File to write; default: MODEL-int8.onnx, here.")
     ] = None,
     images: Annotated[
-        Path | None, typer.Option(help="Folder of images to calibrate with, beside the lab's.")
+        Path | None, typer.Option(help="Folder of calibration images, in addition to lab images.")
     ] = None,
 ) -> None:
-    """Make a model of 8-bit integers, as far as its accuracy holds on frames of the lab."""
+    """Quantize a model to int8; layers that lose accuracy on lab frames stay float32."""
     need("quantisation", "quantize")
     from common.inference.onnx import OnnxSession  # noqa: PLC0415
     from evaluation.quantization.accuracy import AccuracyLoss, compare, detect  # noqa: PLC0415

@@ -106,5 +106,5 @@ def _sources(texts: list[str]) -> list[str]:
 def _seeds(text: str) -> list[int]:
     parts = [part.strip() for part in text.split(",") if part.strip()]
     if not all(part.isdecimal() for part in parts):
-        raise ConfigError(f"--seeds: expected whole numbers with commas between, got {text!r}")
+        raise ConfigError(f"--seeds: expected comma-separated whole numbers, got {text!r}")
     return [int(part) for part in parts]

@@ -48,16 +48,17 @@ def calibrate(
         Path, typer.Option(help="File of transforms, for people4d up --transforms.")
     ] = Path("transforms.toml"),
     page: Annotated[
-        Path | None, typer.Option(help="Page with map and residuals; default: beside --out.")
+        Path | None,
+        typer.Option(help="Page with map and residuals; default: in the folder of --out."),
     ] = None,
     cameras: Annotated[
-        str, typer.Option(help="Names of the cameras, with commas between; default: all.")
+        str, typer.Option(help="Comma-separated names of the cameras; default: all.")
     ] = "",
     reference: Annotated[
         str, typer.Option(help="Camera that the others are relative to; default: the first.")
     ] = "",
     seconds: Annotated[
-        float, typer.Option("--seconds", min=10, help="Longest time to listen, in seconds.")
+        float, typer.Option("--seconds", min=10, help="Maximum listening time [s].")
     ] = 180.0,
     tags: Annotated[
         Path | None,
@@ -65,14 +66,14 @@ def calibrate(
     ] = None,
     offset_s: Annotated[
         float,
-        typer.Option("--clocks", min=0.1, max=5, help="Largest difference of clocks, in seconds."),
+        typer.Option("--clocks", min=0.1, max=5, help="Maximum difference of clocks [s]."),
     ] = 1.0,
     force: Force = False,
     hosts: Annotated[
         str,
         typer.Option(
-            help="Robot names of the hosts of the cameras, with commas between; --connect likewise "
-            "has the router of each, or one for all. Default: the host named by --robot."
+            help="Comma-separated robot names of the cameras' hosts. --connect has one router for "
+            "all, or their routers in the same order. Default: the host named by --robot."
         ),
     ] = "",
     robot: Robot = "robot",

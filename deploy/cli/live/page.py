@@ -22,7 +22,7 @@ def open(
     """Open the page of a system on this machine in the browser."""
     address = page_address(State.of_robot(robot))
     if address is None:
-        raise People4dError(f"no page of {robot} is there", "Start it: people4d up --dashboard.")
+        raise People4dError(f"{robot} serves no dashboard", "Start it: people4d up --dashboard.")
     console.print(address.login, markup=False)
     if not show and not webbrowser.open(address.login):
         console.print("No browser was found here; open the address in one.", markup=False)

@@ -102,7 +102,7 @@ def _wait(snapshot: Callable[[], SystemSnapshot], seconds: float) -> None:
     while time.monotonic() < end_s or not snapshot().processes:
         if time.monotonic() > end_s + seconds:
             raise People4dError(
-                f"no heartbeat came within {2 * seconds:g} s", "See what runs with people4d ps."
+                f"no heartbeat arrived within {2 * seconds:g} s", "See what runs with people4d ps."
             )
         time.sleep(0.1)
 
@@ -172,7 +172,7 @@ def _stages(snapshot: SystemSnapshot) -> Table:
         name = HERE if process.service == HERE else process.instance
         for stage in process.stages:
             figures = (f"{ms:.2f}" for ms in (stage.p50_ms, stage.p95_ms, stage.p99_ms))
-            note = "beside the path" if stage.beside else _error(stage)
+            note = "parallel" if stage.parallel else _error(stage)
             table.add_row(shown(name), shown(stage.stage), *figures, str(stage.count), note)
             name = ""
     return table

@@ -53,7 +53,7 @@ def view(
         bool, typer.Option("--foxglove", help="Serve Foxglove's app by its WebSocket protocol.")
     ] = False,
     image_hz: Annotated[
-        float, typer.Option("--image-rate", min=0.0, help="Most images a second, live; 0: none.")
+        float, typer.Option("--image-rate", min=0.0, help="Maximum live image rate [Hz]; 0: none.")
     ] = 10.0,
     address: Annotated[str, typer.Option(help="Address of the server for Foxglove.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=0, max=65535, help="Its port; 0: a free one.")] = PORT,
@@ -74,7 +74,9 @@ def view(
     if recording and recording.suffix == RRD and file is None:
         recording, file = None, recording
     if file is not None and rerun != (file.suffix == RRD):
-        raise ConfigError(f"{file} is of another kind", f"Rerun writes *{RRD}, Foxglove *.mcap.")
+        raise ConfigError(
+            f"{file} has an unsupported format", f"Rerun writes *{RRD}, Foxglove *.mcap."
+        )
     span = RecordingSpan(start_s, end_s)
     with ExitStack() as stack, suppress(KeyboardInterrupt), signals_interrupt():
         if recording:

@@ -38,7 +38,7 @@ def listen(
         messages = client.messages(Tracks, timeout_s=timeout_s)
         if not _show(messages, lambda tracks: table_of(tracks, time.time_ns()), once, json):
             raise People4dError(
-                f"no people message came within {timeout_s:g} s", f"{client.found()}."
+                f"no people message arrived within {timeout_s:g} s", f"{client.found()}."
             )
 
 
@@ -54,7 +54,7 @@ def score(
         messages = client.messages(Score, timeout_s=timeout_s)
         if not _show(messages, render_score, once, json):
             raise People4dError(
-                f"no score came within {timeout_s:g} s",
+                f"no score arrived within {timeout_s:g} s",
                 "It needs people and truth (people4d up --truth FILE); see people4d ps.",
             )
 

@@ -87,7 +87,7 @@ def health(
         found = client.found()
     if last:
         raise People4dError(f"{last.instance} is {last.state}: {last.reason}")
-    raise People4dError(f"no heartbeat of {service} came within {timeout_s:g} s", f"{found}.")
+    raise People4dError(f"no heartbeat of {service} arrived within {timeout_s:g} s", f"{found}.")
 
 
 def _connected(connect: str, robot: str, deadline_s: float) -> Client:

@@ -62,7 +62,7 @@ def up(
     embedder: Annotated[str, _option("Appearance model.", METHODS)] = "",
     visual_odometry: Annotated[
         bool,
-        _option("Motion of the base from images, not wheels.", METHODS, "--visual-odometry"),
+        _option("Estimate the base's motion from images.", METHODS, "--visual-odometry"),
     ] = False,
     gait: Annotated[
         bool, _option("Track heads, hands and feet, and measure gait.", EXTRAS, "--gait")
@@ -94,7 +94,7 @@ def up(
     ] = HOST,
     port: Annotated[int, _option("Port of the router.", NETWORK, min=1, max=65535)] = PORT,
     privacy: Annotated[
-        bool, _option("No pixel leaves this host; people do.", NETWORK, "--privacy")
+        bool, _option("Images stay on this host; tracks are still published.", NETWORK, "--privacy")
     ] = False,
     set_: Settings = [],  # noqa: B006 (typer copies it)
     config: Annotated[

@@ -19,7 +19,7 @@ HEADS = 9
 MAX_BAD_HEADS = 30  # number of corrupt images after which a topic is unusable: one second
 STAMPED_HEADS = 30  # number of messages without a stamp after which stamps count as unset
 MILLIMETRE = 0.001  # [m]
-SIMULATED_NS = 10 * 10**9  # [ns] first stamps below this are of a simulated clock
+SIMULATED_NS = 10 * 10**9  # [ns] first stamps below this come from a simulated clock
 
 
 @dataclass(frozen=True)

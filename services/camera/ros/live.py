@@ -37,9 +37,13 @@ COUNTERS = ("bad_message", "bad_images", "tf_loops", "unlinked_frames", "uncalib
 
 
 class LiveRosOptions(RosbagOptions, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Options of live topics; an empty topic is the driver's, an empty odometry topic none."""
+    """Options of live topics.
 
-    namespace: str = ""  # namespace of the driver; empty: its usual one, or the source's
+    If a topic is empty, the driver's default is used; if the odometry topic is empty, odometry is
+    not read.
+    """
+
+    namespace: str = ""  # namespace of the driver; empty: the source's, else the driver's default
     sync_slop_s: Positive = 0.1  # [s] maximum distance in time of colour and depth
     # Topics of TFMessage; names that end in tf_static are latched
     tf_topics: tuple[str, ...] = ("/tf", "/tf_static")

@@ -84,7 +84,9 @@ def recognise(session: Session, settings: ModelSettings, path: str) -> str:
                 "A position needs keypoints or a mask: export a pose or a segmentation model.",
             )
         hint = f"Set kind to one of {', '.join(MODELS)}, or to module:Class of your own."
-        raise ModelError(f"model file {path} is of no known kind: its outputs are {got}", hint)
+        raise ModelError(
+            f"model file {path} has an unsupported format: its outputs are {got}", hint
+        )
     return kind
 
 

@@ -73,7 +73,7 @@ class OrientationEstimator:
     def estimate(
         self, people: Sequence[DetectedPerson], image: DepthImage, observed: LayeredPeople | None
     ) -> list[YawEstimate | None]:
-        """Return the yaws of people, `observed` as of `observe`; None where they are unknown."""
+        """Return the yaws of people, None if unknown; `observed` is the result of `observe`."""
         if self.method == "separate":
             return [self._separate(person, image) for person in people]
         yaws: list[YawEstimate | None] = [None] * len(people)

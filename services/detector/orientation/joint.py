@@ -74,8 +74,8 @@ def joint_yaws(
 ) -> list[YawEstimate | None]:
     """Estimate the yaws of N people from all cues at once.
 
-    Arguments are as of `observe_bodies`; `by_image` is the log likelihood of `ANGLES` by the images
-    of the people, NxA, see `OrientationNetwork`.
+    `by_image` (NxA) is the log likelihood of each of `ANGLES`, from `OrientationNetwork`. See
+    `observe_bodies` for the other arguments.
     """
     observations = observe_bodies(keypoints, layers_m, image)
     log_p = log_likelihood(observations, image.info.fx)

@@ -94,7 +94,7 @@ def upper_bodies(rgb: U8, image: DepthImage, keypoints: F32, depths_m: F64) -> F
 
 
 def upper_body(rgb: U8, image: DepthImage, corner_px: F64, size_px: F64, depth_m: float) -> F32:
-    """Return one window (4x64x48): its corner and size in pixels are of rows and columns.
+    """Return one window (4x64x48); its corner and size in pixels are rows and columns.
 
     Pixels nearer than the person, and outside of the image, are blanked.
     """

@@ -143,7 +143,7 @@ def face_sign(keypoints: F32, d_sh: float, rule: FaceRule) -> int:
     """Return the sign of psi_2 by the face; 0 if unknown.
 
     Visible (eq. 4.17): + if the left eye or ear is visible and the right ear is not, - for the
-    opposite. Both eyes without any ear fulfil both and give 0.
+    opposite. If both eyes but no ear are visible, both conditions hold: 0.
     """
     visible = keypoints[:, 2] > rule.confidence_min
     if rule.by_nose:

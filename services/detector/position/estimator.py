@@ -67,7 +67,7 @@ class PositionEstimator:
     def _from_surface(
         self, person: DetectedPerson, image: DepthImage, yaw_rad: float | None
     ) -> PositionEstimate | None:
-        """Return the position by the methods of [PIC4SeR], which take each person alone."""
+        """Return the position on the visible surface [PIC4SeR], regardless of other people."""
         mask, keypoints = person.mask, person.keypoints
         point_m, readings_m = None, [0.0]
         if self._config.position != "keypoints":

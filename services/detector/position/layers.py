@@ -85,9 +85,9 @@ def assign_layers(people: Sequence[DepthSamples]) -> list[PersonLayer | None]:
 
 
 def read_layers(windows: DepthWindows, layers_m: F64) -> F64:
-    """Return the depth in windows by the readings of one layer each, NaN without such readings.
+    """Return the depth in windows from the readings of one layer each, NaN if there are none.
 
-    At an outline the depth is of the person's side.
+    At an outline the depth is taken from the person's side.
     """
     return windows.medians(layers_m - HALF_M, layers_m + HALF_M)[0]
 

@@ -26,7 +26,8 @@ UPPER_BODY = 0.2, 0.2, 0.8, 0.55  # torso in a box without joints: left, top, ri
 WINDOW_PX, LEVELS = 9, 2  # window and pyramid of the optical flow
 WIDTH_PX, REACH_PX = 48, 20  # maximum width of a torso, and motion, in the reduced image [px]
 POINTS_MIN = 5  # minimum number of points of a velocity
-LAYER_M, MOVED_M = 0.3, 0.35  # maximum distance from the person's layer now, and in both frames [m]
+# Maximum distance in depth from the person's layer, in this frame and in both frames [m]
+LAYER_M, MOVED_M = 0.3, 0.35
 SIGMA_PX, SPREAD_PART = 0.3, 0.7  # error of a motion in the reduced image [px]; part of its spread
 DEPTH_PER_M = 0.0032  # error of a motion along the line of sight, divided by z^2 [1/m]
 # Standard deviation of the surface's velocity from the axis's [m/s], and its correlation time [s]

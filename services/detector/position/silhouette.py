@@ -8,8 +8,8 @@ from services.detector.crops import cut_box
 from services.detector.models.base import DetectedPerson, InstanceMask
 from services.detector.position.surface import TORSO, DepthImage, read_depth
 
-STEP_MIN_M = 0.01  # minimum step of depth between connected neighbours [Liu 2018] [m]
-STEP_PER_M = 0.01  # step of depth between connected neighbours, divided by z^2 [1/m]
+STEP_MIN_M = 0.01  # lower bound of the depth step between connected neighbours [Liu 2018] [m]
+STEP_PER_M = 0.01  # maximum depth step between connected neighbours, divided by z^2 [1/m]
 REACH_M = 0.4  # maximum distance of the person's pixels from the torso's depth [m]
 SEED_CONFIDENCE_MIN = 0.3  # minimum confidence of keypoints that are seeds
 PULL = 0.3  # shift of a seed from its joint to the torso's centre, off the outline

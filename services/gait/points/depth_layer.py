@@ -168,7 +168,7 @@ class DepthLayer:
         anchors: Mapping[str, Anchor],
         extremities: Sequence[Extremity],
     ) -> None:
-        """Start lost points at keypoints, or without any at ends of limbs."""
+        """Start lost points at keypoints; if there are none, at the ends of limbs."""
         for name, point in self._points.items():
             anchor = anchors.get(name)
             if point.alive or anchor is None or anchor.confidence < START_CONFIDENCE:

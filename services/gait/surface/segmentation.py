@@ -201,7 +201,7 @@ def _touching(depth_m: F32, labels: I32, joined: Mask, possible: Mask) -> I64:
 
 
 def _clipped(box: F64, shape: tuple[int, ...]) -> tuple[int, int, int, int] | None:
-    """Return left, top, right, bottom of a box's pixels in the image; None without any."""
+    """Return left, top, right, bottom of a box's pixels in the image; None if it has none."""
     sides = np.asarray(box, np.float64).ravel()
     if len(sides) != 4 or not np.isfinite(sides).all() or len(shape) != 2:
         return None

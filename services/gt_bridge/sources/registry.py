@@ -84,6 +84,6 @@ def _kind_of(truth: str) -> str:
     if path.suffix == ".mcap" and path.is_file():
         return "recording"
     raise SourceError(
-        f"truth {path} is of no known kind",
+        f"truth {path} has an unsupported format",
         "Give a recording, a ROS bag, CSV, MOT text (.txt), gt.npz or its folder, or set source.",
     )

@@ -242,7 +242,7 @@ def _tracked_by_both(
 
 
 def _unlikeness(mine: GalleryEntry, theirs: GalleryEntry) -> float:
-    """Return the minimum cosine distance of the views of two people; NO_VIEWS without any."""
+    """Return the minimum cosine distance of the views of two people; NO_VIEWS if one has none."""
     a, b = mine.views, theirs.views
     if not a or not b or len(a[0]) != len(b[0]):
         return NO_VIEWS

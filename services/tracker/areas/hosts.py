@@ -68,7 +68,7 @@ class CameraHosts:
         silent = [host for host, s in self._heard_s.items() if now_s - s > SILENT_S]
         if not silent:
             return []
-        return [f"no detections come of {named('host', silent)}: its cameras are missing"]
+        return [f"no detections arrive from {named('host', silent)}: its cameras are missing"]
 
     def _accept(self, host: str, message: Message) -> Message:
         """Return a message of a host.

@@ -112,7 +112,7 @@ class Neighbours:
         ]
         if silent:
             areas = named("area", silent)
-            found.append(f"nothing comes of {areas}: people from there get new identities")
+            found.append(f"no messages arrive from {areas}: people from there get new identities")
         for area, neighbour in self._heard.items():
             if self._is_apart(neighbour) and area not in silent:
                 ahead_s = median(neighbour.offsets_ns) / 1e9
@@ -149,7 +149,7 @@ class Neighbours:
                 both = f"areas {name} and {area}"
                 return f"{both} have number {number}: identities are not unique"
         if before and message.run != before.message.run and message.run in before.runs:
-            return f"two trackers call themselves area {area}: their people are refused"
+            return f"two trackers serve area {area}: their people are refused"
         return ""
 
     def _mismatch(self, message: AreaPeople, embedder: str) -> str:

@@ -96,10 +96,12 @@ class CameraAbsence:
         ]
         reasons = []
         if silent and len(silent) < len(ages_ns):
-            reasons.append(f"nothing comes of {named('camera', silent)}, while others send")
+            reasons.append(
+                f"no detections arrive from {named('camera', silent)}, while others send"
+            )
         covered = [n for n in ages_ns if n not in silent and self._cameras[n].is_covered]
         reasons += [
-            f"camera {name} finds none of the people before it: is it covered?"
+            f"camera {name} detects no person in its view: is it covered?"
             for name in covered[:NAMES_MAX]
         ]
         return reasons

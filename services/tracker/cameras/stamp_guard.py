@@ -86,7 +86,7 @@ class StampGuard:
         return [frame for camera in due for frame in self._held.pop(camera)]
 
     def wake_ns(self) -> int | None:
-        """Return the monotonic time at which held frames are due; None without any."""
+        """Return the monotonic time at which held frames are due; None if no frame is held."""
         return min((self._due_ns(*waiting) for waiting in self._held.items()), default=None)
 
     def reasons(self, now_ns: int) -> list[str]:

@@ -18,7 +18,7 @@ NEAREST_VIEWS = 2  # number of nearest views in a distance: a single one may be 
 
 
 class Gallery:
-    """People of one tracker and one embedder, with bounded numbers of people and views."""
+    """Appearance gallery of a tracker: at most PEOPLE_MAX people with VIEWS_MAX views each."""
 
     def __init__(self, retention_s: float) -> None:
         self._retention_s = retention_s  # [s] time in the gallery since the last match

@@ -61,7 +61,7 @@ class TrackVisibility(VisibilityPolicy):
         """Return d_M^2 with a wide gate along the ray to covered detections.
 
         A wide gate requires an embedding. The update uses the measured noise; otherwise the track
-        would lag beside its person.
+        would lag behind the person.
         """
         gate, wider_m2 = super().gate(x, P, R, d_cos, frame), covered_m2(frame)
         if wider_m2 is None:
@@ -121,7 +121,7 @@ class TrackVisibility(VisibilityPolicy):
 
 
 def covered_m2(frame: FrameContext) -> F64 | None:
-    """Return added covariances (Mx3x3) along the rays to covered detections; None without any.
+    """Return covariances (Mx3x3) to add along rays to covered detections; None if there are none.
 
     The depth of a half occluded person is often the depth of the person in front.
     """

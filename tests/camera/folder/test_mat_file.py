@@ -95,7 +95,7 @@ def test_matrix_larger_than_its_data_is_refused(body: bytes, message: str, tmp_p
         matrix(17, (1, 1)),
     ],
 )
-def test_what_holds_no_numbers_is_passed_over(body: bytes, tmp_path: Path) -> None:
+def test_what_holds_no_numbers_is_excluded(body: bytes, tmp_path: Path) -> None:
     path = tmp_path / "a.mat"
     path.write_bytes(HEADER + body + NUMBER)
     assert read_mat(path) == {"a": np.zeros((1, 1))}

@@ -133,7 +133,7 @@ def test_two_cameras_of_one_name_are_refused() -> None:
     collector = ObservationCollector()
     for arrived_ns, message in sorted(sent, key=lambda item: item[0]):
         collector.add_message(message, arrived_ns)
-    assert "two cameras or robots call themselves b" in refusal(collector.cameras)
+    assert "two cameras or robots are named b" in refusal(collector.cameras)
 
 
 def test_wrong_focal_length_is_refused_and_named() -> None:

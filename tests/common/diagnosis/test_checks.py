@@ -114,7 +114,7 @@ def test_working_system_has_no_problem(heard: Heard) -> None:
     diagnostics = heard.diagnostics()
     assert {f.level for f in diagnostics} == {"ok"}
     what = {f.check: f.what for f in diagnostics}
-    assert what["frames"] == "30 frames a second come"
+    assert what["frames"] == "30 frames a second arrive"
     assert what["output"] == "30 messages about people a second, of up to 1 people"
     assert what["services"] == "camera, detector, router, tracker run"
 
@@ -139,7 +139,7 @@ DELAYS = {"camera_offset_front_ms": 0.0, "camera_offset_back_ms": 0.0, "camera_d
     ("check", "level", "what", "changes"),
     [
         (
-            *("output", "warning", "... of up to 1 people, but 450 frames a second come"),
+            *("output", "warning", "... of up to 1 people, but 450 frames a second arrive"),
             {"camera": {"sent_frames": 450}},
         ),
         (
@@ -157,7 +157,7 @@ DELAYS = {"camera_offset_front_ms": 0.0, "camera_offset_back_ms": 0.0, "camera_d
             {"tracker": {"release": "0.9"}, "camera": {"release": ""}},
         ),
         (  # 200 ms ahead of the reference, sure to 3 ms
-            *("clocks", "problem", "clocks of hosts are apart: nuc is 200 ms ahead"),
+            *("clocks", "problem", "host clocks differ: nuc is 200 ms ahead"),
             {"camera": {"host": "nuc", **gauges(clock_offset_ms=200.0, clock_error_ms=3.0)}},
         ),
         (
@@ -327,7 +327,7 @@ def test_two_trackers_are_a_problem(heard: Heard) -> None:
 
 def test_two_processes_of_one_name_are_a_problem(heard: Heard) -> None:
     heard.evidence.add_message(health("tracker-1", host="nuc", pid=77), 0)
-    assert "several processes call themselves tracker-1" in heard.found("twice").what
+    assert "several processes are named tracker-1" in heard.found("twice").what
 
 
 def test_messages_of_another_version_are_reported(heard: Heard) -> None:
@@ -338,7 +338,7 @@ def test_messages_of_another_version_are_reported(heard: Heard) -> None:
 
 def test_clocks_apart_without_a_reference_are_a_problem(heard: Heard) -> None:
     heard.late_ns = -2 * S  # they come two seconds before they were sent
-    assert heard.found("clocks").what == "clocks of hosts are apart: robot is 2000 ms ahead"
+    assert heard.found("clocks").what == "host clocks differ: robot is 2000 ms ahead"
 
 
 def test_people_that_ros_cannot_use_are_a_problem(heard: Heard) -> None:

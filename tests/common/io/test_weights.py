@@ -99,7 +99,7 @@ def test_first_folder_that_has_the_file_wins(tmp_path: Path) -> None:
 def test_absent_file_is_reported_with_how_to_get_it(tmp_path: Path) -> None:
     with pytest.raises(ModelError) as caught:
         weights.find(model(), [tmp_path])
-    assert caught.value.problem == f"model m: m.onnx is in none of {tmp_path}"
+    assert caught.value.problem == f"model m: m.onnx was not found in {tmp_path}"
     assert caught.value.hint == "Run make-it."
 
 

@@ -236,7 +236,7 @@ def test_a_service_that_fails_ends_all(network: Network, monkeypatch: pytest.Mon
 @pytest.mark.parametrize(
     ("arguments", "problem"),
     [
-        (["--set", "reid.embedder=x"], "is of no service here"),
+        (["--set", "reid.embedder=x"], "names no running service"),
         (["--instance", "detector-1"], "names 1 of 2 services"),
     ],
 )

@@ -93,7 +93,7 @@ def test_stages_of_the_latency_chart_have_colours_of_their_own(open_page: Open) 
     page = open_page()
     colours = page.evaluate("""async () => {
       const { emit } = await import("/js/store.js");
-      const stage = (name, ms) => ({ stage: name, p50_ms: ms, beside: false });
+      const stage = (name, ms) => ({ stage: name, p50_ms: ms, parallel: false });
       const process = { instance: "x", service: "x", state: "ready", rates_hz: {}, losses: {},
         cpu_percent: null, memory_mb: null };
       for (let k = 1; k < 30; k++) { // other stages become the longest, one after the other

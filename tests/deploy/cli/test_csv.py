@@ -93,7 +93,7 @@ def test_truth_of_another_file_with_an_offset(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("x.xlsx", "is of no known kind. Write .csv or .parquet."),
+        ("x.xlsx", "has an unsupported format. Write .csv or .parquet."),
         ("x.mcap/x.csv", "cannot be written"),
     ],
 )

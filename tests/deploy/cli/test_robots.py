@@ -97,7 +97,7 @@ def test_the_only_robot_that_runs_here_is_taken(
 ) -> None:
     environment = {"PEOPLE4D_STATE": str(running)}
     result = CliRunner().invoke(app, ["open", *named], env=environment)
-    assert f"no page of {expected} is there" in result.stderr
+    assert f"{expected} serves no dashboard" in result.stderr
 
 
 def test_robot_of_a_router_elsewhere_is_not_the_one_that_runs_here(

@@ -101,4 +101,4 @@ def test_absent_score_is_reported_with_a_hint(network: Network, more: list[str])
     arguments = ["score", "--timeout", "0.3", "--connect", network.endpoint, *more]
     result = CliRunner().invoke(app, [*arguments, "--robot", network.robot()])
     assert result.exit_code == 1
-    assert "no score came within 0.3 s. It needs people and truth" in result.stderr
+    assert "no score arrived within 0.3 s. It needs people and truth" in result.stderr

@@ -58,18 +58,18 @@ def test_stages_of_all_instances_are_on_one_clock() -> None:
 def test_spans_beside_the_path_are_not_in_it() -> None:
     """The detector placed people for 5 ms while its pictures of them were under path."""
     found = Monitor(HERE, 10.0)
-    beside = span("detector.locate", 37, 42, "detector-1@nuc")
+    parallel = span("detector.locate", 37, 42, "detector-1@nuc")
     message = detections(0)
-    message = msgspec.structs.replace(message, trace=(*message.trace, beside))
+    message = msgspec.structs.replace(message, trace=(*message.trace, parallel))
     assert found.add_arrival(arrival(message), BEGIN_NS, 0.0) is None
     path = found.add_arrival(arrival(tracks(0), 50), BEGIN_NS + 52 * MS, 0.0)
     assert path is not None
-    assert [(part.name, part.ms) for part in path.beside] == [("detector.locate", 5)]
+    assert [(part.name, part.ms) for part in path.parallel] == [("detector.locate", 5)]
     assert "detector.locate" not in {part.name for part in path.parts}
     (detector,) = [p for p in found.snapshot(0.0).processes if p.instance == "detector-1"]
-    assert [s.stage for s in detector.stages if s.beside] == ["locate"]
+    assert [s.stage for s in detector.stages if s.parallel] == ["locate"]
     line = next(line for line in text(found.snapshot(0.0)).splitlines() if "locate" in line)
-    assert line.split() == ["locate", "5.00", "5.00", "5.00", "1", "beside", "the", "path"]
+    assert line.split() == ["locate", "5.00", "5.00", "5.00", "1", "parallel"]
 
 
 def test_clock_of_a_host_is_that_of_its_process_with_the_least_error() -> None:
@@ -177,4 +177,4 @@ def test_silence_is_reported_with_a_hint(network: Network) -> None:
     arguments = ["top", "--once", "--window", "1", "--connect", network.endpoint]
     result = CliRunner().invoke(app, [*arguments, "--robot", network.robot()])
     assert result.exit_code == 1
-    assert "no heartbeat came within 2 s. See what runs with people4d ps." in result.stderr
+    assert "no heartbeat arrived within 2 s. See what runs with people4d ps." in result.stderr

@@ -24,8 +24,8 @@ STRIDE = 2  # step between used frames, which are at 10 Hz
 USUAL_FRAMES = 110  # only a camera that found most people for a while can be covered
 FAULTY_FRAMES = 100
 WALK_S = 30.0  # duration of the repeated walk [s]
-DEAD = "nothing comes of camera d, while others send"
-COVERED = "camera c finds none of the people before it: is it covered?"
+DEAD = "no detections arrive from camera d, while others send"
+COVERED = "camera c detects no person in its view: is it covered?"
 KNOCKED = "camera b has moved by about "
 
 

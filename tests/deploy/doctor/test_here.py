@@ -62,7 +62,7 @@ def test_keys_of_another_authority_are_reported(tmp_path: Path) -> None:
 
 def test_invalid_endpoint_is_reported(tmp_path: Path) -> None:
     _, diagnostics = doctor(tmp_path, "--connect", "tcp/192.168.1.7")
-    assert found(diagnostics, "router").what == "'tcp/192.168.1.7' is no endpoint"
+    assert found(diagnostics, "router").what == "'tcp/192.168.1.7' is not an endpoint"
 
 
 def test_listener_that_is_no_router_is_reported(tmp_path: Path) -> None:

@@ -82,8 +82,8 @@ def test_viewer_has_to_be_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     for options, words in (
         ([], "which viewer?"),
         (["--rerun", "--foxglove"], "which viewer?"),
-        (["--rerun", "out.mcap"], "out.mcap is of another kind"),
-        (["--foxglove", "out.rrd"], "out.rrd is of another kind"),
+        (["--rerun", "out.mcap"], "out.mcap has an unsupported format"),
+        (["--foxglove", "out.rrd"], "out.rrd has an unsupported format"),
         (["--rerun", "out.rrd", "--start", "99"], "--start 99 lies after the end"),
     ):
         result = CliRunner().invoke(app, ["view", str(recording), *options])

@@ -147,7 +147,7 @@ def test_junk_is_reported_in_one_sentence(name: str, content: bytes, tmp_path: P
 def test_absent_file_and_unknown_source(tmp_path: Path) -> None:
     with pytest.raises(SourceError, match="does not exist"):
         read(tmp_path / "none.bag")
-    with pytest.raises(SourceError, match="of no known kind"):
+    with pytest.raises(SourceError, match="unsupported format"):
         read(tmp_path)  # a folder with neither bag nor gt.npz
     with pytest.raises(ConfigError, match="source 'vicon' is unknown"):
         read(tmp_path, source="vicon")

@@ -45,7 +45,7 @@ def test_step_length_is_the_walk_ratio_times_cadence() -> None:
     # sqrt(0.0064 x 60 x 0.9375) = sqrt(0.36) = 0.6 m; cadence 0.9375 x 60 / 0.6 = 93.75 a minute;
     # 0.6 / 93.75 = 0.0064.
     assert step_length_m(0.9375, 1.70) == pytest.approx(0.6)
-    # Who is 16 times as tall takes steps 16^0.75 = 8 times as long.
+    # A person 16 times as tall takes steps 16^0.75 = 8 times as long.
     assert step_length_m(0.9375, 16 * 1.70) == pytest.approx(8 * 0.6)
 
 

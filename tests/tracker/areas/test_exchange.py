@@ -207,7 +207,10 @@ def test_silent_neighbour_is_reported() -> None:
     node.tick(1)
     node.handle(message(), 2 * S)
     node.tick(4 * S)
-    assert node.status().reason == "nothing comes of area c: people from there get new identities"
+    assert (
+        node.status().reason
+        == "no messages arrive from area c: people from there get new identities"
+    )
 
 
 @pytest.mark.parametrize(
@@ -215,7 +218,7 @@ def test_silent_neighbour_is_reported() -> None:
     [
         ([{"number": 1}], "area b has number 1, as this one", "area_conflicts"),
         ([{"area": "a", "number": 1}], "another tracker calls itself area a", "area_conflicts"),
-        ([{"run": 8}, {"run": 7}], "two trackers call themselves area b", "area_conflicts"),
+        ([{"run": 8}, {"run": 7}], "two trackers serve area b", "area_conflicts"),
         ([{"area": "c"}], "areas b and c have number 2", "area_conflicts"),
         ([{"frame_id": "odom"}], "positions of area b are in odom, not in map", "area_refused"),
         ([{"embedder": "osnet"}], "embeddings of osnet, not of histogram", "area_refused"),

@@ -51,7 +51,7 @@ def test_camera_that_sends_nothing_is_reported_until_it_sends() -> None:
     watch = CameraAbsence()
     run(watch, range(10), {"a": 1, "b": 1})
     now_ns = run(watch, range(10, 14), {"a": 1})
-    assert watch.reasons(now_ns) == ["nothing comes of camera b, while others send"]
+    assert watch.reasons(now_ns) == ["no detections arrive from camera b, while others send"]
     now_ns = run(watch, range(14, 15), {"a": 1, "b": 1})
     assert watch.reasons(now_ns) == []
 
@@ -77,7 +77,7 @@ def test_covered_camera_is_reported() -> None:
     watch = CameraAbsence()
     run(watch, range(25), {"a": 1, "b": 1})
     now_ns = run(watch, range(25, 40), {"a": 1, "b": 0})
-    assert watch.reasons(now_ns) == ["camera b finds none of the people before it: is it covered?"]
+    assert watch.reasons(now_ns) == ["camera b detects no person in its view: is it covered?"]
     now_ns = run(watch, range(40, 41), {"a": 1, "b": 1})
     assert watch.reasons(now_ns) == []
 

@@ -35,9 +35,10 @@ def state(x_m: float, vx_mps: float) -> F64:
 
 
 def test_mixing_of_modes_by_hand() -> None:
-    # Shares 0.5 and 0.5; of those who stand 0.2 begin to walk, of those who walk 0.4 stop. After:
-    # 0.5 * 0.8 + 0.5 * 0.4 = 0.6 stand, of which 0.4 / 0.6 = 2/3 stood before; 0.4 walk, of which
-    # 0.1 / 0.4 = 1/4 stood. Positions 0 (stood) and 3 (walked): 2/3 * 0 + 1/3 * 3 = 1 and
+    # Probabilities 0.5 and 0.5. Standing people start to walk with 0.2, walking people stop with
+    # 0.4. P(standing) = 0.5 * 0.8 + 0.5 * 0.4 = 0.6; a share of 0.4 / 0.6 = 2/3 stood before.
+    # P(walking) = 0.4; a share of 0.1 / 0.4 = 1/4 stood before.
+    # Positions 0 (stood) and 3 (walked): 2/3 * 0 + 1/3 * 3 = 1 and
     # 1/4 * 0 + 3/4 * 3 = 2.25. Variances 1 and 1, and between the places
     # 2/3 * 1 + 1/3 * 4 = 2 and 1/4 * 5.0625 + 3/4 * 0.5625 = 1.6875.
     x = np.array([[state(0.0, 0.0), state(3.0, 0.0)]])
@@ -120,7 +121,7 @@ def test_a_measured_velocity_weighs_the_modes(measured_mps: float, walks: bool) 
     x, _, probability = models.update_velocities(*stacked(even), v, 0.01 * np.eye(3)[None])
     assert (probability[0, WALKING] > 0.9) == walks
     assert (probability[0, STANDING] > 0.9) != walks
-    # P = 0.1, R = 0.01: 0.5 + (v - 0.5) 10 / 11; who stands has no velocity to be updated.
+    # P = 0.1, R = 0.01: 0.5 + (v - 0.5) 10 / 11; the standing mode has no velocity to update.
     assert x[0, WALKING, 3] == pytest.approx(0.5 + (measured_mps - 0.5) * 10 / 11)
     assert x[0, STANDING, 3] == 0.5
 

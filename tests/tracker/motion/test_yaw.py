@@ -51,13 +51,13 @@ def test_life_cycle_in_a_tracker(name: str, source: Literal["keypoints", "kalman
         yaw_rad = results[-1].yaw_rad
         return math.nan if yaw_rad is None else math.degrees(yaw_rad) % 360
 
-    assert math.isnan(yaw_deg(facing(None)))  # the person is there, without a yaw
+    assert math.isnan(yaw_deg(facing(None)))  # a track without a yaw
     assert yaw_deg(facing(math.radians(170))) == pytest.approx(170, abs=1)  # begins
     assert 170 < yaw_deg(facing(math.radians(-170))) < 190  # across 180 deg
     for turned_deg in range(-170, 0, 6):  # 60 deg/s
         last_deg = yaw_deg(facing(math.radians(turned_deg)))
     assert last_deg == pytest.approx(turned_deg % 360, abs=5)
-    # Unseen for a frame: turned on by 6 deg. Seen, but not which way: again.
+    # After a missed frame the predicted yaw is 6 deg further. A detection without a yaw adds 6 deg.
     (ahead,) = tracker.predict(len(results) * FRAME_NS)
     assert ahead.yaw_rad is not None
     assert ahead.yaw_rad == pytest.approx(math.radians(last_deg + 6 - 360), abs=0.06)

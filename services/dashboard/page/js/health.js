@@ -40,7 +40,7 @@ on("message:health", (health) => {
   const stages = new Map();
   for (const process of health.processes) {
     for (const stage of process.stages) {
-      if (process.service === "dashboard" || stage.beside) continue;
+      if (process.service === "dashboard" || stage.parallel) continue;
       const name = `${process.service} ${stage.stage}`;
       stages.set(name, Math.max(0, stage.p50_ms) + (stages.get(name) ?? 0));
     }

@@ -34,7 +34,7 @@ def floor_positions(
     heading: F64 | None,
     info: CameraInfo,
 ) -> Mapping[str, SurfacePosition]:
-    """Return the positions of feet with ankles without depth; empty without a floor.
+    """Return the positions of feet whose ankles have no depth; empty if no floor is known.
 
     `heading` is a unit vector in the optical frame.
     """

@@ -117,7 +117,7 @@ WITHOUT_KEYPOINTS: Mapping[str, Visibility] = MappingProxyType(
 def limb_evidence(
     point: PointFilter, body: MeasuredBody, evidence: PointEvidence, info: CameraInfo
 ) -> LimbEvidence | None:
-    """Return the evidence of a point at its measured position; None without expectation."""
+    """Return the evidence of a point at its measured position; None if none is expected."""
     expected, prior, surface = point.expected_position(), point.prior, evidence.surface
     if expected is None or prior is None or surface is None:
         return None
