@@ -20,7 +20,7 @@ from people4d.errors import ConfigError
 from people4d.messages import F64, CameraInfo
 
 EPOCH_NS = 1_767_225_600 * 10**9  # start of all scenarios, 2026-01-01 00:00 UTC
-CAMERA_KEY = 0xCA3  # key of the random numbers of further cameras
+CAMERA_KEY = 0xCA3  # key of the random numbers of additional cameras
 MAX_DEPTH_M = 5.0  # maximum valid depth [m]; docs/method.md section 1
 
 

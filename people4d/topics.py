@@ -77,7 +77,7 @@ class Topic:
 
     @property
     def keys_max(self) -> int:
-        """Maximum number of keys; messages on further keys are dropped unread."""
+        """Maximum number of keys; messages on more keys are dropped unread."""
         is_transform = self.key.startswith(("transforms/", "moving/"))
         return TRANSFORMS_MAX if is_transform else KEYS_MAX
 

@@ -107,7 +107,7 @@ def test_wrong_first_frame_does_not_fix_the_size(small: Pipeline) -> None:
 
 
 def test_unknown_names_and_impossible_values_are_refused(small: Pipeline) -> None:
-    with pytest.raises(ConfigError, match="no camera 'rear' but front"):
+    with pytest.raises(ConfigError, match="unknown camera 'rear'; known: front"):
         small.process(RGB, DEPTH, 1.0, "rear")
     with pytest.raises(ConfigError, match="a camera 'front' already"):
         small.add_camera("front", LENS)

@@ -28,10 +28,10 @@ FLOOR_FIRST, FLOOR_LAST = (0.2, np.radians(3)), (0.04, np.radians(0.7))
 
 @dataclass(frozen=True, slots=True)
 class CameraPose:
-    """Pose of a camera's optical frame in the reference's, and its clock."""
+    """Pose of a camera's optical frame in the reference frame, and its clock offset."""
 
     matrix: F64  # 4x4, reference_from_camera
-    offset_s: float  # [s] its clock minus the reference's, in the middle of the observed time
+    offset_s: float  # [s] camera clock minus reference clock, in the middle of the observed time
     drift: float  # growth of the offset per second
     bias_m: float  # [m] added to the distance of every position
     covariance: F64  # 8x8: rotation [rad], translation [m], offset [s], drift

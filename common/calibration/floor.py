@@ -52,7 +52,7 @@ def thinned(depth_mm: U16) -> U16:
 def find_floor(
     images_mm: Sequence[U16], info: CameraInfo, up: F64, camera_m: float
 ) -> MeasuredFloor | None:
-    """Return the floor in the depth of a static camera; None without a floor in view.
+    """Return the floor in the depth of a static camera; None if no floor is in view.
 
     Args:
         images_mm: Depth of some images by `thinned`, 0 = no reading.

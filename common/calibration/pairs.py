@@ -27,7 +27,7 @@ ROUNDS = 6  # rounds of the refinement
 
 @dataclass(frozen=True, slots=True)
 class LevelPose:
-    """Pose of camera b in the level frame of camera a, and b's clock minus a's."""
+    """Pose of camera b in the level frame of camera a, and clock of b minus clock of a."""
 
     yaw_rad: float
     translation_m: F64  # 3

@@ -33,7 +33,7 @@ class CalibrationResult:
     adjustment: AdjustmentResult
     contradicting: Sequence[Pair]  # pairs that were excluded
     frames: Mapping[str, str]  # optical frame by camera
-    # Number of people whose feet determine the floor if depth shows none; 0: mean statures
+    # Number of people that determine the floor by their feet if depth shows none; 0: mean statures
     # determine it
     floor_people: int
     paths_m: Mapping[str, Sequence[F64]]  # Nx3, paths of all people by camera, frame: map

@@ -27,7 +27,7 @@ class CameraEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     matrix: tuple[Row, Row, Row, Row]  # [m] map_from_optical
     sigma_m: float = 0.0  # [m] standard deviation of the position relative to the reference
     sigma_deg: float = 0.0  # [deg] standard deviation of the rotation
-    clock_offset_ms: float = 0.0  # [ms] its clock minus the reference's
+    clock_offset_ms: float = 0.0  # [ms] camera clock minus reference clock
     pairs: dict[str, float] = {}  # [s] time with a common person, by other camera
 
 

@@ -52,7 +52,7 @@ class InferenceCores:
         allowed = os.sched_getaffinity(0)
         if not named < allowed:
             raise ConfigError(
-                f"{VARIABLE}={text} is not a part of the allowed cores {listed(allowed)}", HINT
+                f"{VARIABLE}={text} must name some, not all, of the cores {listed(allowed)}", HINT
             )
         self._reserved = named
         bind(allowed - named)

@@ -31,9 +31,9 @@ ANY_DIGEST = "*"
 
 
 def make_typestore(version: int, definitions: Mapping[str, str]) -> Typestore:
-    """Return the types of ROS 1 (Noetic) or ROS 2 (Humble), with SHIPPED and further types.
+    """Return the types of ROS 1 (Noetic) or ROS 2 (Humble), with SHIPPED and additional types.
 
-    Definitions are texts of further types by name, in the order of their dependencies.
+    Definitions are texts of additional types by name, in the order of their dependencies.
     """
     store = get_typestore(Stores.ROS1_NOETIC if version == 1 else Stores.ROS2_HUMBLE)
     shipped = {name: types.definitions()[name] for name in SHIPPED}

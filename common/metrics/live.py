@@ -201,7 +201,7 @@ class IdConsistency:
         self._tracks.setdefault(person, Counter())[track] += 1
 
     def share(self, *persons: str) -> float | None:
-        """Return the share over the given people, or all; None without a match."""
+        """Return the share over the given people, or all; None if there is no match."""
         counters = [self._tracks[p] for p in persons or self._tracks if p in self._tracks]
         matches = sum(counter.total() for counter in counters)
         return sum(max(c.values()) for c in counters) / matches if matches else None

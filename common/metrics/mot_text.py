@@ -139,7 +139,7 @@ def read_info(path: Path) -> MotInfo:
 def sequence(info: MotInfo, truth: MotRows, tracks: Mapping[int, Hypotheses]) -> EvaluationSequence:
     """Return ground truth and tracks as a sequence without boxes flagged 0, as in TrackEval.
 
-    Tracked people are by frame number, from 1; frames without any may be absent.
+    Tracked people by frame number, from 1; frames without people may be absent.
     """
     evaluated, frames = truth.evaluated(), []
     for number in range(1, info.frames + 1):

@@ -1,4 +1,4 @@
-"""Types of ROS 2 messages: definitions, CDR, and hashes as of REP 2016."""
+"""Types of ROS 2 messages: definitions, CDR, and hashes of REP 2016."""
 
 from collections.abc import Callable, Mapping
 from functools import cache

@@ -22,7 +22,7 @@ REPLICAS_MAX = 16  # maximum number of replicas, a bound against invented names
 UNANSWERED_MIN = 3  # minimum number of unanswered messages
 UNANSWERED_S = 5.0  # minimum time since the first unanswered message [s]
 EXCLUDED_S = 60.0  # duration of the exclusion [s]
-# Replicas without any answer yet are tried a few at a time, so invented ones lose few frames
+# Replicas that have not answered yet are tried a few at a time, so invented ones lose few frames
 TRIED_MAX = 2  # maximum number of replicas on trial
 TRIED_S = 3.0  # maximum time until their first answer [s]
 
@@ -88,9 +88,9 @@ class Membership:
     """Live replicas, by liveliness tokens and heartbeats.
 
     A token vanishes within milliseconds of the end of its process. A hanging process keeps its
-    token, but sends no heartbeats. A replica with both and without answers is excluded for
-    EXCLUDED_S; only TRIED_MAX replicas without any answer yet are tried at a time. This process is
-    live while it has a token.
+    token, but sends no heartbeats. A replica with token and heartbeats that does not answer is
+    excluded for EXCLUDED_S; only TRIED_MAX replicas that have not answered yet are tried at a
+    time. This process is live while it has a token.
 
     Args:
         own_name: Name of this replica.

@@ -48,7 +48,7 @@ class ProcessSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     service: str  # service of the process
     instance: str  # name of the process
     host: str  # name of the machine
-    state: str = ""  # state in its heartbeat; empty without a heartbeat
+    state: str = ""  # state in its heartbeat; empty if there is no heartbeat
     reason: str = ""  # reason of a state other than ready
     rates_hz: dict[str, float] = {}  # [Hz] messages received_ and sent_, by topic
     ages_ms: dict[str, float] = {}  # [ms] time since the newest input arrived, by topic

@@ -134,7 +134,7 @@ def serve_time(bus: QueryServer, clock: str = "", now_ns: Callable[[], int] = ti
 
     Args:
         bus: Bus of the queries.
-        clock: Identity of the clock; empty for this machine's.
+        clock: Identity of the clock; empty: clock of this machine.
         now_ns: Returns the time of the clock [ns].
     """
     clock = clock or clock_id()
@@ -151,8 +151,8 @@ class ClockMonitor:
 
     Args:
         bus: Bus of the queries.
-        clock: Identity of this clock, empty for this machine's; not compared if equal to the
-            reference's.
+        clock: Identity of this clock, empty: clock of this machine. The reference itself is not
+            compared.
         now_ns: Returns the time of the clock [ns].
     """
 

@@ -16,7 +16,7 @@ FORGET_S = 2.0  # maximum age of stored heartbeats of another process number [s]
 
 
 class WatchdogConfig(Config, frozen=True, kw_only=True):
-    """Limits above which a process hangs; values are this project's."""
+    """Limits above which a process hangs; values are set by this project."""
 
     silent_s: Positive = 2.25  # [s] maximum silence; heartbeats come twice a second
     # [s] maximum time in state stalled, which begins after 2 s with one message
@@ -70,7 +70,7 @@ class HangDetector:
         watched = [p for p in running if p.name in self.names]
         found = {p.name: why for p in watched if (why := self._why(p, now_s))}
         silent = [p.name for p in watched if p.name in found and self._is_silent(p, now_s)]
-        # A watchdog without any heartbeats may itself be disconnected.
+        # A watchdog that receives no heartbeat may itself be disconnected.
         if len(silent) == len(watched) > 1:
             return {name: why for name, why in found.items() if name.startswith(f"{ROUTER}-")}
         return found

@@ -191,7 +191,7 @@ class Supervisor:
         self.state = state
 
     def spawn(self, services: Sequence[Service]) -> int:
-        """Start supervisord without any service, and return its process number.
+        """Start supervisord without services, and return its process number.
 
         Raises:
             People4dError: It does not start.

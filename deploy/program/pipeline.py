@@ -102,7 +102,8 @@ class Pipeline:
             camera: Its name; empty: the only one.
 
         Returns:
-            The people with their identities; None if the frame is too late after another camera's.
+            The people with their identities; None if the frame is too late after another
+            camera.
 
         Raises:
             ConfigError: There is no such camera.

@@ -65,7 +65,7 @@ class Camera:
         max_depth_m: Larger readings of depth are not used [m].
         robot: Name of the robot.
         connect: Endpoint of the system's router, "tcp/192.168.1.7:7447"; empty: $PEOPLE4D_CONNECT,
-            else this machine's.
+            else this machine.
 
     Raises:
         SourceError: Intrinsics or pose are impossible.

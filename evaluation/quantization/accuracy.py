@@ -75,9 +75,9 @@ def compare(frames: Sequence[RenderedFrame], reference: Found, found: Found) -> 
 
 
 def _growth(before: F64, after: F64) -> float:
-    """Return the mean growth of errors (N, NaN without an estimate).
+    """Return the mean growth of errors (N, NaN if not estimated).
 
-    0 if the reference estimates nothing, as a network without keypoints has no yaws.
+    0 if the reference estimates nothing: a network without keypoints has no yaws.
     """
     if len(before) and np.isnan(before).all():
         return 0.0
@@ -88,7 +88,7 @@ def _growth(before: F64, after: F64) -> float:
 def _errors(
     frames: Sequence[RenderedFrame], key: tuple[int, int], found: Found
 ) -> tuple[float, float]:
-    """Return the errors of position (m) and yaw (deg) of one person; NaN without an estimate."""
+    """Return the errors of position (m) and yaw (deg) of one person; NaN if not estimated."""
     (number, index), detection = key, found[key]
     rendered = frames[number]
     position_m = math.nan

@@ -82,7 +82,7 @@ class Quantizer:
     def _chain(self, head: Any, readers: Mapping[str, Sequence[Any]]) -> list[str]:
         """Return the operators between a head and the last branch or join before it.
 
-        Empty without a branch or join: then the chain is the whole network.
+        Empty if there is no branch or join: the chain is the whole network.
         """
         makers = {name: node for node in self._graph.node for name in node.output}
         outputs = {output.name for output in self._graph.output}

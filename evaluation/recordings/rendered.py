@@ -92,7 +92,7 @@ def matches(people: Sequence[PersonView], found: Sequence[Detection]) -> dict[in
 
 
 def yaw_error_deg(rendered: RenderedFrame, index: int, detection: Detection) -> float:
-    """Return the error of a detection's yaw, -180 to 180; NaN without a yaw."""
+    """Return the error of a detection's yaw, -180 to 180; NaN if it has no yaw."""
     if detection.heading is None:
         return math.nan
     x, y, _ = rendered.map_from_optical[:3, :3] @ detection.heading

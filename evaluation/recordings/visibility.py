@@ -66,7 +66,7 @@ def save_views(path: Path, stamps_ns: Sequence[int], views: Sequence[SimulatedVi
 
 
 def load_views(path: Path, stamps_ns: Sequence[int]) -> list[SimulatedView] | None:
-    """Return the views in a file; None without a file, or with other stamps."""
+    """Return the views in a file; None if it is absent or has other stamps."""
     if not path.is_file():
         return None
     with np.load(path, allow_pickle=False) as file:

@@ -31,7 +31,7 @@ class RunTrajectories:
     persons: tuple[str, ...]  # K identities
     true: F64  # NxKx5, see the columns X to YAW; NaN where unknown
     required: BOOL  # NxK, people to be tracked
-    tracked: F64  # NxKx5, same columns of the matched track; NaN without a match
+    tracked: F64  # NxKx5, same columns of the matched track; NaN if unmatched
     tracks: I64  # NxK, identity of the matched track; 0: none
     paths: Mapping[int, F64]  # Lx6 by identity of a track: time [s], then the columns
     switches_s: tuple[float, ...]  # times of ID switches

@@ -95,7 +95,7 @@ class HeadLandmarks:
     unit_m: float  # height of the crown above the eyes, the unit of head coordinates
 
     def coordinates(self, vertices_m: F64) -> tuple[F64, F64, F64]:
-        """Return head coordinates: before the ears, beside the middle, above the eyes."""
+        """Return head coordinates: forward of the ears, off the middle, above the eyes."""
         x, y, z = vertices_m.T
         return (
             (x - self.ear[0]) / self.unit_m,

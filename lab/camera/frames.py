@@ -30,7 +30,7 @@ class RenderSettings:
 
     colour: Literal["drawn", "flat"] = "drawn"  # flat: each person in one colour, fast
     sensor: DepthSensorModel | None = None  # depth sensor; None: as in the scenario
-    errors: bool = True  # False: depth without any error of the sensor
+    errors: bool = True  # False: depth without sensor errors
     samples: int = 2  # samples along each side of a pixel: 1 (fast, aliased) or 2
     threads: int = 1
 

@@ -136,7 +136,7 @@ class SyntheticDetections:
         )
 
     def _position_m(self, silhouette: Silhouette, moved_px: F64, errors: "_Errors") -> F64 | None:
-        """Return the measured position of the torso; None without depth."""
+        """Return the measured position of the torso; None if depth is missing."""
         config = self._config
         torso_m: F64 = silhouette.keypoints_m[TORSO].mean(axis=0)
         lost = NormalDist().cdf(errors.no_position) < config.no_position

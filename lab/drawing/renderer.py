@@ -46,7 +46,7 @@ class Extent:
     """Area of an unoccluded body in the image."""
 
     pixels: int  # number of pixels inside the image
-    box_xyxy_px: F64  # 4, bounding box, right and lower edge exclusive; NaN without pixels
+    box_xyxy_px: F64  # 4, bounding box, right and lower edge exclusive; NaN if empty
 
 
 def draw_depth(

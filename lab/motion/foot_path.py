@@ -68,7 +68,7 @@ class Shoe:
 
 
 def _toe_roll(pitch_rad: F64) -> F64:
-    """Return the pitch of toes that bend no further [rad]."""
+    """Return the maximum pitch of the toes [rad]."""
     over = (-pitch_rad - TOE_BEND_RAD) / TOE_STIFFENING_RAD
     return np.asarray(TOE_STIFFENING_RAD * np.logaddexp(0.0, over))
 

@@ -23,7 +23,7 @@ def step_length_m(speed_mps: npt.ArrayLike, stature_m: float) -> F64:
     """Return the length of one step [m] at speeds [m/s] of any shape.
 
     From speed = step length x cadence and step length = walk ratio x cadence. People of different
-    stature move alike at the same Froude number v^2 / (g h), so steps grow with h^0.75; [Grieve
+    stature move similarly at the same Froude number v^2 / (g h), so steps grow with h^0.75; [Grieve
     1966] also relate speed to stature.
     """
     speed = np.asarray(speed_mps, np.float64)

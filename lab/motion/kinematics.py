@@ -28,7 +28,7 @@ STAND_LOW_M = 0.005  # drop of the standing pelvis below straight legs [m]
 WALK_LOW_M = 0.022  # mean drop of the pelvis below its standing height at 1.3 m/s [m]
 ANTICIPATION_S = 0.5  # look-ahead of the head along the path [s]
 GAZE_MAX_RAD = 0.7  # maximum yaw of the head ahead of the path [rad]
-GAZE_OF_CHEST = 0.25  # ratio of the chest's to the head's yaw in looking around
+GAZE_OF_CHEST = 0.25  # ratio of chest yaw to head yaw in looking around
 HANGING_ELBOW_DEG, HANGING_SHOULDER_DEG = 14.0, 0.0
 
 

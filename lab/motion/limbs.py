@@ -48,7 +48,7 @@ def with_gestures(
 
 
 def raised(gesture: Gesture, times_s: F64) -> F64:
-    """Return the progress of a gesture: T, 0 without gesture, 1 at its goal."""
+    """Return the progress of a gesture: T, 0 at rest, 1 at its goal."""
     up = stance.ease((times_s - gesture.at_s) / gesture.move_s)
     down = stance.ease((gesture.at_s + gesture.for_s - times_s) / gesture.move_s)
     return np.minimum(up, down)

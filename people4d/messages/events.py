@@ -105,7 +105,7 @@ class Event(Message, frozen=True, kw_only=True):
         "robot_near",
     ]
     id: PositiveInt | None = None  # identity as in Tracks; absent in count_reached
-    zone: Text = ""  # name of the zone; empty without a zone
+    zone: Text = ""  # name of the zone; empty if none
     position_m: Vector3 | None = None  # [m] last position of the person, frame: frame_id
     frame_id: Name = "map"  # frame of position_m
     dwell_s: NonNegative | None = None  # [s] duration of the stay, in left and dwelled

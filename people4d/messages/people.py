@@ -73,7 +73,7 @@ class Detection(Record, frozen=True, kw_only=True):
     score: Probability  # detection confidence
     # [px] u, v, confidence (0 to 1), COCO order; absent if none
     keypoints: Keypoints | None = None
-    # [m] depth of the surface at each keypoint, 0 without a reading; absent if unknown
+    # [m] depth of the surface at each keypoint, 0 if unread; absent if unknown
     keypoint_depths_m: Annotated[F32, Shape(17), Magnitude(MAX_M)] | None = None
     mask: Mask | None = None  # instance mask; absent if the model gives none
     position_m: Vector3 | None = None  # [m] frame: camera optical; absent if depth gave none

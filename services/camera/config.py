@@ -51,10 +51,10 @@ class CameraConfig(Config, frozen=True, kw_only=True):
     max_depth_m: Positive | None = None  # [m] maximum valid depth; None: of the source, else 5
     mount_xyz_m: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m] camera_link in mount_parent
     mount_rpy_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [rad] about fixed x, y, z
-    # File of people4d calibrate; its pose replaces the source's and mount_*
+    # File of people4d calibrate; its pose replaces the pose from the source and mount_*
     transforms: str = ""
     mount_parent: Name = "map"  # frame of the mount; used if the source has no transform
-    motion: MotionConfig = MotionConfig()  # live motion of the robot, in addition to the source's
+    motion: MotionConfig = MotionConfig()  # live motion of the robot, in addition to the source
     playback: Literal["auto", "recorded", "lockstep", "live"] = "auto"  # auto: recorded, or live
     speed: Positive = 1.0  # speed of recorded playback, 2 = twice as fast
     # Maximum number of unanswered frames in lockstep

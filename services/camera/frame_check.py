@@ -29,7 +29,7 @@ class FrameCheck:
         self._info, self._in_metres = info, in_metres
         self._first_s: float | None = None  # monotonic time of the first frame, if rejected
         self._accepted = False
-        # Counter and description of the last frame's fault, empty without one
+        # Counter and description of the last frame's fault, empty if none
         self.cause = self.fault = ""
         self.hopeless = False  # True if all frames were rejected
         self.counters: Mapping[str, int] = {}  # number of rejected frames by cause
@@ -58,7 +58,7 @@ class FrameCheck:
 
 
 def frame_fault(frame: object, info: CameraInfo, in_metres: bool = False) -> tuple[str, str]:
-    """Return counter and description of a frame's fault; both empty without one."""
+    """Return counter and description of a frame's fault; both empty if there is none."""
     if not isinstance(frame, SourceFrame):
         return "wrong_type", f"it yields {type(frame).__name__}, expected SourceFrame"
     size, stamp_ns = (info.height, info.width), _any(frame.stamp_ns)

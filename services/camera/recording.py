@@ -36,7 +36,7 @@ class SimulatedSensor(Protocol):
     """A depth sensor applied to the true depth in a recording."""
 
     def measure(self, depth_mm: U16, stamp_ns: int) -> U16:
-        """Return the readings of the true depth, HxW; DecodeError if it is of another size."""
+        """Return the readings of the true depth, HxW; DecodeError if its size differs."""
         ...
 
 

@@ -69,7 +69,7 @@ def turned_info(info: CameraInfo, turns: int) -> CameraInfo:
 def turned_transforms(
     transforms: Iterable[StaticTransform], frame_id: str, turned: CameraInfo, turns: int
 ) -> list[StaticTransform]:
-    """Return transforms, with the pose of the turned images added to the camera's."""
+    """Return transforms, with the rotation of the turned images added to the camera pose."""
     optical_from_turned = np.linalg.matrix_power(TURN.T, turns)
     found = list(transforms)
     for transform in list(found):

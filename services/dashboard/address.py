@@ -21,7 +21,7 @@ class Tokens(msgspec.Struct, frozen=True):
     planner: str = ""
 
     def role_of(self, token: str) -> str:
-        """Return the role of a token, in constant time; empty without a role."""
+        """Return the role of a token, in constant time; empty if it has no role."""
         given = token.encode()
         operator = hmac.compare_digest(given, self.operator.encode())
         planner = hmac.compare_digest(given, self.planner.encode())

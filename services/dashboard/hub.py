@@ -1,6 +1,6 @@
 """Viewers of the page, programs among them, and the packets waiting for each.
 
-Only `Hub.publish` may be called from other threads than the web server's.
+Only `Hub.publish` may be called from outside the web server's thread.
 """
 
 import asyncio

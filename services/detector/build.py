@@ -16,7 +16,7 @@ def build(config: DetectorConfig, model: PersonModel | None = None) -> Node:
 
 
 def load_network(config: DetectorConfig) -> OrientationNetwork | None:
-    """Load the configured orientation network; None without one.
+    """Load the configured orientation network; None if none is configured.
 
     Raises:
         ModelError: The file is absent, altered or another network.

@@ -92,7 +92,7 @@ class DetectorConfig(ModelSettings, frozen=True, kw_only=True):
         return self.orientation.network if self.orientation.method == "joint" else ""
 
     def confidence_for(self, model: str) -> float:
-        """Return the minimum confidence of keypoints: the setting, or else the model's."""
+        """Return the minimum confidence of keypoints: the setting, else the model's default."""
         if self.keypoint_confidence_min is not None:
             return self.keypoint_confidence_min
         return MOVENET_CONFIDENCE_MIN if model.startswith(MOVENET) else CONFIDENCE_MIN

@@ -1,6 +1,6 @@
 """Crops of the people of a frame, small enough to publish.
 
-Occluders in front of a person are blanked, so their appearance is not confused with the person's.
+Occluders in front of a person are blanked, so their appearance does not enter the embedding.
 The background stays: networks for re-identification are trained with it, and recognise fewer people
 without it (docs/method.md section 21).
 """
@@ -32,7 +32,7 @@ def cut_box(box_xyxy_px: F32, shape: tuple[int, ...]) -> tuple[int, int, int, in
 
 
 def hidden_pixels(box_xyxy_px: F32, depth_mm: U16, nearest_m: float) -> Flags | None:
-    """Return a mask of the pixels in a box nearer than a depth; None without such pixels.
+    """Return a mask of the pixels in a box nearer than a depth; None if there are none.
 
     Pixels without a reading do not count. None if too many are nearer: the depth is wrong.
     """

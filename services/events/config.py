@@ -11,7 +11,7 @@ class EventsConfig(Config, frozen=True, kw_only=True):
     absent_s: Positive = 1.0  # [s] time without a track after which a person has disappeared
     margin_m: NonNegative = 0.15  # [m] distance outside a zone at which a person has left it
     near_m: NonNegative = 1.0  # [m] maximum distance to the robot of a near person; 0: no event
-    near_margin_m: NonNegative = 0.3  # [m] further distance at which a person is no longer near
+    near_margin_m: NonNegative = 0.3  # [m] additional distance at which a person is no longer near
     # confidences of an identity below which it is uncertain, and above which it is certain again
     uncertain_below: Probability = 0.5
     certain_above: Probability = 0.7

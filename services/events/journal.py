@@ -71,7 +71,7 @@ class Journal:
         return -1 if number is None else int(number)
 
     def mark(self, name: str) -> int:
-        """Return the number of the last event that a receiver has accepted; -1 without any."""
+        """Return the number of the last event that a receiver has accepted; -1 if none."""
         row = self._base.execute("select number from marks where name = ?", (name,)).fetchone()
         return -1 if row is None else int(row[0])
 

@@ -55,7 +55,7 @@ class EventRules:
 
     @property
     def newest_ns(self) -> int | None:
-        """Newest stamp of all tracked people; None without people."""
+        """Newest stamp of all tracked people; None if there are none."""
         return max((person.stamp_ns for person in self._people.values()), default=None)
 
     def apply(self, event: Event) -> None:

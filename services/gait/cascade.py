@@ -166,7 +166,7 @@ class Cascade:
                 self._people[one.id].depth_m = float(one.depth_m)
 
     def _turns(self, observations: Sequence[PersonObservation]) -> set[int]:
-        """Return the people whose depth is processed in this frame, the longest waiting first."""
+        """Return the people to process in this frame, the longest waiting first."""
         waiting = sorted(
             (one.id for one in observations if self._people[one.id].box is not None),
             key=lambda person: self._people[person].processed,
@@ -200,7 +200,7 @@ class Cascade:
         return GaitEstimate(one.id, state.box, points)
 
     def _segment(self, state: _PersonState, depth_mm: U16) -> BodySegment | None:
-        """Segment a person in the depth image; None without a box or body."""
+        """Segment a person in the depth image; None if there is no box or body."""
         if state.box is None:
             return None
         by_colour = state.detected_ns != self._stamp_ns

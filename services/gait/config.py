@@ -1,7 +1,7 @@
 """Configuration of the gait service.
 
 Sections refer to docs/method.md. "Published" is the value of [Liu 2018]; values without a
-source are this project's. All other constants are beside their equations.
+source are set by this project. All other constants are next to their equations.
 """
 
 from typing import Annotated, Literal

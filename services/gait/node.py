@@ -43,7 +43,7 @@ class GaitNode(Node):
     """Tracks points on the bodies of tracked people, at its own rate.
 
     Live, the newest complete frame of a camera is processed and older ones are counted as
-    `passed_over`, so a slow node does not fall further behind. Frames wait for their tracks, which
+    `passed_over`, so the delay of a slow node does not grow. Frames wait for their tracks, which
     arrive later by the latency of the pipeline. In lock-step playback all frames are processed in
     turn if the buffer holds them; playback does not wait. `on_frame` is called with every processed
     frame.

@@ -45,7 +45,9 @@ class GtBridgeConfig(Config, frozen=True, kw_only=True):
     # frames
     truth_frame: str = ""  # frame of the truth; empty: from its source, else map
     frame_id: str = "map"  # frame of the published truth
-    transforms: tuple[FixedTransform, ...] = ()  # calibrated transforms, added to the camera's
+    transforms: tuple[
+        FixedTransform, ...
+    ] = ()  # calibrated transforms, in addition to published ones
     # score
     gate_m: Positive = 1.0  # maximum distance of a match between track and truth [m]
     # maximum clock offset of the estimated alignment; 0: not estimated [s]

@@ -40,7 +40,7 @@ def path_ahead(pose: F64, before: F64, elapsed_s: float, times_s: F64) -> F64:
 
 
 def encounters(paths_m: F64, robot_m: F64, step_s: float) -> F64:
-    """Compare people's paths with the robot's.
+    """Compare the paths of people with the path of the robot.
 
     Args:
         paths_m: NxTx2 positions of people at equally spaced times, the first one now [m].

@@ -45,7 +45,7 @@ class HistogramEmbedder:
     dimension = len(PART_WEIGHTS) * BINS
 
     def embed(self, crops: Sequence[Crop]) -> F32:
-        """Embed crops; rows are of unit length."""
+        """Embed crops as rows of unit length."""
         with span("embedding"):
             return _embed(crops)
 

@@ -16,7 +16,7 @@ class FramePoint:
     time_s: float  # [s] stamp since the first frame
     detections: int  # number of detections
     tracks: int  # number of confirmed tracks
-    latency_ms: float | None  # [ms] end to end; None without a trace
+    latency_ms: float | None  # [ms] end to end; None if there is no trace
 
 
 @dataclass(frozen=True, slots=True)

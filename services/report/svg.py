@@ -44,7 +44,7 @@ class Bar:
 
 
 def plot(lines: Sequence[Line], unit: str, title: str, *, end_s: float = 0.0) -> str:
-    """Return series over at least `end_s` seconds; empty without points."""
+    """Return series over at least `end_s` seconds; empty if there are no points."""
     points = [point for line in lines for point in line.points]
     if not points:
         return ""
@@ -109,7 +109,7 @@ def bars(rows: Sequence[Bar], unit: str, title: str) -> str:
 
 
 def draw_map(trajectories: Trajectories, colours: dict[int, Colour]) -> str:
-    """Return the top view, x up and y left; empty without content."""
+    """Return the top view, x up and y left; empty if there is no content."""
     paths = [*trajectories.tracks.values(), *trajectories.truth.values()]
     cameras = [camera[None, :2, 3] for camera in trajectories.cameras]
     if not paths and not cameras:

@@ -35,7 +35,7 @@ def facts(summary: RunSummary) -> list[tuple[str, str]]:
 
 
 def latency_table(summary: RunSummary) -> list[tuple[str, str, str, str]]:
-    """Return the latency as a table with a head; empty without measurements."""
+    """Return the latency as a table with a head; empty if there are no measurements."""
     if not summary.latency:
         return []
     rows = [

@@ -66,7 +66,7 @@ class MotionOutputs:
             self._send_moving(*edge, matrix, message.stamp_ns)
 
     def send_bodies(self, message: RosPeople) -> None:
-        """Publish the frames of bodies as of REP 155: x forward, z up, at the torso."""
+        """Publish the frames of bodies of REP 155: x forward, z up, at the torso."""
         if self._tf and message.people:
             edges = (
                 (

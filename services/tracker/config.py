@@ -1,7 +1,7 @@
 """Configuration of the tracker service.
 
 Presets hold the published constants. Sections are sections of docs/method.md; values without a
-source are this project's.
+source are set by this project.
 """
 
 from typing import Annotated, Any, Literal

@@ -145,7 +145,7 @@ class Tracker(ABC):
         """Delete all tracks and times; identities are not reused."""
 
     def image_tracks(self) -> tuple[ImageTrack, ...] | None:
-        """Return the tracks in the image of the last update by id; None without image tracking."""
+        """Return the tracks in the image of the last update by id; None if it is off."""
         return None
 
     def save(self) -> bytes:

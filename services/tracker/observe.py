@@ -84,7 +84,7 @@ def observe(
         embeddings: Embeddings of the detections, or None.
         pose: Pose of the camera in the tracking frame.
         counters: Counters of dropped data.
-        pose_before: Pose at the beginning of the interval of the measured velocities; without it
+        pose_before: Pose at the beginning of the interval of the measured velocities; if None,
             they are dropped.
     """
     people, map_from_camera = detections.detections, pose.matrix

@@ -44,7 +44,7 @@ class TrackerOutput:
     def image_tracks(
         self, detections: Detections, tracks: Tracks, image_tracks: Sequence[ImageTrack] | None
     ) -> list[Message]:
-        """Return the message of tracks in the image; empty without image tracking."""
+        """Return the message of tracks in the image; empty if image tracking is off."""
         if image_tracks is None:
             return []
         message = ImageTracks(

@@ -119,8 +119,8 @@ def find_corners(grey: U8) -> F32:
 def read_depth_m(depth_mm: U16, pixels: F64, range_m: tuple[float, float]) -> tuple[F64, Flags]:
     """Return the depth (N) at points (Nx2), and flags (N) of points beyond the sensor's range.
 
-    Depth is NaN at the edge of a surface, outside the range, and without a reading. A patch
-    without any reading is beyond the range.
+    Depth is NaN at the edge of a surface, outside the range, or unread. A patch with no
+    reading is beyond the range.
     """
     size = np.array(depth_mm.shape[::-1])
     at = np.rint(pixels).astype(np.int64)[:, None] + PATCH

@@ -53,7 +53,7 @@ def test_lists_of_no_cores_are_refused(text: str) -> None:
 
 @pytest.mark.parametrize("text", [",".join(map(str, ALLOWED)), "4000", f"{min(ALLOWED)},4000"])
 def test_all_cores_and_absent_ones_are_refused(text: str) -> None:
-    with pytest.raises(ConfigError, match="may use the cores"):
+    with pytest.raises(ConfigError, match="must name some, not all, of the cores"):
         InferenceCores().reserve({VARIABLE: text})
 
 

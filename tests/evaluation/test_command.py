@@ -131,7 +131,10 @@ def test_people_are_found_once_for_all_trackers(tmp_path: Path) -> None:
         (["seg-sot", "--recordings", "lab:walk"], "Did you mean seg-sort?"),
         (["seg-sort", "--recordings", "lab:nothing"], "there is no scenario nothing"),
         (["seg-sort", "--recordings", "/none.mcap"], "'/none.mcap' does not exist"),
-        (["seg-sort", "--recordings", "lab:short_walk", "--seeds", "x"], "expected comma-separated whole numbers"),
+        (
+            ["seg-sort", "--recordings", "lab:short_walk", "--seeds", "x"],
+            "expected comma-separated whole numbers",
+        ),
         (
             ["seg-sort", "--recordings", "lab:short_walk", "--set", "detector.model=yolov9"],
             "model 'yolov9' is unknown",

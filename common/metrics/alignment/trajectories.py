@@ -109,7 +109,7 @@ def _nearest(true_m: F64, tracked_m: F64) -> _Near:
 
 
 def _pick(people: F64, index: I64) -> F64:
-    """Return for each row the position (Nx3) of one person among PxNx3, NaN without a person."""
+    """Return for each row the position (Nx3) of one person among PxNx3, NaN if there is none."""
     padded = np.concatenate([people, np.full((2, *people.shape[1:]), np.nan)])
     return np.asarray(padded[index, np.arange(len(index))])
 

@@ -40,7 +40,7 @@ class TruthBuffer:
     def at(self, stamp_ns: int) -> Truth | None:
         """Return all people captured shortly before and shortly after a stamp.
 
-        None without a close message on both sides.
+        None unless messages are close on both sides.
         """
         gap_ns = self._max_gap_ns
         before = self._between(stamp_ns - gap_ns, stamp_ns)

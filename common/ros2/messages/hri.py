@@ -1,4 +1,4 @@
-"""People as of ROS4HRI (REP 155): ids of persons and bodies, regions and skeletons in the image."""
+"""ROS4HRI messages (REP 155): ids of persons and bodies, regions and skeletons in the image."""
 
 import numpy as np
 

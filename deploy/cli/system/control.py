@@ -106,7 +106,7 @@ def run(
     context: typer.Context,
     service: Annotated[str, typer.Argument(help="Name of the service, for example detector.")],
 ) -> None:
-    """Run one service in this terminal: python -m services.SERVICE with all further arguments."""
+    """Run one service in this terminal: python -m services.SERVICE with the same arguments."""
     if not service.isidentifier() or not find_spec(f"services.{service}"):
         folders = sorted(Path(services.__path__[0]).glob("*/__main__.py"))
         names = ", ".join(file.parent.name for file in folders)

@@ -25,7 +25,7 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
 
     instance: str  # name of the process
     process: str  # state in supervisord; empty for another host
-    health: str  # state in its heartbeat; empty without a heartbeat
+    health: str  # state in its heartbeat; empty if there is no heartbeat
     reason: str  # reason of a state other than ready
     host: str  # name of the machine
     pid: int  # process number, 0 if it does not run

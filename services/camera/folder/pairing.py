@@ -15,7 +15,7 @@ class Pairing(Generic[T]):
 
     A pair is returned once no later image can be nearer: immediately for equal stamps, else with
     the next image of the earlier stream. A lost image loses one pair and shifts no other. Images
-    further apart than `slop_ns` are not paired.
+    farther apart than `slop_ns` are not paired.
     """
 
     def __init__(self, slop_ns: int) -> None:

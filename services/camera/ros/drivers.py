@@ -89,7 +89,7 @@ def candidates(source: str, namespace: str, colour: str, depth: str) -> Candidat
 
 
 def best_of_driver(topics: list[str]) -> list[str]:
-    """Return the topics with a driver's preferred name if all are of one driver, else all."""
+    """Return the topics with a driver's preferred name if one driver publishes all, else all."""
     for name in (name for driver in DRIVERS.values() for name in driver.colours + driver.depths):
         named = [topic for topic in topics if stream_of(topic).endswith(f"/{name}")]
         below = {stream_of(topic).removesuffix(name) for topic in named}

@@ -263,7 +263,7 @@ class LiveRosSource(Source):
 
 
 class _Received:
-    """A transport that adds its counters to the source's."""
+    """A transport that adds its counters to the counters of the source."""
 
     def __init__(self, transport: Ros2Transport, counters: Counter[str]) -> None:
         self._transport = transport

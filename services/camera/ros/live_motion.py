@@ -114,7 +114,7 @@ def _topics(config: MotionConfig) -> Iterator[ForeignTopic]:
 
 
 def _parse_key(field: str, text: str, example: str) -> str:
-    """Return the key in "zenoh:KEY", as of the ROS topic /KEY, or raise ConfigError."""
+    """Return the key in "zenoh:KEY", named like the ROS topic /KEY, or raise ConfigError."""
     key = text.removeprefix(SCHEME).strip("/")
     if not KEY.fullmatch(key):
         raise ConfigError(

@@ -50,7 +50,7 @@ class FrameTree:
             frame = parent
 
     def find(self, target: str, source: str) -> F64 | None:
-        """Return target_from_source, None without a static path between them."""
+        """Return target_from_source, None if no static path joins them."""
         of_source, of_target = (self._static(name.strip("/")) for name in (source, target))
         for frame, ancestor_from_source in of_source.items():
             if frame in of_target:
@@ -109,7 +109,7 @@ class WheelReader:
         return self._add(stamp_ns, left, right)
 
     def side(self, is_left: bool, message: Any, stamp_ns: int) -> Odometry | None:
-        """Read a number of std_msgs; the right wheel's number completes the left wheel's."""
+        """Read a number of std_msgs; the number of the right wheel completes a pair."""
         value = float(message.data)
         if is_left:
             self._left = value

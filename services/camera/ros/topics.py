@@ -17,7 +17,7 @@ COMPRESSED = "sensor_msgs/msg/CompressedImage"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 ODOMETRY = "nav_msgs/msg/Odometry"
 JOINTS = "sensor_msgs/msg/JointState"
-TF, OLD_TF = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"  # "tf/msg/tfMessage" is of old ROS 1
+TF, OLD_TF = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"  # "tf/msg/tfMessage": old ROS 1
 TRANSFORM = "geometry_msgs/msg/Transform"
 RGBD = "realsense2_camera_msgs/msg/RGBD"
 TF_DEFINITION = "geometry_msgs/TransformStamped[] transforms\n"
@@ -27,7 +27,7 @@ DEFINITIONS = {TF: TF_DEFINITION, OLD_TF: TF_DEFINITION}
 COLOUR_WORDS = ("color", "colour", "rgb")
 ALIGNED_WORDS = ("aligned_depth", "depth_registered", "depth_to_color", "depth_to_rgb")
 OTHERS = re.compile(r"infra|(^|[/_])ir([/_]|$)|confidence|mask|label|debug|thermal")
-FUSED_WORDS = ("filtered",)  # words in names of fused odometry, as of robot_localization
+FUSED_WORDS = ("filtered",)  # words in names of fused odometry, for example from robot_localization
 # Topics of librealsense's recordings: STREAM/image/data, STREAM/info/camera_info, and in
 # STREAM/tf/0 the transform from the device's first stream to this one.
 SDK_IMAGE, SDK_INFO, SDK_TF = "/image/data", "/info/camera_info", "/tf/0"
@@ -62,7 +62,7 @@ def find_topics(
     Args:
         types: Type of each topic.
         wanted: Topics given by name.
-        encodings: Returns the encoding of image topics, which identifies depth; without one,
+        encodings: Returns the encoding of image topics, which identifies depth; if empty,
             the word "depth" in the topic does.
 
     Raises:

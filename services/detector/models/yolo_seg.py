@@ -97,7 +97,7 @@ def mask_person(found: YoloCandidates, index: int, view: MaskView) -> DetectedPe
 
 
 def drop_duplicates(people: Sequence[DetectedPerson]) -> list[DetectedPerson]:
-    """Drop people whose mask is part of the mask of a better one; people are sorted, best first."""
+    """Drop people if a better mask contains their mask; people are sorted, best first."""
     selected: list[DetectedPerson] = []
     for person in people:
         if all(shared_part(person.mask, other.mask) <= SHARED_MAX for other in selected):

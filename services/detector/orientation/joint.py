@@ -29,8 +29,8 @@ class JointPair(NamedTuple):
 
     width_m: float  # [m] distance of both in the annotations of networks
     ahead_m: float  # [m] offset in profile of the nearer one ahead of the farther one, as annotated
-    gain_front: float  # ratio of the surface's depth difference to the joints', from the front
-    gain_back: float  # ratio of the surface's depth difference to the joints', from behind
+    gain_front: float  # ratio of depth differences, surface to joints, from the front
+    gain_back: float  # ratio of depth differences, surface to joints, from behind
     sigma_along_m: float  # [m] standard deviation of the difference in depth
 
 
@@ -117,7 +117,7 @@ def expected_across(name: str) -> F64:
 
 @cache
 def expected_along(name: str) -> F64:
-    """Return the expected depth of the surface at the right joint, less the left one's, by angle.
+    """Return the expected depth of the surface at the right minus the left joint, by angle.
 
     Joints differ by w sin(psi). The measured part grows with their distance across the line of
     sight: in profile, both pixels show the nearer arm.
@@ -164,7 +164,7 @@ def _log_density(error: F64, sigma: F64, outliers: F64, span: F64) -> F64:
 def best_angles(log_p: F64) -> tuple[F64, F64]:
     """Return the most likely angle of each row and its standard deviation, infinite for a flat row.
 
-    Both are of the angles around the best one. A small probability elsewhere, for example of the
+    Both use only the angles around the best one. A small probability elsewhere, for example of the
     opposite direction, is left to the filter over time; a larger one increases the variance.
     """
     p = np.exp(log_p - log_p.max(axis=1, keepdims=True))

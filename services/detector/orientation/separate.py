@@ -56,7 +56,7 @@ def face_rule(model: str) -> FaceRule:
 
 @dataclass(frozen=True, slots=True)
 class YawPair:
-    """Both estimates of one person; None without one."""
+    """Both estimates of one person; None if unknown."""
 
     vector: YawEstimate | None  # psi_1
     ratio: YawEstimate | None  # psi_2, the bearing added

@@ -48,7 +48,7 @@ class PositionEstimator:
         image: DepthImage,
         yaws_rad: Sequence[float | None],
     ) -> list[PositionEstimate | None]:
-        """Return the positions of people, yaws in the camera's frame; None without valid depth.
+        """Return the positions of people, yaws in the camera's frame; None if depth is invalid.
 
         The torsos, from `find_torsos`, are needed for the method "torso" only.
         """

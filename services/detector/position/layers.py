@@ -33,7 +33,7 @@ class DepthSamples:
     """First readings of depth on one person."""
 
     pixels: F64  # [px] Nx2, points on the person
-    depth_m: F64  # [m] N, NaN without a reading
+    depth_m: F64  # [m] N, NaN if unread
     weights: F64  # N, 1 on the torso
     size: BodySize | None = None  # None: unknown
     crown_px: tuple[float, float] | None = None  # [px] top of the person; None: unknown
@@ -62,7 +62,7 @@ NO_LAYER = _Choice(math.nan, 0.0, 0.0)
 
 
 def assign_layers(people: Sequence[DepthSamples]) -> list[PersonLayer | None]:
-    """Return the layer of each person of a frame, None without own samples.
+    """Return the layer of each person of a frame, None if it has no own samples.
 
     People are assigned in the order of their scores, people of unknown size last. Samples on a
     person with a layer do not count for others.
@@ -97,7 +97,7 @@ def _best_layer(person: DepthSamples, own: Flags) -> _Choice:
 
     Another layer of a fraction p of the sum of both squared scores, a gap away, makes the depth
     uncertain by p (1 - p) gap^2. Readings of the best layer do not count as gaps: they are the
-    person's arms and legs. The score is 0 without a possible layer, or if the best layer has too
+    person's arms and legs. The score is 0 if no layer is possible or if the best one has too
     few samples, as of furniture in front of a person out of range.
     """
     if not own.any():

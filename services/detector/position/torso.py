@@ -86,8 +86,8 @@ class TorsoEstimator:
     ) -> list[LayeredTorso | None]:
         """Return the torso of each person of a frame, and its layer of depth.
 
-        Keypoints above the minimum confidence and inside the image count. None without keypoints,
-        or without depth of the person.
+        Keypoints above the minimum confidence and inside the image count. None if keypoints or
+        depth of the person are missing.
         """
         torsos = sampled_torsos(people, confidence_min, image.info)
         known = [torso for torso in torsos if torso is not None]
@@ -124,7 +124,7 @@ class TorsoEstimator:
     def estimate_from_mask(
         self, mask: InstanceMask, image: DepthImage, yaw_rad: float | None
     ) -> PositionEstimate | None:
-        """Return the position by the upper middle of a mask; None without depth there."""
+        """Return the position from the upper middle of a mask; None if depth is missing there."""
         rows = np.flatnonzero(mask.window.any(axis=1))
         if not len(rows):
             return None
@@ -179,7 +179,7 @@ class TorsoEstimator:
 
 
 def _surface(pixels: F64, layers_m: F64, windows: DepthWindows, info: CameraInfo) -> F64:
-    """Return the points of the surface in N windows around pixels, Nx2; NaN without a reading."""
+    """Return the points of the surface in N windows around pixels, Nx2; NaN if unread."""
     points_m = deproject(pixels, layers_m, info)[:, :2]
     points_m[:, 1] = read_layers(windows, layers_m)
     return points_m

@@ -60,7 +60,7 @@ class SampledTorso(NamedTuple):
 def sampled_torsos(
     people: Sequence[DetectedPerson], confidence_min: float, info: CameraInfo
 ) -> list[SampledTorso | None]:
-    """Return the torsos of people in the image, None without keypoints; no joint need be known."""
+    """Return the torsos of people in the image, None if a person has no keypoints."""
     found = [person.keypoints for person in people if person.keypoints is not None]
     keypoints = np.array(found, np.float64).reshape(-1, 17, 3)
     pixels, confident = keypoints[:, :, :2], keypoints[:, :, 2] > np.float32(confidence_min)

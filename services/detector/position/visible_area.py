@@ -67,7 +67,7 @@ def _mean(values: Sequence[float], known: Sequence[bool]) -> float:
 
 
 def read_pixels(pixels: F64, image: DepthImage) -> F64:
-    """Return the depth at pixels inside the image (Nx2), N in metres, NaN without a reading."""
+    """Return the depth at pixels inside the image (Nx2), N in metres, NaN if unread."""
     u, v = np.rint(pixels).astype(np.intp).T
     depth_m = image.depth_mm[v, u] / 1000.0
     depth_m[(depth_m == 0) | (depth_m > image.info.max_depth_m)] = np.nan

@@ -58,7 +58,7 @@ class PersonPrior(NamedTuple):
     """Prior of the samples of a box."""
 
     bands: npt.NDArray[np.int64]  # index of the band by row
-    tenths: I32  # rows x columns: probability that the point is the person's; 0 off the box
+    tenths: I32  # rows x columns: probability that the point belongs to the person; 0 off the box
 
 
 def person_prior(grid: SampleGrid, bands: int) -> PersonPrior:

@@ -77,7 +77,7 @@ class Acceptance:
     def update_point(
         self, point: PointFilter, body: MeasuredBody, evidence: PointEvidence, dt_s: float
     ) -> None:
-        """Update a point by its measured position; without one it is hidden."""
+        """Update a point by its measured position; if None, the point is hidden."""
         surface = evidence.surface
         if surface is None:
             point.mark_missed(dt_s)

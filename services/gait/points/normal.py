@@ -32,7 +32,7 @@ class Normal:
         return Normal(*_product(self.mean_m, self.covariance, other.mean_m, other.covariance))
 
     def pixel_distance2(self, pixel: F64, sigma_px: float, info: CameraInfo) -> float:
-        """Return the squared Mahalanobis distance of a pixel (u, v) to the position's."""
+        """Return the squared Mahalanobis distance of a pixel (u, v) to the projected position."""
         return float(self._given_pixel(pixel, sigma_px, info)[2])
 
     def at_pixel(self, pixel: F64, sigma_px: float, info: CameraInfo) -> "Normal":

@@ -155,7 +155,7 @@ def spin_similarities(points: Sequence[FeatureFilter], mesh: BodyMesh) -> list[F
 def feature_weights(point: FeatureFilter, body: MeasuredBody, similarities: F64 | None) -> F64:
     """Return the logarithms of particles' weights, N; -inf off the body.
 
-    Similarities (N) are of spin images; without them geodesic distances are used.
+    `similarities` (N) compare spin images; if None, geodesic distances are used.
 
     Source: docs/method.md, section 8.3 (G 4.2.3, 4.3).
     """

@@ -35,7 +35,7 @@ class Bins:
     """Samples of a foot, summed over equal periods; information is inverse covariance."""
 
     times_s: F64  # N, times of the middles
-    information: F64  # Nx2x2, on the ground; 0 without a sample
+    information: F64  # Nx2x2, on the ground; 0 if there is no sample
     weighted_m: F64  # Nx2, positions times information
     squares: F64  # N, squared Mahalanobis distances to the origin
 

@@ -54,7 +54,7 @@ class FootStep:
     # Distance from the other foot, across the walking direction; None if not visible
     width_m: float | None
     confidence: float  # 0 to 1
-    follows: bool = False  # True if the previous step in the list is of the other foot
+    follows: bool = False  # True if the other foot made the previous step in the list
     observed: bool = True  # False if two steps of the other foot enclose the time of this one
 
 

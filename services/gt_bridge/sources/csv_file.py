@@ -100,7 +100,7 @@ def _lines(file: TextIO) -> Iterator[str]:
 
 
 def _person(row: Row) -> TruthPerson | None:
-    """Return the person of a row, None without a position."""
+    """Return the person of a row, None if it has no position."""
     position = _vector(row, ("x_m", "y_m", "z_m"))
     if np.isnan(position).any():
         return None

@@ -104,7 +104,7 @@ def truth_of(message: Any, sequence: int) -> Truth:
 
 
 def _angle(person: Any, tag: str) -> float | None:
-    """Return an angle from a tag of exported recordings, None without the tag."""
+    """Return an angle from a tag of exported recordings, None if it is absent."""
     tags = dict(zip(person.tagnames, person.tags, strict=False))
     try:
         angle_rad = float(tags.get(tag, "nan"))

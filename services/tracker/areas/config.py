@@ -14,7 +14,7 @@ Memory = Annotated[float, Meta(gt=0, le=600)]
 class SiteAreaConfig(Config, frozen=True, kw_only=True):
     """The area of a site that this tracker covers; its name is the name of the robot."""
 
-    # Robot names of further hosts with tracked cameras. Names of cameras and frames are unique
+    # Robot names of additional hosts with tracked cameras. Names of cameras and frames are unique
     # across hosts
     hosts: tuple[Name, ...] = ()
     # Number n of this area, unique in the site: its identities are n, n + 1000, n + 2000, ...

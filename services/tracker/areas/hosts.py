@@ -46,7 +46,7 @@ class CameraHosts:
         """Return the topics to listen to.
 
         Args:
-            own: Name of this robot, whose cameras need no further topics.
+            own: Name of this robot, whose cameras need no additional topics.
 
         Raises:
             ConfigError: This robot is one of the hosts.

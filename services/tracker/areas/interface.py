@@ -20,7 +20,7 @@ class AreaTracker(ABC):
 
     @abstractmethod
     def known_people(self) -> KnownPeople | None:
-        """Return the people of the gallery; None without re-identification."""
+        """Return the people of the gallery; None if re-identification is off."""
 
     @abstractmethod
     def learn_neighbours(self, people: Mapping[int, GalleryEntry]) -> None:

@@ -138,7 +138,7 @@ class Neighbours:
         return bool(neighbour.offsets_ns) and abs(median(neighbour.offsets_ns)) > CLOCK_TOLERANCE_NS
 
     def _conflict(self, message: AreaPeople, before: Neighbour | None) -> str:
-        """Return a conflict of names or numbers of areas; empty without one."""
+        """Return a conflict of names or numbers of areas; empty if there is none."""
         area, number = message.area, message.number
         if area == self.name:
             return f"another tracker calls itself area {area}"
@@ -153,7 +153,7 @@ class Neighbours:
         return ""
 
     def _mismatch(self, message: AreaPeople, embedder: str) -> str:
-        """Return a reason to refuse the people of a message; empty without one."""
+        """Return a reason to refuse the people of a message; empty if there is none."""
         area = message.area
         if message.frame_id != self._frame_id:
             return (

@@ -164,7 +164,7 @@ class CameraClocks:
 
         Args:
             camera: Name of the camera.
-            ahead_ns: Error of its corrected stamps, against the reference's.
+            ahead_ns: Error of its corrected stamps relative to the reference.
         """
         clock, reference = self._clocks.get(camera), self._clocks.get(self.reference)
         if clock is None or reference is None or camera == self.reference:

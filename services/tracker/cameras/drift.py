@@ -179,7 +179,7 @@ class CameraDrift:
             rays = frame.positions_m[i] - frame.origin_m, last.positions_m[j] - last.origin_m
             own, its = rays if sign > 0 else rays[::-1]
             # With wrong stamps, velocities are too low after frames of one camera and too high
-            # after the other's.
+            # after frames of the other.
             velocity = (frame.velocities_mps[i] + last.velocities_mps[j]) / 2
             samples.append(
                 _Sample(frame.stamp_ns, sign * apart[i, j], own, its, velocity, between_s)

@@ -14,7 +14,7 @@ BOOL = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class IdentityDecision:
-    """Origin of the identity of a track, see `Track`; None without re-identification."""
+    """Origin of the identity of a track, see `Track`; None if re-identification is off."""
 
     identity: Literal["new", "continued", "reidentified"] | None = None
     confidence: float | None = None  # 0 to 1

@@ -1,7 +1,7 @@
 """Configuration of StrongSORT-3D and the policies around it.
 
 Presets hold the published constants. Sections are sections of docs/method.md; values without a
-source are this project's.
+source are set by this project.
 """
 
 from typing import Annotated, Literal

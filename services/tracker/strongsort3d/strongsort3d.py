@@ -71,7 +71,7 @@ class StrongSort3d(TrackSetTracker, AreaTracker):
             policy.clear()
 
     def known_people(self) -> KnownPeople | None:
-        """Return the gallery; None without re-identification."""
+        """Return the gallery; None if re-identification is off."""
         identity = self._policies.identity
         return (
             KnownPeople(self._embedder[0], dict(identity.entries()))

@@ -67,7 +67,7 @@ def end_position(
     heading: F64 | None,
     up: F64,
 ) -> SurfacePosition | None:
-    """Return the position of a hand or foot by the end of its limb; None without one.
+    """Return the position of a hand or foot by the end of its limb; None if no end is found.
 
     `heading` and `up` are unit vectors in the optical frame.
     """

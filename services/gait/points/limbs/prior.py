@@ -57,7 +57,7 @@ def limb_priors(
     joints: Mapping[str, F64],
     info: CameraInfo,
 ) -> Mapping[str, Normal]:
-    """Return the expected positions of hands and feet by name; empty without a heading (3).
+    """Return the expected positions of hands and feet by name; empty if the heading (3) is None.
 
     `joints` are the known pixels (u, v) of elbows and knees by the name of the hand or foot.
     """

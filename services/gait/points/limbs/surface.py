@@ -54,7 +54,7 @@ def surface_position(
     up: F64,
     info: CameraInfo,
 ) -> SurfacePosition | None:
-    """Return the position of a hand or foot; None without a keypoint on the body.
+    """Return the position of a hand or foot; None if no keypoint is on the body.
 
     `heading` and `up` are unit vectors in the optical frame.
     """

@@ -28,7 +28,7 @@ DISTINCT_END = 0.7  # Minimum strength of the end of a limb that may have any po
 
 @dataclass(frozen=True)
 class PointEvidence:
-    """Evidence of one point in one frame, besides the body."""
+    """Evidence of one point in one frame, in addition to the body."""
 
     anchor: Anchor | None = None  # anchor of its keypoint
     counterpart: PointFilter | None = None  # the same point on the other side of the body
@@ -39,7 +39,7 @@ class PointEvidence:
 class LimbEvidence(NamedTuple):
     """Evidence of the visibility of a measured point, or the weights of this evidence."""
 
-    keypoint: float  # confidence of the keypoint; 0 without one
+    keypoint: float  # confidence of the keypoint; 0 if absent
     has_keypoint: float  # 1 if there is a keypoint, else 0
     keypoint_off_m: float  # distance from the pixel of the keypoint, at the depth of the point
     before_other: float  # [m] depth of the other hand or foot behind the surface
@@ -51,7 +51,7 @@ class LimbEvidence(NamedTuple):
     before: float  # [m] depth of the expected position behind the surface
     own_end: float  # 1 if the surface leads to the end of a limb of its kind, else 0
     off_along_m: float  # difference of the geodesic distance from its reference
-    end: float  # persistence of the matched end of the limb, 0 to 1; 0 without one
+    end: float  # persistence of the matched end of the limb, 0 to 1; 0 if none
 
 
 @dataclass(frozen=True)
