@@ -7,8 +7,8 @@ import numpy.typing as npt
 
 from people4d.errors import SourceError
 
-# Pinhole models with OpenCV's coefficients k1 k2 p1 p2 k3 k4 k5 k6. Models with "brown_conrady" come
-# from librealsense; realsense2_camera also publishes them as plumb_bob.
+# Pinhole models with OpenCV's coefficients k1 k2 p1 p2 k3 k4 k5 k6. "brown_conrady"
+# models come from librealsense; realsense2_camera also publishes them as plumb_bob.
 PINHOLES = (
     *("", "none", "plumb_bob", "rational_polynomial"),
     *("brown_conrady", "inverse_brown_conrady", "modified_brown_conrady"),

@@ -1,4 +1,4 @@
-"""Configuration of the visual odometry; values are set by this project (docs/method.md section 18)."""
+"""Configuration of the visual odometry; values of this project (docs/method.md section 18)."""
 
 from typing import Annotated
 

@@ -199,5 +199,5 @@ def test_silent_broker_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_address_without_a_scheme_is_an_error() -> None:
-    with pytest.raises(ConfigError, match="--mqtt is no address"):
+    with pytest.raises(ConfigError, match="--mqtt is not an address"):
         MqttExporter("robby", "localhost")
