@@ -65,7 +65,7 @@ def main() -> None:
 
 
 def run_group(group: str, arguments: Sequence[str]) -> str | None:
-    """Run the benchmarks of a group, each in a process of its own; return those that failed."""
+    """Run the benchmarks of a group, each in its own process; return the failed ones."""
     failed = []
     for number, name in enumerate(GROUPS[group], 1):
         print(f"{name}, {number} of {len(GROUPS[group])}", flush=True)

@@ -1,6 +1,6 @@
 """Cost of a fault: each service killed, and hung, while three people are tracked.
 
-The system runs as `people4d up` starts it, with frames at 15 Hz of three people who stand. A
+The system runs as `people4d up` starts it, with frames at 15 Hz of three standing people. A
 service is killed (SIGKILL) or made to hang (SIGSTOP) repeatedly, while a client listens through the
 router. Back: from the signal to the first heartbeat of the service's next process that works.
 Silence: the longest pause between two messages with confirmed tracks. Lost: frames without an

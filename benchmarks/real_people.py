@@ -80,7 +80,7 @@ def boxes_by_frame(
 
 
 def position_in(box_xyxy_px: F64, detected: Sequence[TrackedPerson]) -> F64 | None:
-    """Return the position of the detection with the most of its box in common; None without."""
+    """Return the position of the detection with the largest overlap of boxes; None if none."""
     if not detected:
         return None
     overlaps = iou_xyxy(box_xyxy_px, [one.box_xyxy_px for one in detected])[0]

@@ -12,7 +12,7 @@ from tests.network import Network
 
 RERUNS = 2
 NAME_MAX = 100  # maximum length of a value in the name of a test
-SLOWER = ("processes", "network", "render", "slow")  # marks of tests whose files come first
+SLOWER = ("processes", "network", "render", "slow")  # markers of tests that run first
 # Tests that depend on the scheduler of the kernel, which may stop any process of a busy host for
 # seconds: only these are repeated. The reason names what they measure or wait for.
 SCHEDULED = {

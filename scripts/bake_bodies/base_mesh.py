@@ -61,7 +61,7 @@ def read_masks(mesh: Path, textures: Path, names: tuple[str, ...]) -> dict[str, 
 
 
 def texture_positions(mesh: Path) -> F64:
-    """Return one texture coordinate of each vertex, Vx2; 0 without one."""
+    """Return one texture coordinate of each vertex, Vx2; 0 if it has none."""
     coordinates: list[list[float]] = []
     corners: set[tuple[int, int]] = set()
     vertices = 0

@@ -36,7 +36,7 @@ def body(rng: Rng, rgb: U8, view: PersonView) -> U8 | None:
 
 
 def upper_body(rgb: U8, view: PersonView) -> U8 | None:
-    """Return the crop around the shoulders, HxWx6; None without a visible person."""
+    """Return the crop around the shoulders, HxWx6; None if no person is visible."""
     image = np.dstack([rgb, view.planes])
     px_per_m = view.focal_px / view.depth_m
     size = np.array(UPPER_M) * px_per_m

@@ -112,7 +112,7 @@ def draw_motion(rng: Rng, body: DressedBody) -> PersonMotion:
 def views_of_scene(rng: Rng, stage: Stage, images: int) -> Iterator[tuple[int, U8, PersonView]]:
     """Yield the views of one scene: number of the person, HxWx3 image, view.
 
-    Half of the images are of one room.
+    Half of the images show one room.
     """
     dark = bool(rng.random() < DARK_SCENES)
     people = [draw_identity(rng, stage, dark) for _ in range(PEOPLE)]

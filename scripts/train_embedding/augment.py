@@ -120,7 +120,7 @@ def occluded(images: Tensor) -> Tensor:
 def lit(rgb: Tensor, scenes: Tensor) -> Tensor:
     """Return images in other light: exposure, white balance, gradients, glare, tone, saturation.
 
-    Most of the change is common to a scene, as of one camera within minutes.
+    Most of the change is common to a scene, as for one camera within minutes.
     """
     count, several = len(rgb), int(scenes.max()) + 1
     light = rgb.clamp(0, 1) ** 2.2

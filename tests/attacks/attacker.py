@@ -81,7 +81,7 @@ class Attacker:
 
 
 def first_of(subscriber: Any, seconds: float) -> Any:
-    """Return the first sample, None if none comes in time."""
+    """Return the first sample, None if none arrives in time."""
     end_s = time.monotonic() + seconds
     while time.monotonic() < end_s:
         sample = subscriber.try_recv()
@@ -299,7 +299,7 @@ def as_many_messages_of_one_camera(attacker: Attacker) -> None:
 
 @attack
 def invented_frames_of_one_camera(attacker: Attacker) -> None:
-    """Detections of a further camera with a different frame name in each message."""
+    """Detections of another camera with a different frame name in each message."""
     for number in range(200):
         if number % 25 == 0:
             _, found = attacker.hear("detections/*")

@@ -54,8 +54,8 @@ class Observer:
     positions_m: dict[int, F64] = field(default_factory=dict)
     identities: set[int] = field(default_factory=set)  # identities of all people since `begin`
     calm_s: float = 0.0  # longest pause of people before the attack, by this machine alone
-    discontent_before: set[str] = field(default_factory=set)  # checks of the doctor, likewise
-    # Monotonic time of each part of the expected report, once it came
+    discontent_before: set[str] = field(default_factory=set)  # the same for checks of the doctor
+    # Monotonic time at which each part of the expected report arrived
     reported_s: dict[str, float] = field(default_factory=dict)
     _expected: Report = field(default_factory=Report)
     _counted: int = 0  # by the expected counter, before the attack
@@ -83,7 +83,7 @@ class Observer:
         self._client.close()
 
     def begin(self, expected: Report | None = None) -> Snapshot:
-        """Wait until everyone is tracked for a while, begin anew, and return the state."""
+        """Wait until all people are tracked for a while, start again, and return the state."""
         with self._arrived:
             self.positions_m = {}
         self.wait(lambda: bool(self.positions_m) and self.healths.keys() >= self._pids.keys())
@@ -121,7 +121,7 @@ class Observer:
         return max(b - a for a, b in pairwise(self.arrivals_s))
 
     def wait_for_report(self) -> None:
-        """Wait until the whole report that is expected has come."""
+        """Wait until the whole expected report has arrived."""
         self.wait(lambda: self.reported_s.keys() >= self._expected.parts)
 
     def count_of(self, report: Report) -> int:
@@ -140,7 +140,7 @@ class Observer:
             )
 
     def discontent(self) -> set[str]:
-        """Return the checks of the doctor that are not content with what came since `begin`."""
+        """Return the checks of the doctor that report problems since `begin`."""
         with self._arrived:
             return {d.check for d in examine(self.evidence) if d.level != "ok"}
 

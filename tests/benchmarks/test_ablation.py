@@ -10,7 +10,7 @@ PUBLISHED = Part(("tracker.yaw=kalman",), "IMM [Blom 1988]")
 
 
 def events(*rights: float) -> F64:
-    """Return events with ten annotations, so many of them right, and all else perfect."""
+    """Return events with ten annotations, `right` of them correct, and all else perfect."""
     return np.array([[(right, 10.0), (10.0, 10.0), (0.0, 10.0)] for right in rights])
 
 

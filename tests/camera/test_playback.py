@@ -113,7 +113,7 @@ def test_lockstep_window_and_time_out() -> None:
 
 
 def test_source_slower_than_its_stamps_is_slow_with_both_rates() -> None:
-    # Stamps of 30 Hz that come at 3 Hz: over 5 s 15 frames came where 150 are wanted.
+    # Stamps of 30 Hz arrive at 3 Hz: 15 frames in 5 s instead of 150.
     rate = SourceRate()
     for k in range(16):
         rate.add_frame(k * SECOND // 30, k * SECOND // 3)

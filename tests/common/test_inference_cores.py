@@ -22,7 +22,7 @@ two_cores = pytest.mark.skipif(len(ALLOWED) < 2, reason="needs two cores")
 
 
 def in_thread(cores: InferenceCores, environment: dict[str, str]) -> list[set[int]]:
-    """Return a thread's cores after reserving, those of a network's run, and its own after it."""
+    """Return the cores of a thread after reserving, of a network run, and of the thread then."""
     found: list[set[int]] = []
 
     def reserve() -> None:

@@ -64,7 +64,7 @@ def test_the_documented_example_reads_every_field(
 def test_an_array_is_little_endian_and_row_major(
     documented_decode: Callable[[bytes], dict[str, Any]],
 ) -> None:
-    # A Fortran-ordered, big-endian covariance must come out as the same numbers.
+    # A Fortran-ordered, big-endian covariance must be decoded to the same numbers.
     odd = np.asfortranarray(TRACK.covariance.astype(">f8"))
     tracks = (msgspec.structs.replace(TRACK, covariance=odd),)
     message = msgspec.structs.replace(BY_NAME["Tracks"], tracks=tracks)

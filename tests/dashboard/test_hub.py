@@ -69,7 +69,7 @@ def test_history_returns_skeletons_of_the_frame_alone() -> None:
     history.add_packet(frame_packet(1200, 3, "scene"))
     history.add_packet(Packet(1250, "skeletons front", (("skeletons", b""),), 3))
     assert [one.at_ms for one in history.packets_at(1210)] == [1200, 1250]
-    assert [one.at_ms for one in history.packets_at(1150)] == [1100]  # its skeletons never came
+    assert [one.at_ms for one in history.packets_at(1150)] == [1100]  # its skeletons never arrived
 
 
 def test_history_begins_anew_when_the_clock_is_set_back() -> None:

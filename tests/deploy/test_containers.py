@@ -21,7 +21,7 @@ VARIABLES = {"PEOPLE4D_KEYS": "keys", "PEOPLE4D_CONNECT": "tcp/192.168.1.7:7447"
 
 
 def services(file: Path) -> dict[str, dict[str, Any]]:
-    """Return the services of a compose file as Docker sees them without further settings."""
+    """Return the services of a compose file as Docker reads them without other settings."""
     document = compose_file.load(file)
     found: dict[str, dict[str, Any]] = interpolate(document["services"], VARIABLES)
     return found

@@ -23,7 +23,7 @@ __all__ = ["talking"]  # a fixture
 
 Event = dict[str, Any]
 
-# Trace Event Format: what every event has, and what those of a phase have besides.
+# Trace Event Format: fields of every event, and additional fields by phase
 COMMON = {"name": str, "ph": str, "pid": int, "tid": int}
 PHASES: dict[str, dict[str, Any]] = {
     "M": {"args": dict},
@@ -123,7 +123,7 @@ def test_frame_that_never_reached_the_tracker_is_written_in_part() -> None:
 
 def test_overlapping_frames_of_a_process_have_separate_lanes() -> None:
     # Of four frames each 20 ms apart detector-1 has the first and third, 33 ms each: one lane.
-    # The camera and the tracker are done with one before the next comes.
+    # The camera and the tracker are done with one before the next arrives.
     found = events(*healths(), *(tracks(number) for number in range(4)))
     lanes = {e["tid"] for e in found if e["name"] == "frame 2" and e["ph"] == "X"}
     assert lanes == {1}

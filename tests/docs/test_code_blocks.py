@@ -55,7 +55,7 @@ def test_every_block_has_a_known_language() -> None:
 
 @pytest.fixture(scope="module")
 def publishing(network: Network) -> Iterator[str]:
-    """Endpoint of a router through which tracks and gait come."""
+    """Endpoint of a router that forwards tracks and gait."""
     bus, stop = network.open("robot"), threading.Event()
 
     def publish() -> None:

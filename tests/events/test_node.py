@@ -148,7 +148,7 @@ def test_events_of_a_recording_have_the_time_of_its_playing(months: int) -> None
         made += node.handle(tracks(*people, stamp_ns=now_ns + apart_ns), 0)
     assert [(one.kind, one.wall_ns) for one in made] == [
         ("appeared", start_ns),
-        ("disappeared", start_ns),  # its stamp is that of the last message with the person
+        ("disappeared", start_ns),  # with the stamp of the last message with the person
     ]
 
 

@@ -96,7 +96,7 @@ def fuzz(target: Target, corpus: Path, found: Path, seconds: float) -> float:
 
 
 class InputRunner:
-    """Runs inputs and saves those that raise other errors than allowed.
+    """Runs inputs and saves inputs that raise other errors than allowed.
 
     Args:
         read: Reads bytes.
@@ -158,7 +158,7 @@ def _child(target: Target, folders: tuple[Path, Path, Path], seconds: float) -> 
         f"-rss_limit_mb={RSS_MB}",
         f"-timeout={TIMEOUT_S}",
         "-print_final_stats=1",
-        "-report_slow_units=1000",  # by the wall clock; InputRunner counts that of the processor
+        "-report_slow_units=1000",  # by the wall clock; InputRunner counts processor time
         "-close_fd_mask=3",
     ]
     if target.words:

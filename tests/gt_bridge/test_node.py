@@ -77,7 +77,7 @@ def test_a_frame_slightly_out_of_order_changes_nothing() -> None:
 
 
 def test_a_loop_with_rising_stamps_is_followed() -> None:
-    # Round length 2 s: the truth at 1.0, 2.0 comes again at 3.0, 4.0 and at 5.0, 6.0.
+    # Round length 2 s: the truth at 1.0, 2.0 repeats at 3.0, 4.0 and at 5.0, 6.0.
     node = GtBridgeNode(truth(1.0, 2.0), GtBridgeConfig(loop_s=2.0))
     out = [node.handle(frame(s), 0) for s in (1.0, 2.0, 3.0, 4.0, 5.0)]
     assert [stamps_s(m) for m in out] == [[1.0], [2.0], [3.0], [4.0], [5.0]]

@@ -1,4 +1,4 @@
-"""Tracks scored while they come in: numbers by hand, and equal to the metrics on the complete."""
+"""Live scores of tracks: equal to numbers by hand and to the metrics of the whole."""
 
 import itertools
 import math

@@ -114,5 +114,5 @@ def predicted(tracks: Tracks) -> bool:
 
 
 def works_again(service: str, pid: int) -> Callable[[Health], bool]:
-    """Return the test whether a heartbeat is of a service that works and has another process."""
+    """Return a predicate: a heartbeat of the service, working, from another process."""
     return lambda h: h.service == service and works(h) and h.pid != pid

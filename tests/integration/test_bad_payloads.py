@@ -27,7 +27,7 @@ BLOCK = zenoh.CongestionControl.BLOCK  # a busy machine drops what may be droppe
 
 
 class All(Echo):
-    """Takes every message there is, and tells how many of each came."""
+    """Receives all messages, and counts them by type."""
 
     inputs: tuple[type[Message], ...] = tuple(topic.message for topic in TOPICS)
 
@@ -37,7 +37,7 @@ class All(Echo):
 
 
 def bad_payloads(topic: Topic) -> list[bytes]:
-    """Return what may come where a message of a topic is expected."""
+    """Return payloads that may arrive instead of a message of a topic."""
     good, chance = encode(BY_NAME[topic.message.__name__]), random.Random(topic.name)
     foreign = next(message for message in FULL if type(message) is not topic.message)
     return [

@@ -143,7 +143,7 @@ def test_tracks_continue_by_motion_without_reid(working: System) -> None:
     # A killed one is back too soon to be missed; a stopped one when the watchdog replaces it.
     killed = working.signal("reid", signal.SIGSTOP)
     reason = "no embeddings arrive: tracks are matched by motion alone"
-    # A machine that is busy besides may be too slow as well, which the reason tells, too.
+    # On a busy machine the reason may also say that the service is too slow.
     watcher.wait(Health, lambda h: h.service == "tracker" and reason in h.reason)
     watcher.wait(Tracks, lambda m: shows_people(m) and not any("reid" in s.stage for s in m.trace))
     assert seconds(lambda: watcher.wait(Health, works_again("reid", killed))) < BACK_S
@@ -156,7 +156,7 @@ def test_killed_tracker_is_replaced_and_reuses_no_identity(working: System) -> N
     before = watcher.wait(Tracks, shows_people)
     killed = working.signal("tracker", signal.SIGKILL)
     assert seconds(lambda: watcher.wait(Health, works_again("tracker", killed))) < BACK_S
-    # The same people, or those of the next round of the recording: then with new numbers.
+    # The same people, or in the next round of the recording people with new numbers.
     newest = max(person.id for person in before.tracks)
     after = working.watch(Tracks).wait(Tracks, shows_people)
     assert all(p.id >= min(q.id for q in before.tracks) for p in after.tracks)
@@ -201,7 +201,7 @@ def test_subscriber_receives_again_after_the_router_is_killed(working: System) -
     before = watcher.wait(Health, lambda h: h.service == "tracker")
     killed = working.signal("router", signal.SIGKILL)
     assert seconds(lambda: watcher.wait(Health, works_again("router", killed))) < BACK_S
-    # The services talk on among themselves: none was started anew, none stood still.
+    # The services keep exchanging messages: none was restarted, none stalled.
     after = watcher.wait(
         Health, lambda h: h.service == "tracker" and h.stamp_ns > before.stamp_ns + 2 * 10**9
     )

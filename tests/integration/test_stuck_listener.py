@@ -92,7 +92,7 @@ def until_heard(publisher: zenoh.Publisher, listener: "subprocess.Popen[str]") -
 
 
 def read_soon(listener: "subprocess.Popen[str]") -> str:
-    """Return a line if one comes within a tenth of a second."""
+    """Return a line if one arrives within a tenth of a second."""
     assert listener.stdout
     ready, _, _ = select.select([listener.stdout], [], [], 0.1)
     return listener.stdout.readline() if ready else ""
@@ -106,6 +106,6 @@ def longest_wait_s(publishers: Sequence[zenoh.Publisher], heard: "queue.Queue[by
         begin_s = time.monotonic()
         publishers[number % len(publishers)].put(payload)
         while heard.get(timeout=WAIT_S) != payload:
-            pass  # what came before
+            pass  # earlier output
         longest_s = max(longest_s, time.monotonic() - begin_s)
     return longest_s

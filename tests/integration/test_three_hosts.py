@@ -127,7 +127,7 @@ def write_slow(path: Path) -> None:
 def heard(run: Callable[[str, str], str], folder: Path, router: str, wanted: set[str]) -> set[str]:
     """Record people in intervals until messages of all cameras have arrived."""
     found = set[str]()
-    for attempt in range(10):  # frames come once a second and camera
+    for attempt in range(10):  # one frame a second and camera
         file = f"people{attempt}-{len(wanted)}.mcap"
         run("tracker", f"people4d record {file} {router} --topics people --seconds 3")
         recording = open_recording(folder / file)

@@ -62,7 +62,7 @@ def test_tracks_are_byte_for_byte_the_same_together_and_apart(
     together = subprocess.Popen(command, env=environment)
     try:
         assert tracks(watcher) == apart
-        assert together.wait(60) == 0  # the camera came to its end
+        assert together.wait(60) == 0  # the camera finished
     finally:
         together.kill()
         together.wait()

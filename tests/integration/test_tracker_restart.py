@@ -70,7 +70,7 @@ def test_killed_tracker_restores_identities_and_reuses_none(
     with feeding.tracker():  # 1.5 s and 0.3 m later
         tracks = sorted(feeding.see(range(35, 45), shift_m=0.3).tracks, key=lambda t: t.id)
         assert [(t.id, t.state) for t in tracks] == [(k, "confirmed") for k in before]
-        # Ten seconds later come two people of another appearance, 2.7 m away.
+        # Ten seconds later two people of another appearance arrive, 2.7 m away.
         others = feeding.see(range(150, 160), shift_m=3.0, embeddings=OTHERS).tracks
         confirmed = [track.id for track in others if track.state == "confirmed"]
         assert len(confirmed) == 2
@@ -81,13 +81,13 @@ def test_stopped_tracker_answers_all_received_detections(network: Network, tmp_p
     feeding = Feeding(network, tmp_path)
     with feeding.tracker() as tracker:
         feeding.see(range(5))
-        for k in range(5, 45):  # their embeddings do not come, so all of them wait
+        for k in range(5, 45):  # their embeddings do not arrive, so all of them wait
             feeding.bus.publish(detected(k, [person()]))
         feeding.watcher.wait_for_counters(received_detections=6)
         tracker.send_signal(signal.SIGTERM)
         counters = feeding.watcher.wait(Health, lambda h: h.state == "stopping").counters
         assert tracker.wait(10) == 0
     assert counters["received_detections"] > 5
-    # On a busy machine predictions are sent besides, with the number of the frame before.
+    # On a busy machine predictions are also sent, with the number of the previous frame.
     assert counters["sent_people"] >= counters["received_detections"]
     feeding.watcher.wait(Tracks, is_number(counters["received_detections"] - 1))

@@ -34,7 +34,7 @@ DRIVE = "drive = [{ for_s = 1.2, speed_mps = 0.2, turn_dps = 10.0 }]"
 
 
 def write_scenario(folder: Path, camera: str = "", name: str = "walk") -> Path:
-    """Write a scenario; further lines go into its table of the camera."""
+    """Write a scenario; additional lines go into its table of the camera."""
     path = folder / f"{name}.toml"
     path.write_text(WALK.format(camera=camera))
     return path

@@ -31,7 +31,7 @@ from services.skeleton.config import SkeletonConfig
 from tests import DEMO, ROOT
 
 BUDGETS = Path(__file__).with_name("budgets.json")
-WARM, COUNTED = 20, 10  # frames before those that are counted, and the number of these
+WARM, COUNTED = 20, 10  # number of warm-up frames, and of counted frames
 TOLERANCE = 0.03  # share of a budget
 SHOWN = 5  # files that are named
 MODEL = "movenet-multipose"  # float: of the same output on every processor
@@ -80,7 +80,7 @@ def file_of(frame: FrameType) -> str:
 
 
 def is_of_arrays(function: Any) -> bool:
-    """Check whether a compiled function is of NumPy or OpenCV."""
+    """Check whether a compiled function belongs to NumPy or OpenCV."""
     module = getattr(function, "__module__", None) or type(function.__self__).__module__
     return str(module).partition(".")[0] in {"numpy", "cv2"}
 

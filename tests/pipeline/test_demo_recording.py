@@ -157,7 +157,7 @@ def test_yaw_is_that_of_the_chest(pairs: list[Pair]) -> None:
         for _, person, track in settled(pairs)
         if track.yaw_rad is not None and person.yaw_rad is not None
     ]
-    assert len(errors) > 0.9 * len(settled(pairs))  # of those who stand as well
+    assert len(errors) > 0.9 * len(settled(pairs))  # standing people included
     assert np.median(errors) < np.radians(12)
     assert np.percentile(errors, 90) < np.radians(30)
 

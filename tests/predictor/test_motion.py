@@ -91,7 +91,7 @@ def test_prediction_without_measurement_by_hand(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_mode_changes_by_hand() -> None:
-    # A person who stands leaves that mode at 0.06 per second: exp(-0.06) = 0.941765 after 1 s, and
+    # A standing person leaves that mode at 0.06 per second: exp(-0.06) = 0.941765 after 1 s, and
     # the rest is divided equally.
     motion = initial_motion(np.zeros((1, 2)), np.ones(1))
     motion.modes[:] = [1.0, 0.0, 0.0]

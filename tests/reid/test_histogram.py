@@ -11,7 +11,7 @@ Colour = tuple[int, int, int]
 
 
 def image_of(head: Colour, torso: Colour, legs: Colour, height: int = 100, width: int = 40) -> U8:
-    """Return a person whose parts end at 18 % and 48 % of the height."""
+    """Return a person with parts that end at 18 % and 48 % of the height."""
     rgb = np.zeros((height, width, 3), np.uint8)
     rgb[:] = legs
     rgb[: round(0.48 * height)] = torso

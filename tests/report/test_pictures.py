@@ -65,7 +65,7 @@ def test_the_mask_is_tinted_only_inside() -> None:
     person = detection()
     image = annotate(frame(0).rgb, detections(0, [person]), None, None)
     assert (image[78, 62] != 128).any()  # in the mask (60, 40) to (80, 80), off the skeleton
-    assert (image[100, 95] == 128).all()  # in the box, beside the mask
+    assert (image[100, 95] == 128).all()  # in the box, outside the mask
 
 
 def test_a_lost_track_is_drawn_where_it_is_predicted() -> None:

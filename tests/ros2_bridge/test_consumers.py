@@ -1,4 +1,4 @@
-"""Messages of people as planners read them: no refusal, and the right numbers.
+"""Messages of people as planners read them: accepted, with the right numbers.
 
 A robot drives, people come, go, hide and turn; its transforms arrive 40 ms after their stamps, as
 those of a SLAM do, and people 60 ms after the image.

@@ -53,7 +53,7 @@ class Tfjs:
         )
 
     def run(self, folder: Path, image: npt.ArrayLike, head: str) -> npt.NDArray[Any]:
-        """Convert and run on an HxWx3 image; the head comes back as CxHxW."""
+        """Convert and run on an HxWx3 image; the output is CxHxW."""
         model = {
             "modelTopology": {"node": self.nodes},
             "weightsManifest": [{"weights": self.manifest}],

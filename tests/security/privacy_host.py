@@ -3,7 +3,7 @@
     python -m tests.security.privacy_host camera ENDPOINT          # publishes until it is ended
     python -m tests.security.privacy_host listen ENDPOINT COUNT    # prints bytes by key as JSON
 
-A listener subscribes to everything below people4d, and ends after so many messages of tracks.
+A listener subscribes to everything below people4d, and ends after a number of messages of tracks.
 """
 
 import json

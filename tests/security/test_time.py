@@ -14,7 +14,7 @@ pytestmark = pytest.mark.network
 
 
 def gets_reply(bus: ZenohBus, seconds: float) -> bool:
-    """Query until a reply comes; return False if none does."""
+    """Query until a reply arrives; return False if none does."""
     replied = threading.Event()
     end_s = time.monotonic() + seconds
     while not replied.is_set() and time.monotonic() < end_s:

@@ -31,7 +31,7 @@ def walker(number: int, x: float = 0.0) -> Track:
 
 
 def hear(node: SiteNode, area: str, now_ns: int, *people: Track, **fields: Any) -> None:
-    """Let the site hear people of an area as they come on the wire."""
+    """Send people of an area to the site, encoded."""
     message = builders.tracks(*people, **{"stamp_ns": now_ns, **fields})
     topic = next(t for t in node.foreign_inputs if t.key == f"people4d/v1/{area}/people")
     node.handle(topic.decode(encode(message)), now_ns)

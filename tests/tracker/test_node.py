@@ -297,7 +297,7 @@ def walk(target: TrackerNode, frames: int = 10, start: int = 0) -> list[Tracks]:
 def test_predictions_go_on_for_half_a_second_while_no_detections_come() -> None:
     target = node(tracker="sort3d")
     target.handle(TRANSFORM, 0)
-    walk(target)  # the last frame came at 900 ms; frames come every 100 ms
+    walk(target)  # the last frame arrived at 900 ms; frames arrive every 100 ms
     assert target.wake_ns() == 1200 * MS  # 3 usual intervals are longer than 0.2 s
     assert target.tick(1199 * MS) == []
     results = list[Tracks]()
@@ -378,7 +378,7 @@ def test_two_cameras_are_tracked_in_one_order_of_stamps_if_a_wait_is_set() -> No
     target = node(tracker="sort3d", reorder_wait_s=0.1)
     back = msgspec.structs.replace(TRANSFORM, child="back_optical")
     assert len(feed(target, [TRANSFORM, back, detected(0, [])])) == 1
-    # The back camera's frames (50 and 150 ms) come before the front camera's (100 ms).
+    # The back camera's frames (50 and 150 ms) arrive before the front camera's frame (100 ms).
     assert target.handle(detected(0, [], "back", late_ms=50), 10 * MS) == []
     assert target.handle(detected(1, [], "back", late_ms=50), 20 * MS) == []
     results = tracks(target.handle(detected(1, []), 30 * MS))
@@ -447,7 +447,7 @@ def driven(number: float, x_m: float) -> Odometry:
 
 
 def test_standing_person_has_no_velocity_before_a_driving_robot() -> None:
-    # 1 m/s towards a person who stands at (5, 0): seen 0.1 m nearer in each frame.
+    # 1 m/s towards a standing person at (5, 0): 0.1 m nearer in each frame.
     target = node(tracker="sort3d", frame_id="odom", publish_tentative=True)
     results = feed(target, [MOUNT, driven(0, 0.0)])
     for k in range(10):

@@ -30,7 +30,7 @@ def begun(*detectors: str, **fields: float) -> TrackerNode:
 
 
 def at(number: int) -> int:
-    """The number that comes so many frames after the last one of `begun`."""
+    """The number `frames` after the last number of `begun`."""
     return 100 + number
 
 
@@ -88,7 +88,7 @@ def test_frame_missed_by_the_only_detector_causes_no_wait() -> None:
 
 
 def test_frame_missed_by_all_replicas_causes_no_wait() -> None:
-    # b has sent 4, so 3 waits only for a; when a sends 5, frames 1 to 4 come no more.
+    # b has sent 4, so 3 waits only for a; when a sends 5, frames 1 to 4 will not arrive.
     target = begun("a", "b")
     assert order(target, [by("b", at(4))]) == []
     assert order(target, [by("a", at(5))]) == [4, 5]

@@ -21,7 +21,7 @@ def rmse(errors: list[F64]) -> float:
     return float(np.sqrt(np.mean(np.square(errors))))
 
 
-# The noise is of a stereo camera at 3 to 5 m. StrongSORT-3D is run with [PIC4SeR]'s noise model
+# The noise suits a stereo camera at 3 to 5 m. StrongSORT-3D is run with [PIC4SeR]'s noise model
 # (sigma_a = sigma_m = 0.5), which lags behind turns: it pays from about 0.12 m of noise on.
 @pytest.mark.parametrize(("name", "noise_m"), [("sort3d", 0.05), ("strongsort3d", 0.2)])
 @pytest.mark.parametrize("seed", [0, 1, 2])

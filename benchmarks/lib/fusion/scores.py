@@ -144,7 +144,7 @@ def _of_person(in_views: F64, tracked: F64) -> HandOvers:
 
 
 def gaps(in_views: F64) -> Iterator[tuple[int, int]]:
-    """Yield the times at which a person leaves all views, and comes back before another camera.
+    """Yield the times at which a person leaves all views, and returns in view of another camera.
 
     Args:
         in_views: TxC flags, ten a second.

@@ -131,7 +131,7 @@ def compared(
 
 
 def keypoints_alone(recording: GaitRecording) -> PointResults:
-    """Return the points at the depth of keypoints, without any filter."""
+    """Return the points at the depth of keypoints, unfiltered."""
     points = np.full(recording.truth.points_m.shape, np.nan)
     for index, frame in enumerate(recording.frames()):
         for k, detection in enumerate(recording.detections[index]):

@@ -50,7 +50,7 @@ class MarkTruth:
     """One mark with surface and yaw."""
 
     mark: Mark
-    point_m: F64 | None  # 3, surface at the mark, in the map; None without depth
+    point_m: F64 | None  # 3, surface at the mark, in the map; None if depth is missing
     yaw_rad: float | None  # in the map; None: uncertain
 
 

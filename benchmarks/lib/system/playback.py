@@ -50,7 +50,7 @@ class Playback:
     rate_hz: float  # tracked frames a second
     cpu_ms: float  # processor time of all processes for one frame
     memory_mb: dict[str, float]  # proportional set size of each process by instance
-    paths: list[FramePath]  # path of every frame to the subscriber; empty without tracing
+    paths: list[FramePath]  # path of every frame to the subscriber; empty if tracing is off
     end_to_end_ms: list[float]  # [ms] from the camera's stamp to the subscriber
 
     @property

@@ -39,7 +39,7 @@ def captures(source: FolderSource) -> list[SourceFrame]:
 
 
 def test_pairs_by_number_not_by_name(tmp_path: Path) -> None:
-    # As text frame_10 comes before frame_2.
+    # As text frame_10 precedes frame_2.
     put(numbered(tmp_path) / "rgb/frame_99.png", 0, depth=False)
     source = FolderSource(tmp_path, FolderOptions(fps=10))
     found = captures(source)
@@ -204,7 +204,7 @@ def test_registered_depth_edges_meet_colour_edges(shared: Path) -> None:
         gradient = np.minimum(np.abs(cv2.Sobel(grey, cv2.CV_32F, 1, 0)), 200)
         depth = scipy.io.loadmat(pair.depth)["depth_array"]
         metres = cv2.medianBlur(source.registration(depth), 3) / 1000.0
-        for side in (-1, 1):  # the body is near, six pixels further out it is far
+        for side in (-1, 1):  # the body is near; six pixels farther out the wall is far
             outside, next_to = np.roll(metres, side * 6, 1), np.roll(metres, side, 1)
             outline = (metres > 0) & (outside > metres + 0.4)
             outline &= ~((next_to > 0) & (next_to < metres + 0.4))

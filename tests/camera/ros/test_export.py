@@ -150,7 +150,7 @@ def test_a_bag_plays_as_the_recording_does(
     assert [c.stamp_ns for c in found] == [c.stamp_ns for c in captures]
     for a, b in zip(captures, found, strict=True):
         assert np.array_equal(a.depth_mm, b.depth_mm)
-        # JPEG of an even colour: coding it once more changes a level by one or two
+        # JPEG of a uniform colour: another encoding changes a level by one or two
         assert np.abs(a.rgb.astype(int) - b.rgb).max() <= (2 if compressed else 0)
     moves = [item for item in theirs if isinstance(item, Odometry)]
     for k, move in enumerate(moves):

@@ -170,7 +170,7 @@ def test_camera_node_publishes_calibration_before_the_first_frame(
             sent += node.tick(time.monotonic_ns())
             time.sleep(0.002)
     assert [type(message) for message in sent[:3]] == [CameraInfo, StaticTransform, RgbdFrame]
-    assert sent[1].parent == "map"  # the mount of the settings: no transform came
+    assert sent[1].parent == "map"  # the mount of the settings: no transform arrived
     assert node.status().state == "ready"
     node.close()
 

@@ -70,6 +70,6 @@ def test_best_name_of_a_driver_is_chosen_among_its_own() -> None:
     types |= {f"{node}/{name}/compressed": COMPRESSED for name in names}
     topics = find_topics(types, NONE)
     assert topics.colour == f"{node}/rgb/image_rect_color"
-    # A camera beside it is none of its own.
+    # The CameraInfo of another camera is not used.
     with pytest.raises(SourceError, match=r"several.*colour: /front/image_color"):
         find_topics(types | {"/front/image_color": IMAGE}, NONE)

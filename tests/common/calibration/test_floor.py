@@ -78,7 +78,7 @@ def test_people_who_pass_do_not_hide_it() -> None:
 def observe(
     cameras: Sequence[WalkCamera], floors: Mapping[str, dict[str, Any]], duration_s: float = 15.0
 ) -> list[CameraObservations]:
-    """Return what cameras see of two people, and of the floor those that are named."""
+    """Return the views of two people by all cameras, and of the floor by the named cameras."""
     collector = ObservationCollector()
     for arrived_ns, message in messages(cameras, [wander(3), wander(4)], duration_s):
         collector.add_message(message, arrived_ns)

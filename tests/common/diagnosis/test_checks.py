@@ -127,7 +127,7 @@ def test_exceptions_of_a_process_are_a_problem_with_their_count(heard: Heard) ->
     found = heard.found("exceptions")
     assert found.level == "problem"
     assert found.what == f"detector-1 fails, 40 times since its start: {reason}"
-    heard.counters["detector-1"][0]["errors"] = 40  # none of them is recent
+    heard.counters["detector-1"][0]["errors"] = 40  # no error is recent
     assert heard.found("exceptions").level == "warning"
 
 
@@ -337,7 +337,7 @@ def test_messages_of_another_version_are_reported(heard: Heard) -> None:
 
 
 def test_clocks_apart_without_a_reference_are_a_problem(heard: Heard) -> None:
-    heard.late_ns = -2 * S  # they come two seconds before they were sent
+    heard.late_ns = -2 * S  # they arrive two seconds before they were sent
     assert heard.found("clocks").what == "host clocks differ: robot is 2000 ms ahead"
 
 

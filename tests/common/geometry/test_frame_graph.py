@@ -59,7 +59,7 @@ def test_mocap_that_measured_the_camera_is_found_through_it() -> None:
 
 
 def test_transforms_of_the_link_win_over_the_rule() -> None:
-    # This maker puts the link 1.5 cm beside the lens.
+    # This vendor places the link 1.5 cm from the lens.
     frames = graph(
         transform("camera_link", "camera_optical_frame", shift(0, 0.015) @ LINK_FROM_OPTICAL),
         transform("map", "camera_link", shift(1.0)),

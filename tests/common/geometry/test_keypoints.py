@@ -11,7 +11,7 @@ INFO = builders.camera_info(width=160, height=120, fx=100.0)
 
 
 def person(depth_m: float, confidence: float = 0.9) -> Detection:
-    """Return a person two metres away of whom the left shoulder is seen at u 130, v 60."""
+    """Return a person two metres away, with the left shoulder at u 130, v 60."""
     keypoints, depths_m = np.zeros((17, 3), np.float32), np.zeros(17, np.float32)
     keypoints[5], depths_m[5] = (130, 60, confidence), depth_m
     position_m = np.array([0.0, 0.0, 2.0])

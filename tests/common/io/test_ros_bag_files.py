@@ -45,7 +45,7 @@ def images(path: Path) -> int:
 @pytest.mark.parametrize("name", ["run#1", "run?x=1", "run%201", "a b", "umläut"])
 def test_path_with_characters_of_a_uri_is_the_file_that_it_names(tmp_path: Path, name: str) -> None:
     ros = Ros(2)
-    # Unquoted, run%201 would be the file beside it.
+    # Unquoted, run%201 would name the neighbouring file.
     ros.write(tmp_path / "run 1", frames(ros, count=1))
     path = ros.write(tmp_path / "bag", frames(ros, count=3)).rename(tmp_path / name)
     (path / "bag.db3").rename(path / "run 1.db3")

@@ -52,7 +52,7 @@ def test_embedded_model_is_the_one_of_the_manifest() -> None:
         ("[m]\nkind='k'\nfile='/etc/f'\nlicence=''\ninput=''\nget=''", "plain file name"),
         ("[m]\nkind='k'\nfile='..'\nlicence=''\ninput=''\nget=''", "plain file name"),
         ("[m]\nkind='k'\nfile='a/f'\nlicence=''\ninput=''\nget=''", "plain file name"),
-        # The terminal of who lists the models must not be steered by them.
+        # Names of models must not send control sequences to the terminal.
         ('[m]\nkind="k"\nfile="f"\nlicence=""\ninput=""\nget="\\u001b[2J"', "can be printed"),
         ("a = " + "[" * 5000, "is not TOML: lists or tables are nested too deeply"),
         (

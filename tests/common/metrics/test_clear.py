@@ -123,20 +123,20 @@ def test_who_need_not_be_found_is_neither_miss_nor_match() -> None:
 
 
 def test_one_track_goes_to_the_person_who_has_to_be_found() -> None:
-    # The only track is nearer to H, who is hidden behind A.
+    # The only track is nearer to H, hidden behind A.
     counts = count(sequence((truth({"A": 0, "H": 0.4}, hidden="H"), {1: 0.3})))
     assert (counts.matches, counts.misses, counts.false_alarms) == (1, 0, 0)
 
 
 def test_the_track_of_a_person_beside_the_view_is_not_lent_to_another() -> None:
-    # B is half beside the image, but measured there; A is in view and missed, then found.
+    # B is half outside the image, but measured there; A is in view and missed, then found.
     beside = truth({"A": 0, "B": 0.4}, out="B")
     counts = count(sequence((beside, {2: 0.4}), (beside, {2: 0.4, 1: 0})))
     assert (counts.misses, counts.id_switches, counts.false_alarms) == (1, 0, 0)
 
 
 def test_the_predicted_track_of_a_hidden_person_is_not_lent_to_another() -> None:
-    # H's track 2 goes on while H is hidden; A beside loses its own track: a miss, no switch.
+    # H's track 2 continues while H is hidden; A loses its own track: a miss, no switch.
     counts = count(
         sequence(
             ({"A": 0, "H": 0.4}, {1: 0, 2: 0.4}),

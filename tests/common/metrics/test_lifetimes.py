@@ -94,7 +94,7 @@ def test_each_visit_counts_as_a_return_of_its_own() -> None:
 
 
 def test_what_is_no_return() -> None:
-    # 1.5 s away is too short; hidden is not away; who had no track before cannot be known again.
+    # 1.5 s away is too short; hidden is not away; re-identification requires an earlier track.
     short = sequence(({"A": 0}, {1: 0}), *[GONE] * 2, ({"A": 0}, {2: 0}))
     hidden = sequence(
         ({"A": 0}, {1: 0}), *[(truth({"A": 0}, hidden="A"), {})] * 6, ({"A": 0}, {2: 0})

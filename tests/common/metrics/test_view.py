@@ -1,4 +1,4 @@
-"""Whom a camera can see, worked by hand."""
+"""Visibility of people in a camera, worked by hand."""
 
 import msgspec
 import numpy as np

@@ -17,7 +17,7 @@ from tests.network import WAIT_S
 
 
 def definition(kind: str) -> str:
-    """Return the text of one type, without those inside it."""
+    """Return the text of one type, without nested types."""
     lines = []
     fields: Any = types.typestore().fielddefs[kind][1]
     for name, (node, detail) in fields:
@@ -52,7 +52,7 @@ def _type_name(kind: str, node: Nodetype, detail: Any) -> str:
 
 
 class Sdk:
-    """zenoh-ros2-sdk on a router; types come from files, so that it downloads none."""
+    """zenoh-ros2-sdk on a router; types are read from files, so it downloads none."""
 
     def __init__(self, endpoint: str, folder: Path) -> None:
         self.where = {"router_ip": "127.0.0.1", "router_port": int(endpoint.rpartition(":")[2])}
@@ -62,7 +62,7 @@ class Sdk:
         self._folder = folder
 
     def learn(self, kind: str) -> str:
-        """Register a type and those inside it; return its own definition."""
+        """Register a type and its nested types; return its own definition."""
         for name in inside(kind):
             package, _, short = name.split("/")
             file = self._folder / package / "msg" / f"{short}.msg"
@@ -100,7 +100,7 @@ class Received:
             self._changed.notify_all()
 
     def wait(self, send: Callable[[], object] = lambda: None) -> Any:
-        """Send again and again until a message came, and return the first."""
+        """Send repeatedly until a message arrives, and return the first."""
         end = time.monotonic() + WAIT_S
         with self._changed:
             while not self.messages:

@@ -36,7 +36,7 @@ PERSON = {"position": {"x": 1.0}, "velocity": {"x": -0.5}, "tagnames": ["id"], "
 
 
 def schema(kind: str) -> bytes:
-    """Return a type with those inside it, as ROS 2 writes it into MCAP."""
+    """Return a type with its nested types, as ROS 2 writes it into MCAP."""
     *others, _ = inside(kind)
     parts = [definition(kind)]
     parts += [f"MSG: {name.replace('/msg/', '/')}\n{definition(name)}" for name in others]

@@ -1,4 +1,4 @@
-"""Topics as of rmw_zenoh, with clients that others wrote, on the loopback interface."""
+"""Topics of rmw_zenoh with third-party clients, on the loopback interface."""
 
 import struct
 from collections.abc import Iterator

@@ -30,7 +30,7 @@ def put(inbox: Inbox, topic: Topic, sequence: int, key: str = "k", lockstep: boo
 
 
 def taken(inbox: Inbox) -> list[int]:
-    """Empty the inbox and return the sequence numbers in the order in which they came out."""
+    """Empty the inbox and return the sequence numbers in order."""
     sequences = []
     while arrival := inbox.get(0.0):
         sequences.append(arrival.message.sequence)
@@ -54,7 +54,7 @@ def test_newest_frame_of_each_camera_waits() -> None:
 
 
 def test_lockstep_frames_are_not_dropped() -> None:
-    # The camera has at most two unanswered, and so many find room.
+    # At most two frames are unanswered, and both find room.
     inbox = Inbox()
     for sequence in (1, 2):
         put(inbox, FRAMES, sequence, lockstep=True)

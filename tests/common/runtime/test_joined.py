@@ -173,7 +173,7 @@ def test_a_latched_message_comes_once_to_a_service_beside_it(network: Network) -
     thread.start()
     assert loop.ready.wait(WAIT_S)
     bus.publish(info)
-    bus.publish(detections(1))  # of another topic, so it may pass those before it
+    bus.publish(detections(1))  # another topic, so it may overtake earlier messages
     outside = Watcher(network.open(bus.robot), type(info))
     outside.wait(type(info))  # a late joiner of another process has it, too
     loop.stop()

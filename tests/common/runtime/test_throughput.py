@@ -1,4 +1,4 @@
-"""Missing streams, and streams that come too fast."""
+"""Missing streams, and streams that are too fast."""
 
 from common.runtime.throughput import Throughput
 from people4d.topics import BY_NAME
@@ -28,7 +28,7 @@ def test_output_that_stopped_is_missing_likewise() -> None:
 
 
 def test_skipped_frames_are_reported_with_their_rates() -> None:
-    # In 2 s 60 frames came and 38 were pushed out by newer ones: 30 and 19 a second.
+    # In 2 s 60 frames arrived and newer ones replaced 38: 30 and 19 a second.
     throughput = Throughput([FRAMES], [], now_s=0.0)
     assert throughput.losing({"received_frames": 10, "dropped_frames": 0}, 0.0) == ""
     reported = throughput.losing({"received_frames": 70, "dropped_frames": 38}, 2.0)

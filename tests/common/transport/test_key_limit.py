@@ -62,4 +62,4 @@ def test_each_message_on_too_many_keys_counts_as_bad() -> None:
     )
     queue = MessageQueue()
     queue.follow(subscription, BY_NAME["detections"]).join()
-    assert queue.counters["bad_detections"] == 9 + 2  # that of the known key is no message, either
+    assert queue.counters["bad_detections"] == 9 + 2  # the payload of the known key is invalid, too

@@ -11,7 +11,7 @@ from tests.contract.examples import BY_NAME
 
 
 class Evaluator(Node):
-    """Answers Tracks with Truth, and one Odometry when its time has come."""
+    """Answers Tracks with Truth, and sends one Odometry when it is due."""
 
     inputs: tuple[type[Message], ...] = (Tracks,)
 

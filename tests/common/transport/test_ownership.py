@@ -54,7 +54,7 @@ def test_message_of_another_session_is_refused_while_the_owner_is_announced() ->
 
 
 def test_no_key_is_read_of_a_program_that_is_no_producer() -> None:
-    # A transform of an invented frame may link two real ones anew.
+    # A transform of an invented frame may form a second link between two real frames.
     owners = owners_of(camera="c1", detector="d1")
     other = KEY.replace("front", "other")
     assert isinstance(owners.receive(other, "x", encode(camera_info()))[0], RefusedPayload)

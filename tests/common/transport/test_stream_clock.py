@@ -52,7 +52,7 @@ def test_recording_is_mapped_to_the_time_at_which_its_source_sends(
     clock = StreamClock(wall)
     for k in range(3):
         sent_ns = NOW_NS + k * 33 * MS
-        wall.now_ns = sent_ns + 120 * MS + k * MS  # of which 120 ms were spent in the pipeline
+        wall.now_ns = sent_ns + 120 * MS + k * MS  # including 120 ms in the pipeline
         assert clock.wall_ns(tracks(sent_ns + ahead_ns, sent_ns=sent_ns + k * MS)) == sent_ns
 
 

@@ -37,7 +37,7 @@ def publish_until(arrived: threading.Event, bus: ZenohBus, message: Message) -> 
 
 
 def arrival(bus: ZenohBus, topic: str) -> threading.Event:
-    """Return an event that is set when the first message of a topic comes."""
+    """Return an event that is set when the first message of a topic arrives."""
     arrived = threading.Event()
     subscription = bus.subscribe(BY_NAME[topic])
 
@@ -84,7 +84,7 @@ def test_busy_subscriber_gets_the_newest_frames(network: Network) -> None:
     publish_until(arrival(detector, "odometry"), camera, EXAMPLES["Odometry"])
     for sequence in range(20):
         camera.publish(numbered("RgbdFrame", sequence))
-    # It comes last on the same link, so the frames are there.
+    # It is the last message on the same link, so the frames have arrived.
     camera.publish(EXAMPLES["Truth"])
     marks.wait(Truth)
     waiting = iter(frames)
@@ -222,7 +222,7 @@ def test_the_environment_wins_over_the_file() -> None:
     router = read_config(None, "router", both)
     assert endpoints(router, "listen") == ["tcp/0.0.0.0:3"]
     assert "tcp/10.0.0.1:1" not in str(router.get_json("connect/endpoints"))
-    # A client beside the router once tried to take its port.
+    # A client on the router's host once tried to take its port.
     client = read_config(None, "client", both)
     assert "tcp/0.0.0.0:3" not in str(client.get_json("listen/endpoints"))
 

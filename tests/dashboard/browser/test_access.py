@@ -71,7 +71,7 @@ def test_page_connects_again_after_service_and_router_restart(
 
 
 def is_still(page: Page) -> bool:
-    """Check that no people come."""
+    """Check that no people arrive."""
     before_ms = stored(page, "atMs")
     page.wait_for_timeout(1000)
     return bool(stored(page, "atMs") == before_ms)

@@ -50,7 +50,7 @@ def pause(page: Page) -> dict[str, Any]:
 
 
 def alone(scene: dict[str, Any]) -> list[int]:
-    """Return the people whose boxes touch no other, with a margin."""
+    """Return the people with boxes that touch no other box, with a margin."""
     boxes = {one["id"]: one["box_px"] for one in scene["boxes"] if one["id"] is not None}
 
     def apart(one: int, other: int) -> bool:
@@ -176,7 +176,7 @@ def cloud_frame(page: Page) -> str:
     return page.locator(SPACE).get_attribute("data-cloud") or ""
 
 
-# Decoding takes 0.3 s, in which newer people come; what is drawn is recorded.
+# Decoding takes 0.3 s, in which newer people arrive; drawings are recorded.
 SLOW = """
 const frames = new Map(), boxes = new Map();
 const sum = (bytes) => bytes.reduce((one, other) => (31 * one + other) % 1000003, 0);
@@ -224,7 +224,7 @@ def test_boxes_are_drawn_on_the_image_of_their_frame_under_load(open_page: Open)
         "window.drawn.map((one) => ({ ...one, expected: window.expected(one.frame) }))"
     )
     assert max(len(one["lefts"]) for one in drawn) == PEOPLE
-    for one in drawn:  # a frame comes once more if its image or its boxes came late
+    for one in drawn:  # a frame is drawn twice if its image or its boxes arrived late
         assert any(one["lefts"] == pytest.approx(lefts, abs=0.1) for lefts in one["expected"])
 
 

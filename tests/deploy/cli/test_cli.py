@@ -40,7 +40,7 @@ def test_every_command_has_help(command: str) -> None:
 
 @pytest.mark.processes
 def test_help_imports_nothing_heavy() -> None:
-    """Help and completion must stay fast: numpy, zenoh and the like are for commands."""
+    """Help and completion must stay fast: numpy, zenoh and others are for commands."""
     code = "import sys, deploy.cli; print({'numpy', 'zenoh', 'cv2'} & set(sys.modules))"
     output = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True

@@ -22,7 +22,7 @@ HERE = ProcessId("here", "top-1", "nuc")
 
 
 def monitor(frames: int = 4, clocks: bool = True) -> Monitor:
-    """Heartbeats, then a frame every 20 ms, each of which arrives 50 ms after its begin."""
+    """Heartbeats, then a frame every 20 ms that arrives 50 ms after its start."""
     found = Monitor(HERE, 10.0)
     for health in healths() if clocks else ():
         found.add_arrival(arrival(health), BEGIN_NS, 0.0)

@@ -33,7 +33,7 @@ class WalkFeed:
     """Detections of two walkers by all cameras, fed to a tracker in memory.
 
     Args:
-        cameras: Cameras where they are; the second is believed to look 6 degrees beside.
+        cameras: Cameras at their true poses; the believed pose of the second is off by 6 degrees.
     """
 
     def __init__(self, cameras: list[WalkCamera]) -> None:

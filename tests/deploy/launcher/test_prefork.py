@@ -1,4 +1,4 @@
-"""Services forked from supervisord, with modules that it loaded, and those that it executes."""
+"""Services that supervisord forks with loaded modules, and services that it executes."""
 
 import json
 import os

@@ -28,7 +28,7 @@ def process(name: str, pid: int = PID, state: str = "RUNNING", uptime_s: float =
 
 
 class Machine:
-    """Processes and their heartbeats, twice a second; those in `hanging` send none."""
+    """Processes and their heartbeats, twice a second; processes in `hanging` send none."""
 
     def __init__(self, *names: str) -> None:
         self.watch = HangDetector(CONFIG)
@@ -134,7 +134,7 @@ def test_time_while_the_watchdog_did_not_run_is_not_counted(machine: Machine) ->
 
 
 class Supervised(Supervisor):
-    """Processes that come back with another number when they are killed."""
+    """Processes that restart with another number after they are killed."""
 
     def __init__(self, *names: str) -> None:
         self.all = {name: process(name) for name in names}

@@ -186,7 +186,7 @@ def test_live_view_serves_what_a_running_system_publishes(network: Network) -> N
             assert process.stdout
             assert f"ws://127.0.0.1:{port}" in process.stdout.readline()
             entities: list[Any] = []
-            while not entities:  # a message may come before the frame that it is drawn on
+            while not entities:  # a message may arrive before its frame
                 channel, data = asyncio.run(asyncio.wait_for(receive(port, "/skeletons"), WAIT_S))
                 schema = base64.b64decode(channel["schema"])
                 update = protobuf.decode("foxglove.SceneUpdate", schema, data[13:])

@@ -114,6 +114,6 @@ def test_skeletons_of_their_own_topic_are_drawn(tmp_path: Path) -> None:
             batch = chunk.to_record_batch()
             lines += batch.column("LineStrips3D:strips").to_pylist()
             colours += batch.column("LineStrips3D:colors").to_pylist()
-    assert len(lines) == walk.FRAMES + 1  # the first tracks came before the first skeletons
+    assert len(lines) == walk.FRAMES + 1  # the first tracks arrived before the first skeletons
     assert {tuple(point) for line in lines[-1] for point in line} == {(2.0, 0.0, 1.0)}
     assert len({colour & 0xFF for colour in colours[-1]}) == 2  # opacities

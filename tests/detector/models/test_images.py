@@ -90,7 +90,7 @@ def test_simulated_people_are_found_where_they_are(shared: Path, name: str) -> N
 
 
 def check_person(person: DetectedPerson, truth: Any, frame: int) -> None:
-    """Compare keypoints or mask with the truth of the person whose box fits best."""
+    """Compare keypoints or mask with the truth of the person with the best box."""
     who = int(iou_xyxy(person.box_xyxy_px, truth["bbox"][frame]).argmax())
     if person.keypoints is not None:
         visible = (person.keypoints[:, 2] > 0.4) & (truth["kpvis"][frame, who] > 0)

@@ -55,7 +55,7 @@ def test_pixels_land_where_positions_do(
     image[200:260, 100:180] = 255
     box = Letterbox.fit(image_size, input_size)
     moments = cv2.moments(box.fill(image, grey=0)[:, :, 0])
-    # Moments count pixel indices; a pixel's centre is one half further.
+    # Moments count pixel indices; a pixel's centre is one half farther.
     x = moments["m10"] / moments["m00"] + 0.5
     y = moments["m01"] / moments["m00"] + 0.5
     # Half a pixel missed on either side would show as at least 0.16; sampling costs 0.05.

@@ -87,7 +87,7 @@ def selected(*people: tuple[float, float, float, float, float, float], extras: i
 
 
 def test_pose_of_a_network_with_nms_inside_is_read() -> None:
-    # The person of the test before, by its corners; the second row is of class 16.
+    # The person of the previous test, by the corners of the box; the second row has class 16.
     rows = selected((150, 200, 250, 400, 0.9, 0), (300, 200, 400, 400, 0.8, DOG), extras=51)
     session = ArraySession({"output0": rows}, (1, 3, 640, 640))
     (person,) = YoloPose(session, ModelSettings(scores="network")).detect(image(480, 640))

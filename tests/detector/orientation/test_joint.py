@@ -42,7 +42,7 @@ def offsets(across_m: float, along_m: float) -> JointOffsets:
 
 
 def observed_as(**changed: Any) -> YawObservations:
-    """Return the observation of one person at 3 m of whom nothing is known but this."""
+    """Return the observation of one person at 3 m with only these values known."""
     fields: dict[str, Any] = {
         "z_m": np.array([3.0]),
         "pairs": {"shoulders": UNKNOWN, "hips": UNKNOWN},

@@ -263,7 +263,7 @@ def measured(yaw_deg: float, **at: float) -> YawPair:
 @pytest.mark.parametrize("y_m", [0.0, -0.8, 1.0])
 def test_yaw_of_a_projected_torso_is_measured(yaw_deg: float, y_m: float) -> None:
     found = measured(yaw_deg, y_m=y_m)
-    if abs(abs(yaw_deg) - 90) > 15:  # else one shoulder may stand 0.1 m or less beside the other
+    if abs(abs(yaw_deg) - 90) > 15:  # else the shoulders may be 0.1 m or less apart
         assert found.vector is not None
         assert abs(math.degrees(wrap(found.vector.rad - math.radians(yaw_deg)))) < 1.0
     # The ratio takes the view for one from far away and along the axis. It is steep at its ends.

@@ -53,7 +53,7 @@ def test_layer_in_front_that_does_not_suit_the_size_loses() -> None:
 def test_child_is_half_as_large_and_people_are_not_smaller() -> None:
     assert depths([samples([2.0] * 5, size_depth_m=4.3)]) == [2.0]
     assert depths([samples([2.0] * 5, size_depth_m=4.5)]) == [None]
-    # A width alone may be that of a person turned away.
+    # A narrow width alone may also be a person in profile.
     turned = replace(samples([2.0] * 5), size=BodySize(4.5, 4.5, has_height=False))
     assert depths([turned]) == [2.0]
 
@@ -131,7 +131,7 @@ def test_an_outline_holds_the_top_of_the_box() -> None:
 
 
 def test_people_of_unknown_size_are_assigned_last() -> None:
-    # All samples of one without keypoints are on a person whose own reach the wall as well.
+    # All samples of the person without keypoints are on another one, with samples of the wall.
     known = samples([2.0, 2.0, 2.0, 2.0, 4.0], size_depth_m=2.0)
     unknown = samples([2.0, 2.0, 2.0, 2.0, 2.0])
     assert depths([unknown, known]) == [None, 2.0]

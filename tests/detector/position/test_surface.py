@@ -22,7 +22,7 @@ NO_DEPTH = DepthImage(np.zeros((5, 5), np.uint16), INFO)
 
 
 def keypoints(*points: tuple[int, float, float, float]) -> F32:
-    """Return 17 keypoints, of which those named (index, u, v, confidence) are set."""
+    """Return 17 keypoints; the given ones (index, u, v, confidence) are set."""
     array = np.zeros((17, 3), np.float32)
     for index, u, v, confidence in points:
         array[index] = u, v, confidence

@@ -95,7 +95,7 @@ def test_the_axis_of_a_cylinder_from_the_front() -> None:
 
 
 def test_a_joint_on_the_wall_is_not_the_persons() -> None:
-    # The left hip was found 0.3 m beside the body, where depth shows the wall at 4 m.
+    # The left hip is detected 0.3 m off the body, where depth shows the wall at 4 m.
     points = keypoints()
     points[11, 0] += 90
     estimate = one(SURFACE, points, stand(room()))
@@ -158,7 +158,7 @@ def test_a_torso_without_readings_has_the_depth_of_its_legs() -> None:
 
 def test_without_joints_the_box_gives_the_position() -> None:
     # 0.55 m below the upper edge of the box, 165 px at 2 m: row 165 + 165 = 330, y = 0.3 m; the
-    # face or the middle of the box may be 0.15 m beside the torso.
+    # face or the middle of the box may be 0.15 m off the torso.
     estimate = one(SURFACE, keypoints(confidence=0.2), stand(room()))
     np.testing.assert_allclose(estimate.position_m, [0.0, 0.3, 2.0], atol=0.02)
     assert estimate.covariance_m2 is not None

@@ -106,7 +106,7 @@ def test_shelf_of_the_same_colours_does_not_attract_the_box() -> None:
 
 @pytest.mark.slow
 def test_box_of_an_approaching_person_grows() -> None:
-    # From 120 to 240 px of height in 80 frames, as of a walk from 4 m to 2 m.
+    # The height grows from 120 to 240 px in 80 frames, as in a walk from 4 m to 2 m.
     def box(frame: int) -> F64:
         half = np.array([WIDTH, HEIGHT]) / 2 * 2 ** (frame / 80)
         return np.array([[320 - half[0], 240 - half[1], 320 + half[0], 240 + half[1]]])

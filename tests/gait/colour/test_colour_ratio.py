@@ -33,7 +33,7 @@ def test_ratios_by_hand() -> None:
 
 def test_sample_probability_falls_from_the_middle_to_the_sides() -> None:
     # tenths of 8 exp(-(u / wide)^4): 8 in the middle; at the side of the body, 0.5 of the width,
-    # exp(-(0.5 / 0.4)^4) = 0.087: 1 in 10; beside the head (0.2) 0. Outside of the box 0.
+    # exp(-(0.5 / 0.4)^4) = 0.087: 1 in 10; next to the head (0.2) 0. Outside of the box 0.
     grid = sample_grid((41, 41), (2.0, 1.5))
     prior = person_prior(grid, 4)
     assert prior.tenths[20, 20] == 8
@@ -54,7 +54,7 @@ def test_box_of_the_person_scores_best() -> None:
     ratios = ratio_of()
     model = ratios.learn_colours(hsv_patch(rgb, (box * ratios.reach)[None]), box)
     assert model.person[0, RED] == pytest.approx(1.0)
-    assert model.background[GREEN] > 0.6  # the rest is red beside the middle of the box
+    assert model.background[GREEN] > 0.6  # the rest is red outside the middle of the box
     boxes = np.array([box, [*(150, 100), 40, 100], [*(100, 100), 20, 50], [*(100, 100), 80, 200]])
     own, beside, within, beyond = ratios.score_boxes(hsv_patch(rgb, boxes), boxes, model)
     assert own > max(beside, within, beyond)

@@ -13,7 +13,7 @@ EMPTY = np.empty(0)
 
 
 def person_at(x_m: float) -> tuple[BodyMesh, F64]:
-    """Three points of a person whose feet are not visible, and their heights."""
+    """Three points of a person with invisible feet, and their heights."""
     heights_m = np.array([1.5, 1.0, 0.5])
     return mesh_of([(x_m, -h, 3.0) for h in heights_m - 1], [(0, 1), (1, 2)]), heights_m
 

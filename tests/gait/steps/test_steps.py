@@ -61,7 +61,7 @@ def test_an_even_walk_by_hand() -> None:
     # 0.6 m in 0.5 s: 120 steps a minute, 1.2 m/s, and a foot moves by 1.2 m in a stride.
     times_s = np.arange(0, 6, 1 / 30)
     found = measured(*feet(times_s), times_s)
-    # Feet come down at 0.5, 1.0, ... 5.5 s, and the right one swings in the first frame already.
+    # Feet land at 0.5, 1.0, ... 5.5 s, and the right one swings in the first frame already.
     assert found.steps == 11
     assert found.step_length_m == pytest.approx(0.6, abs=0.005)
     assert found.stride_length_m == pytest.approx(1.2, abs=0.01)
@@ -102,7 +102,7 @@ def test_noise_and_gaps_change_measures_little(seed: int) -> None:
 
 
 def test_missed_footprint_gives_no_long_step() -> None:
-    # The right foot comes down at 0.5, 1.5, ... s; where it stands from 2.5 to 3.0 s nothing sees
+    # The right foot lands at 0.5, 1.5, ... s; where it stands from 2.5 to 3.0 s nothing sees
     # it. Its step there is not known; steps of the left foot have half a stride as length.
     times_s = np.arange(0, 6, 1 / 30)
     left, right = feet(times_s)
@@ -185,7 +185,7 @@ def test_steps_are_assigned_to_left_and_right() -> None:
     times_s = np.arange(0, 4, 1 / 30)
     left, right = feet(times_s)
     steps = found_steps(left, right, times_s)
-    # Right feet come down at 0.5, 1.5, ... s, left ones at 1.0, 2.0, ... s.
+    # Right feet land at 0.5, 1.5, ... s, left ones at 1.0, 2.0, ... s.
     for step in steps:
         expected_s = (
             round(step.landed_s) if step.foot == "left" else math.floor(step.landed_s) + 0.5
@@ -223,7 +223,7 @@ def test_stepping_on_the_spot_gives_no_measures() -> None:
 
 
 def test_few_steps_give_no_measures() -> None:
-    # The right foot comes down at 0.5 s, the left one at 1 s, the right one at 1.5 s: a stride.
+    # The right foot lands at 0.5 s, the left one at 1 s, the right one at 1.5 s: a stride.
     times_s = np.arange(0, 1.3, 1 / 30)
     found = measured(*feet(times_s), times_s)
     assert (found.steps, found.step_length_m) == (2, None)
@@ -235,7 +235,7 @@ def test_few_steps_give_no_measures() -> None:
 
 @pytest.mark.parametrize("rate_hz", [10, 15, 30, 60])
 def test_noise_in_depth_is_no_step(rate_hz: int) -> None:
-    """People walk across a camera that sees along y: its noise there is 8 cm, for a while alike."""
+    """People walk across a camera that sees along y: correlated noise of 8 cm."""
     times_s, generator = np.arange(0, 8, 1 / rate_hz), np.random.default_rng(6)
     covariances = np.tile(np.diag([0.02, 0.08, 0.02]) ** 2, (len(times_s), 1, 1))
     paths = []
@@ -322,7 +322,7 @@ def lab_walk() -> World:
     [(0.0, 30, 0.0, 0.03), (0.04, 30, 0.1, 0.03), (0.04, 15, 0.2, 0.05)],
 )
 def test_steps_of_the_lab(noise_m: float, rate_hz: float, occluded: float, time_off: float) -> None:
-    """True: where and when the planned feet come down."""
+    """True: where and when the planned feet land."""
     world, generator = lab_walk(), np.random.default_rng(5)
     times_s = np.arange(0, 4.5, 1 / rate_hz)
     ankles = np.array([world.keypoints_m(float(t))[0][15:17] for t in times_s])
@@ -450,7 +450,7 @@ def test_motion_of_a_frame_or_two_is_hardly_a_step() -> None:
 
 
 def test_brief_motions_of_a_walk_are_steps() -> None:
-    # Points that stay at a footprint until their feet have come down at the next one.
+    # Points that stay at a footprint until their feet have landed at the next one.
     times_s = np.arange(0, 6, 1 / 30)
     left, right = feet(times_s)
     known = len(found_steps(left, right, times_s))

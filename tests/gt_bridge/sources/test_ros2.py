@@ -51,7 +51,7 @@ def node_of(truth: str, network: Network) -> GtBridgeNode:
 
 
 def collect(node: GtBridgeNode, send: Any, count: int, counter: str = "") -> list[Truth]:
-    """Send with rising numbers until so many messages are out, and an event is counted."""
+    """Send with rising numbers until the messages are out and an event is counted."""
     found: list[Message] = []
     waiting, end = threading.Event(), time.monotonic() + WAIT_S
     number = 0

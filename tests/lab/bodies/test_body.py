@@ -111,7 +111,7 @@ def test_stands_on_flat_soles(name: str) -> None:
 def test_skeleton_is_a_human_one(name: str) -> None:
     skeleton = load_body(name).skeleton
     assert_allclose(skeleton.hip.mean(axis=0), 0, atol=1e-6)
-    # Knees are below the hips, and both legs are alike.
+    # Knees are below the hips, and both legs are equal.
     assert_allclose(skeleton.knee[:, 1], skeleton.hip[:, 1], atol=1e-4)
     assert_allclose(skeleton.knee[0] * (1, -1, 1), skeleton.knee[1], atol=2e-3)
     # Winter's mean proportions: hip at 0.53 of the stature, shoulder at 0.82; people differ.

@@ -23,7 +23,7 @@ def correlation(persistence: Persistence, lag_s: float) -> float:
     """Return the correlation of two values a time apart, the mean over the time of the first.
 
     With d = pi/2 lag/correlation_s, both lie between the same knots for 1 - lag/correlation_s
-    of the time: cos d. Else the second lies one further: the mean of sin(a) sin(a + d).
+    of the time: cos d. Else the second is one knot farther: the mean of sin(a) sin(a + d).
     """
     lag = abs(lag_s) / persistence.correlation_s
     d = lag * math.pi / 2

@@ -1,4 +1,4 @@
-"""A sensor with an infrared projector: registration to colour, light that does not come back."""
+"""A sensor with an infrared projector: registration to colour, light that does not return."""
 
 from dataclasses import replace
 
@@ -46,7 +46,7 @@ def test_registration_moves_a_reading_by_offset_over_depth() -> None:
 
 def test_nearer_of_two_readings_at_one_pixel_stays() -> None:
     reading = np.zeros((1, 12), np.uint16)
-    reading[0, 2], reading[0, 5] = 1000, 2500  # both come to 7
+    reading[0, 2], reading[0, 5] = 1000, 2500  # both map to column 7
     assert register(reading, 0.05, INFO)[0].tolist() == [0] * 7 + [1000] + [0] * 4
 
 

@@ -154,7 +154,7 @@ def test_truth_of_each_frame(tmp_path: Path) -> None:
         assert truth["masks"].shape == (FRAMES, *SIZE)
         assert truth["kp2d"].shape == (FRAMES, 2, 17, 2)
         assert truth["K"] == pytest.approx([77.0, 77.0, 39.5, 29.5])
-        # Adam walks from y = -0.6 towards 0.6: he is on the right, then further left.
+        # Adam walks from y = -0.6 towards 0.6: he is on the right, then farther left.
         u = [np.nonzero(mask == 1)[1].mean() for mask in truth["masks"][[0, -1]]]
         assert u[0] > u[1] + 5
 
@@ -181,7 +181,7 @@ def test_geometry_gives_detections_instead_of_frames(tmp_path: Path) -> None:
     # Both are seen all the time; a detector misses one in a hundred.
     people = [len(m.detections) for m in found if isinstance(m, Detections)]
     assert np.median(people) == 2
-    # A tracker finds them without any picture, where motion capture sees them.
+    # A tracker finds them without pictures, where motion capture sees them.
     config = TrackerConfig(tracker="sort3d")
     tracker = build(config)
     messages = [m for _, m in recording.messages(StaticTransform, Detections)]

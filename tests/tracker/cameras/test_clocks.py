@@ -133,7 +133,7 @@ def test_a_restarted_tracker_continues_with_the_offsets() -> None:
     front, back = arrivals("front"), arrivals("back", -500.0, phase_ms=30.0)
     play(before, front[:50], back[:50])
     after.restore(before.save(), before.next_number())
-    # The camera that is not the reference comes first.
+    # The camera that is not the reference is first.
     results = play(after, front[60:], back[55:], mounts=())
     assert after.status().counters["clock_resets"] == 0
     assert len(answered(results, "front")) == len(front[60:])

@@ -65,7 +65,7 @@ def track_of(detection: int, velocity_mps: F64) -> Track:
 
 
 def watch(true: dict[str, F64], seconds: float = 40.0, others: float = 0.0) -> CameraDrift:
-    """Run the watch; in a share of the frames positions are of another person, 0.8 m away."""
+    """Run the watch; in a share of the frames positions belong to another person, 0.8 m away."""
     drift, rng = CameraDrift(), np.random.default_rng(1)
     for k in range(int(seconds * 10)):
         for number, camera in enumerate(true):

@@ -57,7 +57,7 @@ def test_life_cycle_in_a_tracker(name: str, source: Literal["keypoints", "kalman
     for turned_deg in range(-170, 0, 6):  # 60 deg/s
         last_deg = yaw_deg(facing(math.radians(turned_deg)))
     assert last_deg == pytest.approx(turned_deg % 360, abs=5)
-    # After a missed frame the predicted yaw is 6 deg further. A detection without a yaw adds 6 deg.
+    # After a missed frame the predicted yaw is 6 deg farther. A detection without a yaw adds 6 deg.
     (ahead,) = tracker.predict(len(results) * FRAME_NS)
     assert ahead.yaw_rad is not None
     assert ahead.yaw_rad == pytest.approx(math.radians(last_deg + 6 - 360), abs=0.06)
@@ -111,7 +111,7 @@ def test_the_yaw_of_a_track_is_in_the_map(
 ) -> None:
     for roll, pitch in ((0.0, 0.0), (0.0, 0.5), (0.2, -0.3)):  # a level, a nodding, a leaning one
         link = rotation_from_rpy(0, 0, math.radians(turned_deg))
-        # Tilt turns camera and heading alike: what the camera sees of a level person changes.
+        # Tilt turns camera and heading equally: what the camera sees of a level person changes.
         tilt = rotation_from_rpy(roll, pitch, 0)
         matrix = transform_from([5.0, -2.0, 1.2], link @ tilt @ LINK_FROM_OPTICAL[:3, :3])
         level = LINK_FROM_OPTICAL[:3, :3].T @ tilt.T @ LINK_FROM_OPTICAL[:3, :3] @ heading

@@ -133,7 +133,7 @@ def test_long_prediction_is_that_of_short_steps() -> None:
 
 
 def test_frames_that_follow_sooner_count_less_but_for_the_angle() -> None:
-    # Errors are alike for 0.2 s. After a third of that the chance of another angle is the cube root
+    # Errors correlate for 0.2 s. After a third of that the chance of another angle is the cube root
     # of what it is else, and the angle itself as certain: its sigma by root 3 is that of the root.
     state = update(None, shown(0.0))
     state[DENSITY] = 1 / BINS

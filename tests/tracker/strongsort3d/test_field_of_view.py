@@ -103,7 +103,7 @@ def test_people_left_and_right_of_a_camera_that_weaves_keep_their_identities(
 
 
 def test_track_of_a_person_who_leaves_below_the_image_ends_at_once() -> None:
-    # A camera that looks down on a person who walks towards it: the torso leaves the image at the
+    # A camera looks down on a person walking towards it: the torso leaves the image at the
     # bottom, the box does not reach its sides, and no other person hides it.
     tracker = build_strongsort3d(published_config(strongsort3d=ALL))
     tilt = rotation_from_rpy(0.0, math.radians(35), 0.0)
@@ -174,7 +174,7 @@ def test_person_who_left_while_the_camera_was_turned_ends_within_a_second_in_vie
 
 
 def test_absent_track_ends_though_it_was_occluded_before() -> None:
-    # BLUE passes before RED, who leaves meanwhile: a second of the empty place ends the track.
+    # BLUE passes in front of RED and RED leaves: a second of the empty place ends the track.
     sort = build_strongsort3d(published_config(strongsort3d=replace(ALL, a_max=30)))
     for number in range(20):
         sort.update(with_pose(number, person(4, 0, embedding=(1.0, 0.0, 0.1))))

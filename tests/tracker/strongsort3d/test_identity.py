@@ -43,7 +43,7 @@ def test_leave_and_return() -> None:
 
 
 def test_match_by_distance_alone_has_its_own_confidence() -> None:
-    # The embedding is too far for round 1; round 2 matches the person who stands.
+    # The embedding is too far for round 1; round 2 matches the standing person.
     sort = tracker()
     stay(sort, 0, 4, person(3, 0, embedding=RED))
     (track,) = sort.update(frame(4, person(3, 0, embedding=BLUE)))
@@ -135,7 +135,7 @@ def test_gallery_is_empty_after_a_reset() -> None:
 @pytest.mark.parametrize(("y_m", "identity"), [(1.5, None), (0.0, "continued")])
 def test_track_cut_off_at_the_edge_ends_sooner(y_m: float, identity: str | None) -> None:
     # At 3 m and 1.5 m to the left: u = 320 - 300 = 20 px, less 50 px of half a width: cut off.
-    # Half a second later a person of similar appearance (0.1) comes in there.
+    # Half a second later a person of similar appearance (0.1) enters there.
     sort = build_strongsort3d(published_config(strongsort3d=ALL))
     for number in range(10):
         sort.update(with_pose(number, person(3, y_m, embedding=RED)))
@@ -150,7 +150,7 @@ def test_track_cut_off_at_the_edge_ends_sooner(y_m: float, identity: str | None)
 def test_track_cut_off_at_the_edge_is_not_absent_before_its_camera_missed_it(
     camera: str, identity: int
 ) -> None:
-    # The frames of a camera that come late miss it no more than those that are not there yet.
+    # Late frames of a camera count as misses no more than absent frames.
     sort = build_strongsort3d(published_config(strongsort3d=ALL))
     red = person(3, 1.5, embedding=RED)
     for number in range(10):

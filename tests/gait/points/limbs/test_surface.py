@@ -64,7 +64,7 @@ def test_foot_is_ahead_of_the_ankle_and_below() -> None:
 
 
 def test_foot_is_followed_through_its_swing() -> None:
-    # 1.3 m in 0.4 s, with accelerations of 40 m/s^2 where the foot leaves and comes down.
+    # 1.3 m in 0.4 s, with accelerations of 40 m/s^2 where the foot lifts off and lands.
     anchor = replace(anchor_at(WRIST, FOREARM), confidence=1.0)
     found = surface_position("left_foot", anchor, arm(), AHEAD, UP, INFO)
     assert found is not None
@@ -136,7 +136,7 @@ def test_head_is_behind_its_face_and_else_at_its_end() -> None:
 
 
 def test_hand_without_keypoint_and_end_is_as_far_along_the_body_as_before() -> None:
-    # 3 cm between vertices: 5 vertices off is 15 cm, further than the prediction allows.
+    # 3 cm between vertices: 5 vertices off is 15 cm, farther than the prediction allows.
     body, point = arm(), PointFilter("left_hand")
     assert nearest_position(point, body) is None
     point.start_at_vertex(WRIST, body)

@@ -4,7 +4,7 @@ import pytest
 
 from services.gait.points.limbs.visibility import VISIBILITY, WITHOUT_KEYPOINTS, LimbEvidence
 
-# A hand or foot beside the body, at its keypoint, before the other one.
+# A hand or foot off the body, at its keypoint, in front of the other one.
 CLEAR = LimbEvidence(
     keypoint=0.8,
     has_keypoint=1.0,
