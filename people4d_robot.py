@@ -18,7 +18,7 @@ def check_names() -> None:
     Raises:
         ImportError: There is one.
     """
-    for name in ("common", "deploy", "evaluation", "lab", "services"):
+    for name in ("cameras", "common", "deploy", "evaluation", "lab", "services"):
         spec = find_spec(name)
         file = Path(spec.origin).resolve() if spec and spec.origin else None
         if file and file.parent.parent != Path(__file__).resolve().parent:

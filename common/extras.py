@@ -12,11 +12,14 @@ MODULES = {  # top-level modules by extra
     "foxglove": ("foxglove",),
     "keys": ("cryptography",),
     "mqtt": ("paho",),
+    "oak": ("depthai",),
     "openvino": ("openvino",),
+    "orbbec": ("pyorbbecsdk",),
     "otel": ("opentelemetry",),
     "parquet": ("pyarrow",),
     "prometheus": ("prometheus_client",),
     "quantize": ("onnx",),
+    "realsense": ("pyrealsense2",),
     "rerun": ("rerun",),
 }
 

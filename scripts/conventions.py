@@ -20,7 +20,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 WORDS = Path(__file__).with_name("words.toml")
 BY_NAME = ("getattr", "hasattr", "setattr", "vars", "globals", "locals")
-PACKAGES = ("people4d", "common", "services", "lab", "evaluation", "deploy")
+PACKAGES = ("people4d", "common", "services", "cameras", "lab", "evaluation", "deploy")
 PYTHON = (*PACKAGES, "tests", "benchmarks", "scripts")
 RUNTIME = ("common/runtime", "common/transport")
 QUESTIONS = re.compile(r"(Who|Whose|Whether|What|Which|How|Where|When|Why)\b")

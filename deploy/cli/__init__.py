@@ -28,6 +28,7 @@ COMMANDS = (
     ("view", "live.view", "Show people and images in Rerun or Foxglove, or write a file for them."),
     ("open", "live.page", "Open the page of people4d up --dashboard in the browser."),
     ("score", "live.views", "Show the errors of the tracks against the ground truth, live."),
+    ("cameras", "system.cameras", "List cameras that are plugged in, and why one is unusable."),
     ("calibrate", "live.calibrate", "Find poses and clocks of several cameras by walking."),
     ("info", "data.info", "Show the content of a recording, bag or folder; check it."),
     ("lab", "lab.simulate", "Simulate people: list scenarios, render, preview, export."),

@@ -142,7 +142,7 @@ def frame_count(run: GaitRun) -> int:
     if scenarios.is_scenario(run.source):
         scenario = load_scenario(split_seed(run.source.removeprefix(scenarios.PREFIX))[0])
         frames = round(scenario.duration_s * scenario.camera.fps)
-    elif kind_of(run.source) == "plugin":
+    elif kind_of(run.source) in ("camera", "plugin"):
         frames = camera.max_frames
     else:
         frames = describe(Path(run.source)).frames

@@ -45,7 +45,8 @@ class MotionConfig(Config, frozen=True, kw_only=True):
 class CameraConfig(Config, frozen=True, kw_only=True):
     """Source, mount and playback of a camera."""
 
-    source: str = ""  # path of a recording, bag or folder, or module:Class of a plug-in camera
+    # Path of a recording, bag or folder, name of a camera, or module:Class of a plug-in camera
+    source: str = ""
     options: dict[str, Any] = msgspec.field(default_factory=dict)  # options of the kind of source
     camera: NameOrEmpty = ""  # name in keys and messages; empty: as in the recording, else "camera"
     max_depth_m: Positive | None = None  # [m] maximum valid depth; None: of the source, else 5

@@ -75,7 +75,7 @@ def play(
 def loop_period_s(source: str) -> float:
     """Return the shift of stamps by each round of a looping camera [s]."""
     kind = kind_of(source)
-    if kind in ("plugin", "ros2"):
+    if kind in ("camera", "plugin", "ros2"):
         return 0.0  # endless source
     length = RoundLength()
     if kind == "recording":

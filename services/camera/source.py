@@ -23,6 +23,15 @@ class SourceFrame:
 
 
 @dataclass(frozen=True)
+class ConnectedCamera:
+    """A camera that is plugged in."""
+
+    model: str
+    serial: str  # serial number; empty if unknown
+    problem: str  # reason why it cannot be used, with the remedy; empty if it can
+
+
+@dataclass(frozen=True)
 class SourceSetup:
     """Calibration and mount of a source, initial or changed while it runs."""
 
@@ -56,6 +65,11 @@ class Source(ABC):
     # True: `info` is not set, but yielded in a SourceSetup before the first frame
     calibrates_late: ClassVar[bool] = False
     problem: str = ""  # reason of missing frames, one sentence; empty if frames arrive
+
+    @classmethod
+    def connected(cls) -> Sequence[ConnectedCamera]:
+        """Return the cameras of this kind that are plugged in; the base class finds none."""
+        return ()
 
     @abstractmethod
     def __iter__(self) -> Iterator[SourceItem]:

@@ -14,7 +14,17 @@ SECTION = re.compile(r"docs/method\.md,? sections? (\d+)(?:(?: and|,) (\d+))*")
 KEY = re.compile(
     r"\[((?:[A-Z][\w.\u00c0-\u017f-]+ (?:19|20)\d\d[a-z]?)|PIC4SeR|TrackEval|REP \d+)\]"
 )
-FOLDERS = ("people4d", "common", "services", "lab", "evaluation", "deploy", "benchmarks", "docs")
+FOLDERS = (
+    "people4d",
+    "common",
+    "services",
+    "cameras",
+    "lab",
+    "evaluation",
+    "deploy",
+    "benchmarks",
+    "docs",
+)
 
 
 def texts() -> Iterator[tuple[Path, str]]:

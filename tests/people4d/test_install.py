@@ -35,7 +35,7 @@ from tests.network import Network
 
 pytestmark = [pytest.mark.processes, pytest.mark.network]
 
-PACKAGES = ("people4d", "common", "services", "lab", "evaluation", "deploy", "models")
+PACKAGES = ("people4d", "common", "services", "cameras", "lab", "evaluation", "deploy", "models")
 FILES = (
     *("pyproject.toml", "README.md", "LICENSE", "NOTICE"),
     *("people4d_command.py", "people4d_robot.py"),

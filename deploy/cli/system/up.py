@@ -1,7 +1,6 @@
 """people4d up."""
 
 import os
-import re
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -14,7 +13,7 @@ from deploy.cli.system.launch import LOCKSTEP_WAITS, SIMULATED, START_TIMEOUT_S,
 from deploy.launcher.plan import CAMERA, COMPOSE_FILE, HOST, PORT, REPORT, LaunchRequest
 from lab import catalogue as scenarios
 from people4d.errors import ConfigError
-from services.camera.sources import ROS2
+from services.camera.sources import PLUGIN, ROS2, named_cameras
 from services.gt_bridge.sources.registry import is_live
 from services.presets import preset_settings
 
@@ -23,7 +22,6 @@ PUSHED = "push"  # source of frames from programs, see people4d_robot.Camera
 ON_BASE = f"{CAMERA}.mount_parent=base_link"
 # Panels of the help, with NETWORK
 SOURCE, METHODS, EXTRAS = "Source", "Methods", "Extras"
-PLUGIN = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 
 
 def _option(help_: str, panel: str, *names: str, **more: Any) -> Any:
@@ -38,7 +36,8 @@ def up(
         str,
         _option(
             "Recording, ROS bag, image folder, demo, lab:SCENARIO, ros2:/camera or "
-            "ros2:realsense (live), module:Class of a camera, or push: frames of a program.",
+            "ros2:realsense (live), realsense, orbbec, oak or module:Class of a camera, or push: "
+            "frames of a program.",
             SOURCE,
         ),
     ] = "",
@@ -192,8 +191,9 @@ def _resolve(source: str) -> str:
     if _is_demo(source):
         return str(DEMO)
     path = Path(source)
-    if not source or (not path.exists() and (PLUGIN.fullmatch(source) or ROS2.fullmatch(source))):
-        return source
-    if not path.exists():
+    if source and path.exists():
+        return str(path.absolute())
+    named = PLUGIN.fullmatch(source) or ROS2.fullmatch(source) or source in named_cameras()
+    if source and not named:
         raise ConfigError(f"source {source} does not exist", "Check the path.")
-    return str(path.absolute())
+    return source
