@@ -1,4 +1,4 @@
-"""Build the image without Docker and run the system with the options of deploy/compose.yaml.
+"""Build the image without Docker and run the system with the options of both compose files.
 
 Needs root on Debian with mmdebstrap, buildah, bubblewrap and iproute2, and Debian's packages. A
 Debian root with Python stands in for the base image. Each service runs in bubblewrap with the
@@ -30,6 +30,8 @@ PACKAGES = "python3,python3-venv,python-is-python3,ca-certificates"
 INSIDE = "PEOPLE4D_CONTAINERS"  # environment variable inside the separate network
 VARIABLES = {"PEOPLE4D_CAMERA_SOURCE": "/data/crossing.mcap", "PEOPLE4D_CAMERA_LOOP": "true"}
 ORDER = ("router", "detector", "reid", "tracker", "gt_bridge", "camera")
+ONE = "people4d"  # service of compose.yaml
+DEMO = "people4d demo --playback lockstep --report /tmp/demo >&2; cat /tmp/demo/summary.json"
 MESSAGES = 30
 READY_S = 180.0
 CLIENT_S = 120
@@ -103,11 +105,12 @@ class Containers:
         root: Root of the image.
         image: Environment of the image.
         folder: Folder of volumes and logs.
+        file: Compose file.
     """
 
-    def __init__(self, root: Path, image: Mapping[str, str], folder: Path) -> None:
-        self._root, self._image, self._folder = root, image, folder
-        document = compose_file.load(COMPOSE_FILE)
+    def __init__(self, root: Path, image: Mapping[str, str], folder: Path, file: Path) -> None:
+        self._root, self._image, self._folder, self._file = root, image, folder, file
+        document = compose_file.load(file)
         self._services = interpolate(document["services"], VARIABLES | dict(os.environ))
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
         self._shm = folder / "shm"
@@ -176,7 +179,7 @@ class Containers:
     def _volume(self, volume: str) -> list[str]:
         source, inside, *mode = volume.split(":")
         named = source == "state"
-        outside = self._folder / source if named else (COMPOSE_FILE.parent / source).resolve()
+        outside = self._folder / source if named else (self._file.parent / source).resolve()
         target = self._root / inside.lstrip("/")
         if named and not outside.exists():  # takes owner and mode from the folder in the image
             shutil.copytree(target, outside)
@@ -250,11 +253,21 @@ def main() -> int:
     for arguments in NETWORK:
         subprocess.run(["ip", *arguments.split()], check=True)
     root, image = json.loads(os.environ[INSIDE])
-    running = Containers(Path(root), image, folder)
+    running = Containers(Path(root), image, folder, COMPOSE_FILE)
     try:
         found = checks(running)
     finally:
         running.close()
+    together = Containers(Path(root), image, folder, ROOT / "compose.yaml")
+    try:
+        together.start(ONE)
+        healthy = together.wait_healthy(ONE)
+    finally:
+        together.close()
+    found.append(("all services in one container: health check", "", healthy))
+    summary = json.loads(together.run(ONE, "sh", "-c", DEMO).stdout)
+    figures = f"{summary['tracks']} people, {summary['score']['id_switches']} switches"
+    found.append(("the demo in that container", figures, figures == "3 people, 0 switches"))
     print("| check | found | |", "| --- | --- | --- |", sep="\n")
     for what, got, good in found:
         print(f"| {what} | {got} | {'as wanted' if good else 'FAILED'} |")

@@ -1,13 +1,17 @@
-"""Dockerfile and compose files, as far as they can be checked without Docker."""
+"""Dockerfile, compose files and CI, as far as they can be checked without Docker."""
 
 import re
 import shlex
+import tomllib
 from pathlib import Path
 from typing import Any
 
 import pytest
+import typer.main
+from typer.core import TyperGroup
 
 from deploy import compose_file
+from deploy.cli import app
 from deploy.compose import read
 from deploy.compose_file import interpolate
 from deploy.launcher.plan import COMPOSE_FILE
@@ -16,7 +20,9 @@ DEPLOY = COMPOSE_FILE.parent
 ROOT = DEPLOY.parent
 DOCKERFILE = DEPLOY / "Dockerfile"
 HOST_FILES = sorted((DEPLOY / "hosts").glob("*.yaml"))
-FILES = [COMPOSE_FILE, *HOST_FILES]
+STANDALONE = DEPLOY / "standalone.yaml"
+ONE_CONTAINER = [STANDALONE, ROOT / "compose.yaml"]
+FILES = [COMPOSE_FILE, *HOST_FILES, *ONE_CONTAINER]
 VARIABLES = {"PEOPLE4D_KEYS": "keys", "PEOPLE4D_CONNECT": "tcp/192.168.1.7:7447"}
 
 
@@ -83,7 +89,7 @@ def test_state_is_on_a_volume_that_the_user_of_the_image_may_write(service: dict
     assert "--mode=1777" in made[0]
 
 
-@pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
+@pytest.mark.parametrize("file", FILES, ids=lambda file: f"{file.parent.name}/{file.name}")
 def test_shared_memory_is_that_of_one_service_and_large_enough(file: Path) -> None:
     found = services(file)
     for name, service in found.items():
@@ -130,6 +136,35 @@ def test_hosts_together_run_the_pipeline(files: tuple[str, ...], more: set[str])
     assert set(running) == pipeline | more
     for name in set(running) - {"watchdog"}:
         assert running.count(name) == 1
+
+
+@pytest.mark.parametrize("file", ONE_CONTAINER, ids=lambda file: file.name)
+def test_one_container_runs_up_with_known_options(file: Path) -> None:
+    (service,) = services(file).values()
+    program, name, *options = service["command"]
+    group = typer.main.get_command(app)
+    assert isinstance(group, TyperGroup)
+    context = group.commands[name].make_context(name, options)
+    assert (program, name, context.params["source_"]) == ("people4d", "up", "demo")
+    for port in service["ports"]:
+        assert port.startswith("127.0.0.1:")
+
+
+def test_standalone_file_installs_the_released_version() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    (service,) = services(STANDALONE).values()
+    installed = re.findall(r"people4d-robot\[([\w,]+)\]==([\d.]+)", str(service["build"]))
+    ((extras, version),) = installed
+    assert version == project["version"] == service["image"].partition(":")[2]
+    assert set(extras.split(",")) <= project["optional-dependencies"].keys()
+
+
+def test_compose_files_of_ci_exist() -> None:
+    text = (ROOT / ".github" / "workflows" / "ci.yml").read_text("utf-8")
+    named = re.findall(r"\S+\.yaml", text)
+    assert {"deploy/compose.yaml", "deploy/standalone.yaml"} <= set(named)
+    for file in named:
+        assert list(ROOT.glob(file)), file
 
 
 def test_image_runs_without_root() -> None:
