@@ -11,7 +11,8 @@ from common.inference.processor import has_integer_dot_products
         ("processor\t: 0\nflags\t\t: fpu avx2 avx512_vnni sse\n", True),
         ("flags\t\t: fpu avx2 avx_vnni\n", True),
         ("flags\t\t: fpu avx2 avx512f\nvmx flags\t: avx_vnni\n", False),
-        ("Features\t: fp asimd asimddp\n", False),  # not measured
+        ("processor\t: 0\nFeatures\t: fp asimd asimddp\n", True),  # Cortex-A76: Raspberry Pi 5
+        ("processor\t: 0\nFeatures\t: fp asimd evtstrm crc32\n", False),  # Cortex-A72
         ("", False),
     ],
 )
