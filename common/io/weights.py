@@ -2,6 +2,7 @@
 
 import difflib
 import hashlib
+import json
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -35,7 +36,8 @@ class ModelFile(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One model of the manifest."""
 
     name: Printable  # name in configurations
-    # Detector: movenet, yolov8-pose, yolov8-seg, orientation; re-identification: appearance, osnet
+    # Detector: movenet, yolov8-pose, yolov8-seg, yolo-boxes, rtmo, rtmpose, orientation;
+    # re-identification: appearance, osnet
     kind: Printable
     # Name in one of the model folders
     file: Annotated[str, Rule("a plain file name", lambda name: bool(FILE_NAME.fullmatch(name)))]
@@ -63,6 +65,28 @@ def load_manifest(path: Path = MANIFEST) -> dict[str, ModelFile]:
         except (TypeError, RecursionError, msgspec.ValidationError) as error:
             raise ConfigError(f"model manifest {path}: [{name:.80}]: {error}") from error
     return models
+
+
+def known_models() -> dict[str, ModelFile]:
+    """Return the shipped manifest and the user's own models; ConfigError if one is invalid."""
+    own = own_folder() / MANIFEST.name
+    return load_manifest() | (load_manifest(own) if own.is_file() else {})
+
+
+def own_folder(environment: Mapping[str, str] = os.environ) -> Path:
+    """Return the folder of the user's own models and of their manifest."""
+    return Path(environment.get("PEOPLE4D_MODELS") or HOME_FOLDER).expanduser()
+
+
+def write_manifest(path: Path, models: Mapping[str, ModelFile]) -> None:
+    """Write a manifest (TOML) that `load_manifest` reads."""
+    tables = []
+    for model in models.values():
+        fields = msgspec.to_builtins(model)
+        name = json.dumps(fields.pop("name"), ensure_ascii=False)
+        lines = (f"{key} = {json.dumps(v, ensure_ascii=False)}" for key, v in fields.items())
+        tables.append("\n".join([f"[{name}]", *lines, ""]))
+    path.write_text("\n".join(tables), encoding="utf-8")
 
 
 def choose(name: str, manifest: Mapping[str, ModelFile]) -> ModelFile:
@@ -109,7 +133,7 @@ def locate(model: str, folder: str = "") -> tuple[Path, ModelFile | None]:
         if not path.is_file():
             raise ModelError(f"model file {path} does not exist", "Check the path.")
         return path, None
-    entry = choose(model, load_manifest())
+    entry = choose(model, known_models())
     path = find(entry, folders(folder))
     verify(path, entry.sha256)
     return path, entry

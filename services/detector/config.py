@@ -34,6 +34,8 @@ class ModelSettings(Config, frozen=True, kw_only=True):
     # Name in models/models.toml, or path of an .onnx file; absent: see `shipped_model`
     model: str = field(default_factory=shipped_model)
     kind: str = ""  # one of MODELS or "module:Class"; empty: by the manifest or the file
+    # Model of the boxes for an RTMPose network, as `model`; empty: see `shipped_model`
+    boxes: str = ""
     folder: str = ""  # folder that is searched first for named models; empty: none
     input_height: InputSide = 0  # [px] height of the network's input; 0: of the file
     input_width: InputSide = 0  # [px] width of the network's input; 0: of the file

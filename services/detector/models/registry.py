@@ -1,6 +1,9 @@
-"""The people models by kind, and loading one as configured."""
+"""The people models by kind, and loading one as configured.
 
-from collections.abc import Callable, Mapping
+The kind of a file is found by the shapes of its outputs in a run on one image.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
 from typing import TypeAlias
 
 import msgspec
@@ -19,9 +22,29 @@ MODELS: dict[str, str] = {
     "movenet": "services.detector.models.movenet:MoveNet",
     "yolov8-pose": "services.detector.models.yolo:YoloPose",
     "yolov8-seg": "services.detector.models.yolo_seg:YoloSeg",
+    "yolo-boxes": "services.detector.models.yolo:YoloBoxes",
+    "rtmo": "services.detector.models.rtmo:Rtmo",
+    "rtmpose": "services.detector.models.rtmpose:RtmPose",
 }
+BOXES = "yolo-boxes"  # kind of networks that find boxes only
+Shape: TypeAlias = tuple[int | None, ...]
+# Shapes of the outputs by kind, fewest axes first; None: any length. The first match counts
+OUTPUTS: tuple[tuple[str, tuple[Shape, ...]], ...] = (
+    ("yolov8-pose", ((1, 56, None),)),
+    ("yolov8-pose", ((1, None, 57),)),  # NMS inside
+    ("yolov8-seg", ((1, None, None), (1, 32, None, None))),  # with or without NMS inside
+    ("rtmo", ((1, None, 5), (1, None, 17, 3))),
+    *(("rtmpose", ((1, points, None),) * 2) for points in (17, 26, 133)),
+    (BOXES, ((1, None, 6),)),
+    (BOXES, ((1, 84, None),)),  # COCO's classes
+    (BOXES, ((1, 5, None),)),  # people only
+)
 # Builds a model of one kind, by its name; raises ModelError if the network is not of this kind.
 Factory: TypeAlias = Callable[[Session, ModelSettings, str], PersonModel]
+BOXES_HINT = (
+    "A position needs keypoints or a mask: export a pose or a segmentation model, or set "
+    "detector.boxes to this file and detector.model to an RTMPose network."
+)
 PROBE_SIZE = (256, 320)  # size of the probe image of a network of any size and unknown kind [px]
 
 
@@ -32,6 +55,20 @@ def load_model(settings: ModelSettings) -> PersonModel:
         ConfigError: The kind is unknown or cannot be loaded.
         ModelError: The file is absent, altered or not a people model of its kind.
     """
+    return _load(settings, boxes=False)
+
+
+def load_boxes(settings: ModelSettings) -> PersonModel:
+    """Load a model of boxes, for keypoints in boxes; it may have keypoints or masks, too.
+
+    Raises:
+        ConfigError: The kind is unknown or cannot be loaded.
+        ModelError: The file is absent, altered or not a people model of its kind.
+    """
+    return _load(settings, boxes=True)
+
+
+def _load(settings: ModelSettings, boxes: bool) -> PersonModel:
     path, entry = weights.locate(settings.model, settings.folder)
     kind, name = settings.kind, ""
     if entry:
@@ -43,6 +80,8 @@ def load_model(settings: ModelSettings) -> PersonModel:
     if factory is None:
         kind = recognise(session, settings, str(path))
         factory = find_factory(kind)
+    if kind == BOXES and not boxes:
+        raise ModelError(f"model file {path} finds boxes only", BOXES_HINT)
     return factory(session, settings, name or f"{kind}:{path.stem}")
 
 
@@ -53,7 +92,8 @@ def check_model(settings: ModelSettings) -> None:
         ConfigError: The kind is unknown or cannot be loaded.
         ModelError: The file is absent or altered.
     """
-    weights.locate(settings.model, settings.folder)
+    for model in filter(None, (settings.model, settings.boxes)):
+        weights.locate(model, settings.folder)
     if settings.kind:
         find_factory(settings.kind)
 
@@ -78,14 +118,11 @@ def recognise(session: Session, settings: ModelSettings, path: str) -> str:
     kind = kind_of(outputs)
     if not kind:
         got = ", ".join(f"{name} {array.shape}" for name, array in outputs.items())
-        if any(_has_boxes_only(array) for array in outputs.values()):
-            raise ModelError(
-                f"model file {path} finds boxes only: its outputs are {got}",
-                "A position needs keypoints or a mask: export a pose or a segmentation model.",
-            )
-        hint = f"Set kind to one of {', '.join(MODELS)}, or to module:Class of your own."
+        known = "; ".join(f"{name} {_text(shapes)}" for name, shapes in OUTPUTS)
         raise ModelError(
-            f"model file {path} has an unsupported format: its outputs are {got}", hint
+            f"model file {path} has an unsupported format: its outputs are {got}",
+            f"Known outputs: {known}; movenet by names. Set kind to one of {', '.join(MODELS)}, "
+            "or to module:Class of your own.",
         )
     return kind
 
@@ -96,14 +133,17 @@ def kind_of(outputs: Mapping[str, Array]) -> str:
         maps <= outputs.keys() for maps in ({"center_map", "kpt_map"}, {"center", "kpt_heatmap"})
     ):
         return "movenet"
-    shapes = {array.ndim: array.shape for array in outputs.values() if array.ndim in (3, 4)}
-    if shapes.keys() == {3} and (shapes[3][1] == 56 or shapes[3][2] == 57):  # 57: with NMS inside
-        return "yolov8-pose"
-    masks = shapes.keys() == {3, 4} and shapes[4][1] == 32
-    return "yolov8-seg" if masks and (shapes[3][1] == 116 or shapes[3][2] == 38) else ""
+    got = sorted((array.shape for array in outputs.values()), key=len)
+    return next((kind for kind, shapes in OUTPUTS if _fits(got, shapes)), "")
 
 
-def _has_boxes_only(output: Array) -> bool:
-    """Check for the boxes of a detection network: 1x(4+classes)xN, or with NMS inside 1xNx6."""
-    shape = output.shape
-    return output.ndim == 3 and (shape[2] == 6 or shape[1] in (5, 84))
+def _fits(got: Sequence[tuple[int, ...]], shapes: Sequence[Shape]) -> bool:
+    return [len(shape) for shape in got] == [len(shape) for shape in shapes] and all(
+        want in (None, length)
+        for lengths, wants in zip(got, shapes, strict=True)
+        for length, want in zip(lengths, wants, strict=True)
+    )
+
+
+def _text(shapes: Sequence[Shape]) -> str:
+    return " and ".join("x".join(str(n or "N") for n in shape) for shape in shapes)

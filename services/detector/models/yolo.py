@@ -1,20 +1,23 @@
-"""YOLOv8 in the layout of Ultralytics' exports: selection of people from boxes, and the pose model.
+"""YOLO in the layouts of Ultralytics' exports: people from boxes, with keypoints or without.
 
 One column per box, in pixels of the network's input: centre x, y, width, height, the classes'
 scores, then 17 keypoints (x, y, confidence) or 32 mask coefficients. Networks with NMS inside
-(nms=True, or YOLO26) have one row per box: left, top, right, bottom, score, class, then the same.
+(nms=True) or without need of NMS (YOLO26, YOLOv10) have one row per box: left, top, right, bottom,
+score, class, then the same.
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from common.geometry.boxes import nms
 from common.inference.session import Array
+from people4d.errors import ModelError
 from people4d.messages import F32
 from services.detector.models.base import DetectedPerson, Limits
 from services.detector.models.letterbox import Letterbox
-from services.detector.models.network import NetworkModel, Outputs, check_output
+from services.detector.models.network import NetworkModel, Outputs
 from services.detector.models.scores import ScoreCalibration
 
 GREY = 114  # value of the bars in the networks' training
@@ -27,7 +30,6 @@ BOXES_PER_PERSON = 30  # maximum number of boxes to compare, for each person
 
 BOX_ROWS = 4
 KEYPOINT_ROWS = 17 * 3
-POSE_ROWS = BOX_ROWS + 1 + KEYPOINT_ROWS
 SELECTED_COLUMNS = BOX_ROWS + 2  # before keypoints or coefficients of networks with NMS inside
 PERSON = 0  # index of the class "person"
 
@@ -41,25 +43,53 @@ class YoloCandidates:
     extras: F32  # NxE: keypoints or mask coefficients
 
 
-class YoloPose(NetworkModel):
-    """YOLOv8-pose: one class, 17 keypoints."""
+class YoloBoxes(NetworkModel):
+    """Boxes without keypoints or masks, for networks of keypoints in boxes."""
 
-    kind = "yolov8-pose"
+    kind = "yolo-boxes"
     default_size = DEFAULT_SIZE
     default_limits = (SCORE_MIN, IOU_MAX)
     calibration = POSE_CALIBRATION
     grey, highest = GREY, 1.0
+    extras: ClassVar[int] = 0  # number of values of a box after its scores
+    classes_max: ClassVar[int] = 1000  # maximum number of classes
+    layout: ClassVar[str] = "1x(4+classes)xN or 1xNx6"  # shapes of the outputs, for errors
 
     def _check(self, outputs: Outputs) -> None:
-        self._output = next(iter(outputs), "")
-        if not is_selected(outputs.get(self._output), KEYPOINT_ROWS):
-            check_output(outputs, self._output, (1, POSE_ROWS, None), self.name)
+        self._boxes = next((name for name, array in outputs.items() if array.ndim == 3), "")
+        boxes = outputs.get(self._boxes)
+        self._selected = is_selected(boxes, self.extras)
+        rows = 0 if boxes is None else boxes.shape[1]
+        self._classes = 1 if self._selected else rows - BOX_ROWS - self.extras
+        if not 1 <= self._classes <= self.classes_max:
+            raise self._unknown(outputs)
+
+    def _unknown(self, outputs: Outputs) -> ModelError:
+        got = ", ".join(f"{name} {array.shape}" for name, array in outputs.items())
+        return ModelError(f"{self.name}: expected outputs {self.layout}, got {got}")
 
     def _people(self, outputs: Outputs, letterbox: Letterbox) -> list[DetectedPerson]:
-        boxes = outputs[self._output]
-        selected = is_selected(boxes, KEYPOINT_ROWS)
-        columns: Array = columns_of(boxes[0]) if selected else boxes[0]
-        found = decode(columns, 1, self._limits)
+        found = self._candidates(outputs)
+        boxes = letterbox.to_image(found.boxes).astype(np.float32)
+        return list(map(DetectedPerson, found.scores.tolist(), boxes))
+
+    def _candidates(self, outputs: Outputs) -> YoloCandidates:
+        """Pick the people from all boxes."""
+        boxes: Array = outputs[self._boxes][0]
+        columns = columns_of(boxes) if self._selected else boxes
+        return decode(columns, self._classes, self._limits)
+
+
+class YoloPose(YoloBoxes):
+    """17 keypoints per box."""
+
+    kind = "yolov8-pose"
+    extras = KEYPOINT_ROWS
+    classes_max = 1
+    layout = "1x56xN or 1xNx57"
+
+    def _people(self, outputs: Outputs, letterbox: Letterbox) -> list[DetectedPerson]:
+        found = self._candidates(outputs)
         return [pose_person(found, index, letterbox) for index in range(len(found.scores))]
 
 

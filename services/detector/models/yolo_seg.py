@@ -1,4 +1,4 @@
-"""YOLOv8-seg: a box and a mask per person.
+"""YOLO segmentation: a box and a mask per person.
 
 The logit of a mask is the sum of 32 prototype images weighted by 32 coefficients, at a quarter of
 the input's size. Only the part in the box is computed, then scaled to the image's size.
@@ -10,24 +10,12 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from common.inference.session import Array
-from people4d.errors import ModelError
 from people4d.messages import F32, F64
 from services.detector.models.base import DetectedPerson, InstanceMask
 from services.detector.models.letterbox import Letterbox
-from services.detector.models.network import NetworkModel, Outputs, check_output
+from services.detector.models.network import Outputs, check_output
 from services.detector.models.scores import ScoreCalibration
-from services.detector.models.yolo import (
-    BOX_ROWS,
-    DEFAULT_SIZE,
-    GREY,
-    IOU_MAX,
-    SCORE_MIN,
-    YoloCandidates,
-    columns_of,
-    decode,
-    is_selected,
-)
+from services.detector.models.yolo import YoloBoxes, YoloCandidates
 
 SEG_CALIBRATION = ScoreCalibration(midpoint=0.119, slope=3.1)
 MASK_ROWS = 32
@@ -37,43 +25,28 @@ MASK_ROWS = 32
 SHARED_MAX = 0.75
 
 
-class YoloSeg(NetworkModel):
-    """YOLOv8-seg: class "person" first, and a mask per box."""
+class YoloSeg(YoloBoxes):
+    """Class "person" first, and a mask per box."""
 
     kind = "yolov8-seg"
-    default_size = DEFAULT_SIZE
-    default_limits = (SCORE_MIN, IOU_MAX)
     calibration = SEG_CALIBRATION
-    grey, highest = GREY, 1.0
+    extras = MASK_ROWS
+    layout = "1x(4+classes+32)xN or 1xNx38, and 1x32xHxW"
 
     def _check(self, outputs: Outputs) -> None:
-        self._boxes, self._prototypes = output_names(outputs, self.name)
-        check_output(outputs, self._boxes, (1, None, None), self.name)
+        super()._check(outputs)
+        self._prototypes = next((name for name, array in outputs.items() if array.ndim == 4), "")
+        if not self._prototypes:
+            raise self._unknown(outputs)
         check_output(outputs, self._prototypes, (1, MASK_ROWS, None, None), self.name)
-        self._selected = is_selected(outputs[self._boxes], MASK_ROWS)
-        classes = outputs[self._boxes].shape[1] - BOX_ROWS - MASK_ROWS
-        self._classes = 1 if self._selected else classes
-        if self._classes < 1:
-            raise ModelError(f"{self.name}: expected {self._boxes} of 1x(4+classes+32)xN")
 
     def _people(self, outputs: Outputs, letterbox: Letterbox) -> list[DetectedPerson]:
-        boxes = outputs[self._boxes][0]
-        columns: Array = columns_of(boxes) if self._selected else boxes
-        found = decode(columns, self._classes, self._limits)
+        found = self._candidates(outputs)
         prototypes = outputs[self._prototypes][0].astype(np.float32, copy=False)
         view = MaskView(letterbox, *letterbox.image_size, prototypes)
         return drop_duplicates(
             [mask_person(found, index, view) for index in range(len(found.scores))]
         )
-
-
-def output_names(outputs: Outputs, name: str) -> tuple[str, str]:
-    """Return the names of the boxes (3 axes) and of the mask prototypes (4 axes)."""
-    by_axes = {array.ndim: output for output, array in outputs.items()}
-    if by_axes.keys() != {3, 4} or len(outputs) != 2:
-        got = ", ".join(f"{output} {array.shape}" for output, array in outputs.items())
-        raise ModelError(f"{name}: expected outputs 1x(4+classes+32)xN and 1x32xHxW, got {got}")
-    return by_axes[3], by_axes[4]
 
 
 @dataclass(frozen=True)

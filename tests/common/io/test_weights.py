@@ -115,3 +115,15 @@ def test_checksum(tmp_path: Path) -> None:
         weights.verify(path, ABC)
     with pytest.raises(ModelError, match="cannot be read"):
         weights.verify(tmp_path, ABC)
+
+
+def test_written_manifest_is_read_as_the_users_own_models(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PEOPLE4D_MODELS", str(tmp_path))
+    own = model(name="mine", get='From "C:\\models"\nof \u00fcber.')
+    weights.write_manifest(tmp_path / "models.toml", {"mine": own, "m": model()})
+    known = weights.known_models()
+    assert known["mine"] == own
+    assert list(known)[:1] == ["movenet-multipose"]
+    assert list(known)[-2:] == ["mine", "m"]
