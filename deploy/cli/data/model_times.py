@@ -10,7 +10,7 @@ import typer
 
 from common.inference.engines import open_session
 from common.inference.session import Engine
-from common.io.weights import ModelFile, find, folders, load_manifest
+from common.io.weights import ModelFile, find, folders, known_models
 from deploy.cli.terminal import console, plain_table, progress
 from people4d.errors import ConfigError, ModelError, People4dError
 from services.detector.config import DetectorConfig
@@ -25,7 +25,7 @@ def benchmark(
     threads: Annotated[int, typer.Option(min=1, help="Threads of one inference.")] = 1,
 ) -> None:
     """Measure the installed detection models with each engine, and recommend an engine."""
-    present = [model for model in load_manifest().values() if model.kind in MODELS and _here(model)]
+    present = [model for model in known_models().values() if model.kind in MODELS and _here(model)]
     runs: dict[tuple[str, Engine], Callable[[], object]] = {}
     failed: dict[str, str] = {}
     for model in present:

@@ -5,7 +5,8 @@ from typing import Annotated, Literal
 
 import typer
 
-from common.io.weights import ModelFile, find, folders, load_manifest, verify
+from common.io.weights import ModelFile, find, folders, known_models, verify
+from deploy.cli.data.model_add import add
 from deploy.cli.data.model_times import benchmark
 from deploy.cli.data.quantize import quantize
 from deploy.cli.terminal import Command, CommandGroup, console, plain_table
@@ -22,7 +23,7 @@ COLOURS = {"altered": "red", "absent": "yellow"}  # colours of states; others ar
 
 
 def models(context: typer.Context, verify_: Verify = False) -> None:
-    """List the models: presence, licence, input and source; quantize one, measure all."""
+    """List the models: presence, licence, input and source; add or quantize one, measure all."""
     if not context.invoked_subcommand:
         list_(verify_)
 
@@ -30,7 +31,7 @@ def models(context: typer.Context, verify_: Verify = False) -> None:
 def list_(verify_: Verify = False) -> None:
     """List the models: presence, licence, input and source."""
     folders_ = folders()
-    manifest = load_manifest()
+    manifest = known_models()
     states = {name: state_of(model, folders_, verify_) for name, model in manifest.items()}
     table = plain_table("model", "kind", "state", "licence", "input", overflow="fold")
     for name, model in manifest.items():
@@ -74,6 +75,6 @@ def group() -> typer.Typer:
     app = typer.Typer(cls=CommandGroup, add_completion=False, pretty_exceptions_enable=False)
     app.callback(invoke_without_command=True)(models)
     app.command("list", cls=Command)(list_)
-    for command in (quantize, benchmark):
+    for command in (add, quantize, benchmark):
         app.command(cls=Command)(command)
     return app
