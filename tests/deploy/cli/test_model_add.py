@@ -70,7 +70,7 @@ def test_file_of_no_known_kind_is_refused_with_the_known_kinds(own: Path, tmp_pa
     file = write_network(tmp_path / "a.onnx", {"y": np.zeros((1, 512), np.float32)}, (256, 320))
     status, _, errors = run("models", "add", str(file))
     assert status == 1
-    assert "is of no known kind: its outputs are y (1, 512)" in errors
+    assert "has an unsupported format: its outputs are y (1, 512)" in errors
     assert "yolov8-pose 1x56xN" in errors
     status, _, errors = run("models", "add", str(tmp_path / "a.txt"))
     assert (status, "a.txt is not an .onnx file" in errors) == (1, True)
