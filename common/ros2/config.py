@@ -15,7 +15,7 @@ class Ros2Config(Config, frozen=True, kw_only=True):
     transport: str = "zenoh"
     domain_id: Annotated[int, Meta(ge=0, le=232)] = 0  # ROS_DOMAIN_ID of the nodes
     # ROS 2 release of the nodes; Humble has no type hashes
-    distribution: Literal["humble", "iron", "jazzy", "kilted"] = "jazzy"
+    distribution: Literal["humble", "iron", "jazzy", "kilted", "lyrical"] = "jazzy"
     # endpoints of the nodes' router (rmw_zenohd), for example tcp/192.168.1.5:7447; empty: the
     # robot's own router. Not for dds
     endpoints: tuple[str, ...] = ()

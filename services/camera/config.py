@@ -3,6 +3,7 @@
 from typing import Annotated, Any, Literal
 
 import msgspec
+import numpy as np
 from msgspec import Meta
 
 from common.config import Config
@@ -18,6 +19,7 @@ from people4d.messages.base import (
     PositiveInt,
 )
 from people4d.topics import LOCKSTEP_MAX
+from services.camera.upright import TURN
 
 
 class MotionConfig(Config, frozen=True, kw_only=True):
@@ -52,6 +54,9 @@ class CameraConfig(Config, frozen=True, kw_only=True):
     max_depth_m: Positive | None = None  # [m] maximum valid depth; None: of the source, else 5
     mount_xyz_m: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m] camera_link in mount_parent
     mount_rpy_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [rad] about fixed x, y, z
+    # [deg] clockwise turn that makes images upright, mount_* being of the upright camera; None: by
+    # the roll of its pose
+    rotate: Literal[0, 90, 180, 270] | None = None
     # File of people4d calibrate; its pose replaces the pose from the source and mount_*
     transforms: str = ""
     mount_parent: Name = "map"  # frame of the mount; used if the source has no transform
@@ -77,4 +82,6 @@ class CameraConfig(Config, frozen=True, kw_only=True):
     def mount_from_optical(self) -> F64:
         """The camera's pose in `mount_parent` (4x4), as configured."""
         rotation = rotation_from_rpy(*self.mount_rpy_rad)
-        return transform_from(self.mount_xyz_m, rotation) @ LINK_FROM_OPTICAL
+        upright = transform_from(self.mount_xyz_m, rotation) @ LINK_FROM_OPTICAL
+        pose: F64 = upright @ np.linalg.matrix_power(TURN, (self.rotate or 0) // 90)
+        return pose

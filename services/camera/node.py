@@ -44,6 +44,7 @@ if TYPE_CHECKING:
 FRAMES_AHEAD = 4  # number of frames read ahead
 POLL_NS = 2_000_000  # [ns] period of polling without a loop
 STOP_S = 2.0  # [s] maximum wait for the reading thread
+STILL_FRAMES = 10  # number of frames of one stamp that are reported
 MAX_AGE_NS = 1_000_000_000  # [ns] maximum age of a live frame whose stamp comes from this clock
 
 ANSWERS: dict[str, type[Message]] = {"people": Tracks, "detections": Detections}
@@ -78,6 +79,7 @@ class CameraNode(Node):
         self._begin_ns: int | None = None  # [ns] monotonic time of the first frame
         self._tick_ns = 0
         self._stamp_ns: int | None = None
+        self._still = 0  # number of frames since the stamp changed
         self._sequence = 0
         self._to_compress: RgbdFrame | None = None  # frame to be sent compressed in the next tick
         self._next_compressed_ns = 0
@@ -160,6 +162,8 @@ class CameraNode(Node):
         counters += Counter(self._motion.counters if self._motion else {})
         counters += Counter(source_errors=self._prefetch.errors, skipped=self._prefetch.skipped)
         reason = self._prefetch.reason or self._source.problem or self._check.fault
+        if self._still >= STILL_FRAMES and not reason:
+            reason = "the stamps of its frames stand still. Give each frame its time of acquisition"
         if self._unanswered and not reason:
             reason = f"frames get no answer on {self._config.answer}"
         if self._motion and self._motion.silent and self._sequence and not reason:
@@ -216,6 +220,7 @@ class CameraNode(Node):
             return [item]
         jumped = self._stamp_ns is not None and is_jump(item.stamp_ns - self._stamp_ns)
         self._counters["stamp_jumps"] += jumped
+        self._still = self._still + 1 if item.stamp_ns == self._stamp_ns else 0
         self._stamp_ns = item.stamp_ns
         if self._source.live:  # reading ahead from a file does not count as latency
             record("capture", _acquired_ns(reading, item), reading.end_ns)
@@ -245,6 +250,8 @@ class CameraNode(Node):
         # The roll of a pan-tilt camera differs from the roll of its mount.
         swings = moves or bool(self._config.motion.transforms)
         turns = 0 if swings else turns_of(poses, named.frame_id)
+        if self._config.rotate is not None and not swings:
+            turns = self._config.rotate // 90
         if self._config.transforms:
             pose = read_pose(Path(self._config.transforms), named.camera)
             of_turned = turns and not quarter_turns(pose)  # calibrated on turned images

@@ -388,6 +388,16 @@ def test_a_live_frame_is_traced_from_its_acquisition() -> None:
         assert times == sorted(times)
 
 
+def test_stamps_that_stand_still_are_reported_with_the_remedy() -> None:
+    source = MemorySource([capture(7)] * 30)
+    with player(msgspec.structs.replace(START, playback="recorded"), source) as p:
+        p.until(lambda: len(p.frames()) == 15, follow=True)
+        status = p.node.status()
+        assert status.state == "degraded"
+        assert status.reason.startswith("the stamps of its frames stand still. Give each frame")
+        assert status.counters["stamp_jumps"] == 14
+
+
 def test_live_camera_ends_after_the_frames_wanted() -> None:
     with player(with_(max_frames=1), MemorySource([capture(0), capture(1)], live=True)) as p:
         p.play()

@@ -4,6 +4,7 @@ import math
 from pathlib import Path
 
 import cv2
+import msgspec
 import numpy as np
 import pytest
 
@@ -97,6 +98,21 @@ def test_sideways_camera_is_published_in_portrait() -> None:
     info, _, frame = published(config)
     assert (info.height, info.width) == frame.depth_mm.shape == (8, 6)
     assert frame.depth_mm[0, -1] == 900  # clockwise
+
+
+@pytest.mark.parametrize("rotate", [0, 90, 180, 270])
+def test_rotation_by_a_setting_turns_images_below_an_upright_mount(rotate: int) -> None:
+    config = {"rotate": rotate, "mount_xyz_m": (0, 0, 1.5), "mount_rpy_rad": (0, 0.1, 0)}
+    node = CameraNode(msgspec.convert(config, CameraConfig), MemorySource([]))
+    messages = node.tick(0)
+    node.close()
+    (info,) = (one for one in messages if isinstance(one, CameraInfo))
+    turned = info.width == SIZE[0]
+    assert turned == (rotate in (90, 270))
+    poses = {one.child: one.matrix for one in messages if isinstance(one, StaticTransform)}
+    upright = transform_from((0, 0, 1.5), rotation_from_rpy(0, 0.1, 0)) @ LINK_FROM_OPTICAL
+    np.testing.assert_allclose(poses[info.frame_id], upright, atol=1e-12)
+    assert quarter_turns(poses[info.frame_id.removeprefix("upright_")]) == rotate // 90
 
 
 def test_upright_camera_keeps_its_frame_and_images() -> None:
