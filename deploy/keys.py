@@ -107,7 +107,7 @@ def _check(hosts: Hosts) -> None:
     for host, its_roles in hosts.items():
         for role in set(its_roles) - set(roles()):
             raise ConfigError(
-                f"host {host}: there is no role {role!r}", f"Roles are {', '.join(roles())}."
+                f"host {host}: unknown role {role!r}", f"Roles are {', '.join(roles())}."
             )
 
 

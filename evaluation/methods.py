@@ -53,7 +53,7 @@ def read_methods(presets: Sequence[str], settings: Sequence[str] = ()) -> list[M
     names = [method.name for method in methods]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        raise ConfigError(f"preset {', '.join(twice)} comes twice", "Name each once.")
+        raise ConfigError(f"preset {', '.join(twice)} is repeated", "Name each once.")
     return methods
 
 

@@ -42,7 +42,7 @@ def load_scenario(name: str, seed: int | None = None) -> Scenario:
         return msgspec.convert(data, Scenario)
     except FileNotFoundError as error:
         names = ", ".join(scenario_names())
-        raise ConfigError(f"there is no scenario {name}", f"There are {names}.") from error
+        raise ConfigError(f"unknown scenario {name}", f"There are {names}.") from error
     except OSError as error:
         raise ConfigError(f"scenario {path} cannot be read: {error.strerror}") from error
     except ValueError as error:

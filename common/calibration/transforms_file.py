@@ -76,7 +76,7 @@ def read_transforms(path: Path) -> TransformsFile:
     """Read a file.
 
     Raises:
-        SourceError: The file cannot be read, or a matrix is no rigid transform.
+        SourceError: The file cannot be read, or a matrix is not a rigid transform.
     """
     try:
         found = msgspec.convert(read_toml(path), TransformsFile)
@@ -89,7 +89,7 @@ def read_transforms(path: Path) -> TransformsFile:
         turn = matrix[:3, :3]
         wrong = np.abs(turn @ turn.T - np.eye(3)).max() if np.isfinite(matrix).all() else np.inf
         if wrong > RIGID_M or np.linalg.det(turn) < 0 or list(entry.matrix[3]) != [0, 0, 0, 1]:
-            raise SourceError(f"transforms {path}: the matrix of {name} is no rigid transform")
+            raise SourceError(f"transforms {path}: the matrix of {name} is not a rigid transform")
     return found
 
 

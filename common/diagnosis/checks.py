@@ -60,7 +60,7 @@ def unannounced(evidence: Evidence) -> Iterator[Diagnostic]:
     present = {name for robot, _, name in evidence.present if robot == evidence.robot}
     absent = sorted(set(evidence.vitals) - present)
     if present and absent:
-        what = f"heartbeats come of {listed(absent)}, which are not announced"
+        what = f"heartbeats arrive from {listed(absent)}, without announcement"
         hint = "They ended just now, or are forged, which keys prevent: people4d keys."
         yield warning("unannounced", what, hint, *absent)
 
@@ -72,7 +72,7 @@ def releases(evidence: Evidence) -> Iterator[Diagnostic]:
         found.setdefault(vitals.last.release or "an older one", []).append(name)
     if "version" in evidence.refusal and evidence.refused:
         topics = ", ".join(sorted(evidence.refused))
-        what = f"messages of another release come ({topics}): {evidence.refusal}"
+        what = f"messages of another release arrive ({topics}): {evidence.refusal}"
         yield problem("release", what, SAME_RELEASE)
     elif len(found) > 1:
         listing = "; ".join(f"{r}: {', '.join(who)}" for r, who in sorted(found.items()))

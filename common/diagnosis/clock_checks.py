@@ -59,7 +59,7 @@ def stamps(evidence: Evidence) -> Iterator[Diagnostic]:
 
 
 def _camera_clocks(evidence: Evidence) -> Iterator[Diagnostic]:
-    """Report cameras whose stamps come from another clock."""
+    """Report cameras with stamps of another clock."""
     for vitals in evidence.of_service("tracker"):
         gauges = vitals.last.gauges
         found = ((CAMERA_OFFSET.fullmatch(gauge), ms) for gauge, ms in gauges.items())
@@ -67,7 +67,7 @@ def _camera_clocks(evidence: Evidence) -> Iterator[Diagnostic]:
         delays = ((CAMERA_DELAY.fullmatch(gauge), ms) for gauge, ms in gauges.items())
         late_ms = {m[1]: ms for m, ms in delays if m}
         if behind_ms:
-            what = f"stamps of cameras are apart, and corrected: {_listing(behind_ms)}"
+            what = f"camera stamps differ, and are corrected: {_listing(behind_ms)}"
             hint = "Let their hosts keep time by one server: chrony or systemd-timesyncd."
             yield warning("clocks", what, hint)
         # Delay of the camera with the earliest messages
@@ -75,7 +75,7 @@ def _camera_clocks(evidence: Evidence) -> Iterator[Diagnostic]:
         late = {c: ms - first_ms for c, ms in late_ms.items() if ms - first_ms > DELAYED_MS}
         if late:
             listing = ", ".join(f"{c} by {ms:.0f} ms" for c, ms in sorted(late.items()))
-            what = f"messages of cameras come late: {listing}"
+            what = f"messages of cameras arrive late: {listing}"
             hint = "People are tracked at the right times, but later: see the links of these hosts."
             yield warning("clocks", what, hint)
 

@@ -14,7 +14,7 @@ UNREADABLE = (
         "Let it publish reliably, or latched, as ros2 topic info -v shows it.",
     ),
     (
-        *("no_attachment", "messages come on keys of rmw_zenoh without its attachment"),
+        *("no_attachment", "messages arrive on keys of rmw_zenoh without its attachment"),
         "Run the nodes with rmw_zenoh, or set ros2.transport to dds.",
     ),
 )
@@ -22,7 +22,7 @@ UNREADABLE = (
 # Frames without the declared form: counter and hint.
 REJECTED = {
     "wrong_type": "Convert it in the source; for float metres set depth_in_metres = True there.",
-    "wrong_size": "Calibrate at the size that is streamed, or stream at the size calibrated.",
+    "wrong_size": "Calibrate at the streamed size, or stream at the calibrated size.",
     "wrong_unit": "Depth is uint16 millimetres, or float metres with depth_in_metres = True.",
     "wrong_stamp": "Give the acquisition time as an int: round(seconds * 1e9).",
 }
@@ -32,22 +32,22 @@ REJECTED = {
 EVENTS: tuple[tuple[str, Level, str, str, str, str], ...] = (
     (
         *("calibration", "problem", "detector", "no_calibration"),
-        "no CameraInfo comes: frames are dropped, since detections get no positions",
+        "no CameraInfo arrives: frames are dropped, since detections get no positions",
         "Give the camera its calibration: --set camera.options.calibration=FILE.",
     ),
     (
         *("calibration", "problem", "detector", "wrong_size"),
-        "frames are not of the size of CameraInfo: {fault}",
+        "frames and CameraInfo differ in size: {fault}",
         REJECTED["wrong_size"],
     ),
     (
         *("frames", "warning", "tracker", "people_unknown"),
-        "frames stop for more than 0.5 s, and people are unknown meanwhile",
+        "frames stop for more than 0.5 s; people are unknown until they continue",
         "Look at the camera, its disk or cable, and at the load: people4d top.",
     ),
     (
         *("odometry", "warning", "tracker", "predicted_base"),
-        "odometry comes too late or not: the robot's motion is guessed",
+        "odometry arrives late or not at all: the robot's motion is predicted",
         "Is odometry published (people4d ps), at 20 Hz or more, with stamps in time?",
     ),
     ("model", "problem", "detector", "model_errors", "{fault}", OTHER_MODEL),
@@ -69,12 +69,12 @@ EVENTS: tuple[tuple[str, Level, str, str, str, str], ...] = (
     ),
     (
         *("ros2", "warning", "ros2_bridge", "reader_restamped"),
-        "transforms of ROS 2 come later than people, which are moved back to their stamps",
+        "transforms of ROS 2 arrive later than people, which are moved back to their stamps",
         "Publish transforms sooner, or set a longer ros2_bridge.reader_wait_s.",
     ),
     (
         *("ros2", "warning", "camera", "tf_loops"),
-        "transforms of ROS 2 form a loop: those that close it are dropped",
+        "transforms of ROS 2 form a loop: the closing ones are dropped",
         "Two nodes publish the same frames: ros2 run tf2_tools view_frames shows which.",
     ),
     (

@@ -74,7 +74,7 @@ def _parse(name: str, data: bytes) -> npt.NDArray[Any]:
         raise ValueError(f"array {name}: expected numbers, got {kind!r:.80}")
     count = math.prod(shape)
     if min(shape, default=0) < 0 or count * kind.itemsize != len(data) - start:
-        raise ValueError(f"array {name}: {len(data) - start} bytes are no {shape} of {kind}")
+        raise ValueError(f"array {name}: {len(data) - start} bytes do not fill {shape} of {kind}")
     flat = np.frombuffer(data, kind, count, start)
     return flat.reshape(shape, order="F" if column_major else "C")
 

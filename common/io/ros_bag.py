@@ -108,7 +108,7 @@ class Bag:
         ours = self._store.generate_msgdef(kind)[1] if self._ros1 else self._store.hash_rihs01(kind)
         if digest != ours:
             raise SourceError(
-                f"bag {self._path}: {connection.topic} is of another {kind} than the known one",
+                f"bag {self._path}: {connection.topic} differs from the known {kind}",
                 "It was recorded with a changed definition of that type.",
             )
 

@@ -147,7 +147,7 @@ def _check_chunks(chunks: Sequence[Any]) -> None:
     for _, change in sorted(changes):
         open_bytes += change
         if open_bytes > MAX_OPEN_BYTES:
-            raise ValueError("too many of its chunks are of the same time")
+            raise ValueError("too many of its chunks have the same time")
 
 
 def _check_database(file: Path) -> None:

@@ -122,7 +122,7 @@ def kinds_of(topics: str) -> tuple[type[Message], ...]:
     names = [name.strip() for name in topics.split(",") if name.strip()]
     for name in names:
         if name not in BY_NAME:
-            raise ConfigError(f"there is no topic {name!r}", f"Topics are {', '.join(BY_NAME)}.")
+            raise ConfigError(f"unknown topic {name!r}", f"Topics are {', '.join(BY_NAME)}.")
     return tuple(BY_NAME[name].message for name in names)
 
 

@@ -64,7 +64,7 @@ def running(state: State) -> Iterator[Diagnostic]:
     for process in processes.values():
         name, log = process.name, state.log_of(process.name)
         if process.finished:
-            what = f"{name} came to its end: {_last_word(log)}"
+            what = f"{name} ended: {_last_word(log)}"
             yield warning(
                 "processes",
                 what,

@@ -222,4 +222,4 @@ def _check_runs(name: str, services: Sequence[Service], every: Sequence[Service]
         if service.name == name:
             raise ConfigError(f"{name} is not enabled", f"Add {service.option}.")
     names = ", ".join(service.name for service in services)
-    raise ConfigError(f"there is no service {name!r}", f"Services are {names}.")
+    raise ConfigError(f"unknown service {name!r}", f"Services are {names}.")

@@ -59,7 +59,7 @@ def plan_recordings(
     counts = Counter(recording.name for recording in recordings)
     twice = sorted(name for name, count in counts.items() if count > 1)
     if twice:
-        raise ConfigError(f"recordings: {', '.join(twice)} comes twice", "Rename one of them.")
+        raise ConfigError(f"recordings: {', '.join(twice)} is repeated", "Rename one of them.")
     return recordings
 
 
@@ -97,7 +97,7 @@ def _scenarios(
 def _recorded(name: str) -> EvaluationRecording:
     path, kind = Path(name), kind_of(name)
     if kind in ("plugin", "lab"):
-        raise SourceError(f"{name} is no recording", "Give a file, a folder or lab:SCENARIO.")
+        raise SourceError(f"{name} is not a recording", "Give a file, a folder or lab:SCENARIO.")
     note = read_metadata(open_recording(path)) if kind == "recording" else None
     stem = path.name if path.is_dir() else path.stem
     if note is None:

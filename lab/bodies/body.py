@@ -54,7 +54,7 @@ def load_body(
     """
     person = load_cast().get(name)
     if person is None:
-        raise ConfigError(f"there is no person {name}", f"There are {', '.join(cast_names())}.")
+        raise ConfigError(f"unknown person {name}", f"There are {', '.join(cast_names())}.")
     figure = scaled(load_figure(person.figure), size)
     return SkinnedBody(name, figure, dress(figure, dress_up(person, outfit, seed, number), seed))
 

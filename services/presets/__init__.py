@@ -74,7 +74,7 @@ def preset_file(name: str) -> Path:
         return Path(name)
     near = difflib.get_close_matches(name[:80], PRESETS, 1)
     hint = f"Did you mean {near[0]}?" if near else f"There are {', '.join(PRESETS)}."
-    raise ConfigError(f"there is no preset {name!r:.80}", hint)
+    raise ConfigError(f"unknown preset {name!r:.80}", hint)
 
 
 def _chain(name: str) -> Iterator[dict[str, Any]]:
@@ -132,4 +132,4 @@ def _toml(value: Any) -> str:
     try:
         return json.dumps(value, ensure_ascii=False)
     except (TypeError, ValueError, RecursionError) as error:  # a date is no setting
-        raise ConfigError(f"preset: {value!r:.80} is no number, text or list of them") from error
+        raise ConfigError(f"preset: {value!r:.80} is not a number, text or list of them") from error

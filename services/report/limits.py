@@ -74,7 +74,7 @@ class RunLimits:
         """Return the limits of the run, one sentence each; `is_scored`: tracks matched truth."""
         found = [f"{k[0]}: {self._reasons[k]}" for k, n in self._beats.items() if n >= MIN_BEATS]
         if self._truth and Truth not in self._ends_ns:
-            found.append(f"truth: none came from {self._truth}")
+            found.append(f"truth: none arrived from {self._truth}")
         if Truth in self._ends_ns and RgbdFrame in self._ends_ns:
             early_ns = self._ends_ns[RgbdFrame] - self._ends_ns[Truth]
             if not is_scored:
@@ -87,11 +87,11 @@ class RunLimits:
         """Return unused inputs: odometry, the camera's mount, truth."""
         parts = []
         if Odometry not in self._ends_ns:
-            parts.append("odometry (none came: the base stands)")
+            parts.append("odometry (none received: the base stands)")
         elif not self._odometry_used:
             parts.append("odometry (the tracker takes none)")
         if True not in self._mounts:
             parts.append("mount (none given: the camera is the origin of the map)")
         if Truth not in self._ends_ns:
-            parts.append("truth (none came)")
+            parts.append("truth (none received)")
         return tuple(parts)

@@ -156,7 +156,7 @@ class Tracker(ABC):
         """Continue from a checkpoint.
 
         Raises:
-            DecodeError: The bytes are no checkpoint of this tracker; nothing has changed then.
+            DecodeError: The bytes are not a checkpoint of this tracker; nothing has changed.
         """
 
 

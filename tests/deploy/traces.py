@@ -62,7 +62,7 @@ def health(
         service,
         host=host,
         state=state,
-        reason="" if state == "ready" else "no frames come",
+        reason="" if state == "ready" else "no frames arrive",
         counters={
             "received_frames": 100,
             "sent_detections": 90,

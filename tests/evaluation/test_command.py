@@ -129,7 +129,7 @@ def test_people_are_found_once_for_all_trackers(tmp_path: Path) -> None:
     ("arguments", "message"),
     [
         (["seg-sot", "--recordings", "lab:walk"], "Did you mean seg-sort?"),
-        (["seg-sort", "--recordings", "lab:nothing"], "there is no scenario nothing"),
+        (["seg-sort", "--recordings", "lab:nothing"], "unknown scenario nothing"),
         (["seg-sort", "--recordings", "/none.mcap"], "'/none.mcap' does not exist"),
         (
             ["seg-sort", "--recordings", "lab:short_walk", "--seeds", "x"],
@@ -139,10 +139,10 @@ def test_people_are_found_once_for_all_trackers(tmp_path: Path) -> None:
             ["seg-sort", "--recordings", "lab:short_walk", "--set", "detector.model=yolov9"],
             "model 'yolov9' is unknown",
         ),
-        (["seg-sort", "seg-sort", "--recordings", "lab:short_walk"], "seg-sort comes twice"),
+        (["seg-sort", "seg-sort", "--recordings", "lab:short_walk"], "seg-sort is repeated"),
         (
             ["seg-sort", "--recordings", "lab:short_walk", "--recordings", "lab:short_walk@42"],
-            "short_walk@42 comes twice",
+            "short_walk@42 is repeated",
         ),
         (
             ["seg-sort", "--recordings", "lab:short_walk", "--set", "report.video=false"],

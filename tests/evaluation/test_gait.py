@@ -81,7 +81,7 @@ def test_box_is_tracked_by_colour(tmp_path: Path) -> None:
         ((DEMO, "--set", "gait.nothing=1"), "nothing"),
         ((DEMO, "--set", "gait.people_max=0"), "people_max"),
         ((DEMO, "--set", "unknown.field=1"), "unknown"),
-        ((DEMO, "--preset", "nonesuch"), "there is no preset 'nonesuch'"),
+        ((DEMO, "--preset", "nonesuch"), "unknown preset 'nonesuch'"),
     ],
 )
 def test_invalid_arguments_give_an_error(

@@ -87,7 +87,7 @@ def test_error_in_scenario_names_file_and_field(tmp_path: Path, text: str, error
 
 
 def test_unknown_scenario_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(ConfigError, match=r"there is no scenario nowhere\. There are .*crossing"):
+    with pytest.raises(ConfigError, match=r"unknown scenario nowhere\. There are .*crossing"):
         load_scenario("nowhere")
 
 

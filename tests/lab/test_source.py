@@ -124,7 +124,7 @@ def test_frames_outside_the_selection_are_not_drawn(
 
 def test_wrong_options_are_refused(tmp_path: Path) -> None:
     assert kind_of("lab:anything") == "lab"
-    with pytest.raises(ConfigError, match="there is no scenario nothing"):
+    with pytest.raises(ConfigError, match="unknown scenario nothing"):
         open_source("lab:nothing")
     with pytest.raises(ConfigError, match="expected a whole number after @, got 'x'"):
         open_source("lab:two_easy@x")

@@ -61,8 +61,8 @@ def test_truth_that_ends_early_is_a_limit() -> None:
 def test_truth_that_was_asked_for_and_never_comes_is_a_limit() -> None:
     limits = RunLimits("walk.csv")
     limits.add(frame(5 * S), 0)
-    assert limits.degraded(is_scored=False) == ("truth: none came from walk.csv",)
-    assert "truth (none came)" in limits.unused()
+    assert limits.degraded(is_scored=False) == ("truth: none arrived from walk.csv",)
+    assert "truth (none received)" in limits.unused()
     limits.add(truth(5 * S, ("a", 1, 0)), 0)
     assert limits.degraded(is_scored=True) == ()
 

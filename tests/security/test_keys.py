@@ -120,7 +120,7 @@ def test_only_the_routers_host_has_all_passwords(tmp_path: Path) -> None:
 
 
 def test_an_unknown_role_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"host nuc: there is no role 'cook'\. Roles are router"):
+    with pytest.raises(ConfigError, match=r"host nuc: unknown role 'cook'\. Roles are router"):
         keys.write_certificates(tmp_path, {"nuc": ["cook"]}, [], days=1)
     assert not list(tmp_path.iterdir())
 

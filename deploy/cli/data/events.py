@@ -31,7 +31,9 @@ def events(
     """Show the last events of a robot on this machine, or write all of them to CSV."""
     file = State.of_robot(robot).folder / JOURNAL
     if not file.is_file():
-        raise ConfigError(f"there are no events of {robot} here", "Start it: people4d up --events.")
+        raise ConfigError(
+            f"no events of {robot} are stored here", "Start it: people4d up --events."
+        )
     journal = Journal(file, 1)
     try:
         found = journal.after(-1 if to else journal.last_number() - SHOWN)

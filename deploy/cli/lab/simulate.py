@@ -99,7 +99,7 @@ def render(
 
     if fidelity == "geometry" and format_ != "recording":
         raise ConfigError(
-            "--fidelity geometry: there are no images for a ROS bag", "Leave --format on recording."
+            "--fidelity geometry: a ROS bag needs images", "Leave --format on recording."
         )
     plan = load_scenario(scenario, seed)
     if truth_per_frame and plan.cameras:

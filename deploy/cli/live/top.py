@@ -123,7 +123,7 @@ def drawn(snapshot: SystemSnapshot) -> Group:
 def _headline(snapshot: SystemSnapshot) -> Text:
     total = snapshot.end_to_end
     if total is None:
-        return Text(f"no frame came through in the last {snapshot.seconds:g} s", style="yellow")
+        return Text(f"no frame passed in the last {snapshot.seconds:g} s", style="yellow")
     return Text(
         f"end to end p50 {total.p50_ms:.1f}  p95 {total.p95_ms:.1f}  p99 {total.p99_ms:.1f} ms"
         f"{_error(total)} · {total.count} frames in {snapshot.seconds:g} s"

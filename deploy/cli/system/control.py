@@ -110,5 +110,5 @@ def run(
     if not service.isidentifier() or not find_spec(f"services.{service}"):
         folders = sorted(Path(services.__path__[0]).glob("*/__main__.py"))
         names = ", ".join(file.parent.name for file in folders)
-        raise People4dError(f"there is no service {service!r}", f"Services are {names}.")
+        raise People4dError(f"unknown service {service!r}", f"Services are {names}.")
     os.execv(sys.executable, [sys.executable, "-m", f"services.{service}", *context.args])

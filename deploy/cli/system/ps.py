@@ -61,7 +61,7 @@ def ps(
     rows += [_row(h.instance, None, h) for h in healths if h not in own_health.values()]
     if not rows:
         with open_client(connect, robot) as client:
-            raise People4dError("no heartbeat comes", f"{client.found()}.")
+            raise People4dError("no heartbeat arrives", f"{client.found()}.")
     if json:
         print_json(rows)
     else:

@@ -140,5 +140,5 @@ def _check_wheels(bag: Bag, topics: tuple[str, ...]) -> None:
         got = ", ".join(f"{topic} ({kind})" for topic, kind in zip(topics, kinds, strict=True))
         raise SourceError(
             f"wheel_topics: expected a topic of {JOINTS} or two of a number, got {got}",
-            "Numbers are of std_msgs, such as Int32; the left wheel comes first.",
+            "Use numbers of std_msgs, such as Int32, the left wheel first.",
         )

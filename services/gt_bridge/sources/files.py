@@ -106,7 +106,7 @@ class MotTruth:
         except DecodeError as error:
             raise SourceError(f"truth {error.problem}", error.hint) from error
         if not RATES_HZ[0] <= rate_hz <= RATES_HZ[1]:
-            raise SourceError(f"truth {path} is of {rate_hz} Hz", "Set rate_hz.")
+            raise SourceError(f"truth {path} has a rate of {rate_hz} Hz", "Set rate_hz.")
         if len(rows.frames) and rows.frames[-1] > MAX_FRAMES:
             raise SourceError(f"truth {path} has a frame {rows.frames[-1]}, beyond {MAX_FRAMES}")
         self._period_s = 1.0 / rate_hz
@@ -118,7 +118,7 @@ class MotTruth:
             raise SourceError(
                 f"truth {path} has no position of a person, only boxes in the image",
                 "Columns 8 to 10 must be x, y, z in metres, as in the 3D benchmarks of MOT; class "
-                "and visibility are no positions.",
+                "and visibility are not positions.",
             )
 
     def __iter__(self) -> Iterator[Truth]:

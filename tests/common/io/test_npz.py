@@ -58,9 +58,9 @@ def pickled() -> bytes:
     [
         (pickled(), "expected numbers, got dtype"),
         (pickle.dumps(Evil()), "is damaged"),
-        (header((3,)) + bytes(16), "16 bytes are no"),
-        (header((10**12,)) + bytes(16), "16 bytes are no"),
-        (header((2**62, 4)) + bytes(16), "16 bytes are no"),
+        (header((3,)) + bytes(16), "16 bytes do not fill"),
+        (header((10**12,)) + bytes(16), "16 bytes do not fill"),
+        (header((2**62, 4)) + bytes(16), "16 bytes do not fill"),
         (header((-1,)) + bytes(8), "are no"),
         (header((2,), "<U100000"), "expected numbers"),
         (header((2,), "<M8[s]") + bytes(16), "expected numbers"),

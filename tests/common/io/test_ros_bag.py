@@ -176,7 +176,7 @@ def test_chunks_of_the_same_time_are_not_all_held_in_memory(
     path = write2(tmp_path / "a", data=text(2, "x" * 600_000)) / "a.mcap"
     assert len(read(path)) == 3
     monkeypatch.setattr(ros_bag_guard, "MAX_OPEN_BYTES", 1_000_000)
-    assert "too many of its chunks are of the same time" in refusal(path)
+    assert "too many of its chunks have the same time" in refusal(path)
 
 
 HOSTILE_SQL = {
@@ -254,7 +254,7 @@ def test_another_type_of_the_same_name_is_refused(tmp_path: Path) -> None:
     path = write1(tmp_path / "a.bag")
     digest = make_typestore(1, {}).generate_msgdef(TEXT)[1].encode()
     path.write_bytes(path.read_bytes().replace(digest, b"0" * 32))
-    assert "/text is of another std_msgs/msg/String than the known one" in refusal(path)
+    assert "/text differs from the known std_msgs/msg/String" in refusal(path)
 
 
 def test_topics_whose_yaml_grows_exponentially_are_refused(tmp_path: Path) -> None:

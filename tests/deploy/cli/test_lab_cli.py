@@ -91,8 +91,8 @@ def test_sensor_errors_are_configurable(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["render", "nothing"], "there is no scenario nothing. There are "),
-        (["preview", "nothing"], "there is no scenario nothing. There are "),
+        (["render", "nothing"], "unknown scenario nothing. There are "),
+        (["preview", "nothing"], "unknown scenario nothing. There are "),
         (["preview", "two_easy", "--out", "p.gif"], "--out: expected a .png or .webm file"),
         (
             ["render", "two_easy", "--fidelity", "geometry", "--format", "ros2"],
@@ -149,7 +149,7 @@ def test_up_reads_scenarios_and_their_truth(
     path = write_scenario(tmp_path)
     monkeypatch.chdir(tmp_path)  # services run elsewhere
     assert resolve("lab:walk.toml@3") == f"lab:{path}@3"
-    with pytest.raises(ConfigError, match="there is no scenario nothing"):
+    with pytest.raises(ConfigError, match="unknown scenario nothing"):
         resolve("lab:nothing")
     source = 'gt_bridge.source="lab.source:LabTruth"'
     assert truth_settings(f"lab:{path}@3", loop=False) == [source]

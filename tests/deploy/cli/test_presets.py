@@ -164,7 +164,7 @@ def test_infinity_and_booleans_keep_their_type(tmp_path: Path) -> None:
     ("text", "problem"),
     [
         ('extends = "mine.toml"', "extends itself"),
-        ('extends = "seg-sorted"', "there is no preset 'seg-sorted'. Did you mean seg-sort?"),
+        ('extends = "seg-sorted"', "unknown preset 'seg-sorted'. Did you mean seg-sort?"),
         ("detector = 3", "detector is not a table"),
         ("extends = 3", "extends is not a name"),
         ('extends = "../other.toml"', "leads out of the folder"),
@@ -173,7 +173,7 @@ def test_infinity_and_booleans_keep_their_type(tmp_path: Path) -> None:
         ('[camera]\nsource = "/dev/video0"', "sets camera, which is not part of a method"),
         ('[report]\nfolder = "/etc"', "sets report, which is not part of a method"),
         ('[detector]\n"model=x\\ncommand" = 1', "detector has no field 'model=x"),
-        ("[detector]\nmodel = 2020-01-01", "is no number, text or list"),
+        ("[detector]\nmodel = 2020-01-01", "is not a number, text or list"),
         ("[detector" + ".a" * 3000 + "]", "has no field 'a'"),
         ("a = " + "[" * 5000, "is not TOML: lists or tables are nested too deeply"),
         ("[detector", "is not TOML"),
@@ -194,7 +194,7 @@ def test_bad_files_are_rejected(
 @pytest.mark.parametrize(
     ("name", "problem"),
     [
-        ("nonsense", "there is no preset 'nonsense'. There are best,"),
+        ("nonsense", "unknown preset 'nonsense'. There are best,"),
         ("none.toml", "none.toml cannot be read: No such file"),
     ],
 )

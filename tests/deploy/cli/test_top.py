@@ -99,7 +99,7 @@ def test_old_frames_leave_the_window() -> None:
     snapshot = monitor().snapshot(60.0)
     assert snapshot.end_to_end is None
     assert snapshot.processes == []
-    assert "no frame came through in the last 10 s" in text(snapshot)
+    assert "no frame passed in the last 10 s" in text(snapshot)
 
 
 def test_invented_processes_make_room_once_they_are_silent() -> None:

@@ -73,7 +73,7 @@ def test_the_process_waits_for_what_any_of_them_waits_for(tmp_path: Path) -> Non
         (("detector", "reid", "detector"), "detector is named twice"),
         (("detector", "router"), "'router' cannot share a process"),
         (("detector", "watchdog"), "'watchdog' cannot share a process"),
-        (("detector", "nothing"), "there is no service 'nothing'"),
+        (("detector", "nothing"), "unknown service 'nothing'"),
         (("detector", "gait"), "gait is not enabled"),
     ],
 )

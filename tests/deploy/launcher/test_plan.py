@@ -73,7 +73,7 @@ def test_visual_odometry_runs_only_with_its_option() -> None:
 @pytest.mark.parametrize(
     ("launch", "message"),
     [
-        (LaunchRequest(settings=["singer.field=1"]), "there is no service 'singer'"),
+        (LaunchRequest(settings=["singer.field=1"]), "unknown service 'singer'"),
         (
             LaunchRequest(settings=["gait.people_max=2"]),
             "gait is not enabled. Add --gait",
@@ -86,7 +86,7 @@ def test_visual_odometry_runs_only_with_its_option() -> None:
             for name in ("router", "detector", "tracker")
         ),
         (LaunchRequest(scale=["detector"]), "Write service=number"),
-        (LaunchRequest(scale=["singer=2"]), "there is no service 'singer'"),
+        (LaunchRequest(scale=["singer=2"]), "unknown service 'singer'"),
         (LaunchRequest(config=Path("none.toml")), "none.toml does not exist"),
     ],
 )

@@ -118,7 +118,7 @@ def test_hung_processes_are_stopped_within_ten_seconds(tmp_path: Path) -> None:
 
 
 def test_impossible_scale_is_rejected(state: State) -> None:
-    with pytest.raises(ConfigError, match="there is no service 'singer'"):
+    with pytest.raises(ConfigError, match="unknown service 'singer'"):
         progress_of(state, "singer=2")
     moved = state.plan_file.rename(state.folder / "elsewhere")
     with pytest.raises(People4dError, match="cannot be read"):

@@ -90,7 +90,7 @@ def test_a_person_enters_once() -> None:
 
 def test_conditions_are_named() -> None:
     assert Condition("truth").message is Truth
-    with pytest.raises(ConfigError, match="there is no condition 'fire'"):
+    with pytest.raises(ConfigError, match="unknown condition 'fire'"):
         Condition("fire")
 
 

@@ -135,7 +135,7 @@ def test_person_with_nan_is_left_out_of_arrays_at_that_time(tmp_path: Path) -> N
 def test_class_and_visibility_of_mot_text_are_no_positions(tmp_path: Path) -> None:
     # Ten columns as py-motmetrics names them, and as MOT16 has them with one more.
     path = mot(tmp_path, "1,1,10,20,30,40,1,1,0.86,-1\n2,1,10,20,30,40,1,7,1,-1\n")
-    with pytest.raises(SourceError, match=r"only boxes.*class and visibility are no positions"):
+    with pytest.raises(SourceError, match=r"only boxes.*class and visibility are not positions"):
         read(path)
     path.write_text("1,1,10,20,30,40,1,1,0.86,-1\n2,1,10,20,30,40,1,1.25,0.86,-1\n")
     assert len(read(path)) == 2  # a person in metres

@@ -90,7 +90,7 @@ def test_ten_people_of_different_stature() -> None:
 
 
 def test_unknown_name_is_refused() -> None:
-    with pytest.raises(ConfigError, match="there is no person zoe"):
+    with pytest.raises(ConfigError, match="unknown person zoe"):
         load_body("zoe")
 
 

@@ -98,5 +98,5 @@ def test_the_bridge_reads_truth_of_a_scenario_by_name() -> None:
 
 
 def test_truth_of_no_scenario_is_refused() -> None:
-    with pytest.raises(ConfigError, match="there is no scenario nowhere"):
+    with pytest.raises(ConfigError, match="unknown scenario nowhere"):
         LabTruth(GtBridgeConfig(truth="nowhere"))
