@@ -200,7 +200,7 @@ def a_forged_calibration(attacker: Attacker) -> None:
         matrix = array([1.0, 0, 0, 3.0, 0, 1.0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 1.0])
         moved = forged | {"matrix": matrix | {"shape": [4, 4]}}
         attacker.send(pose_key, pose | moved)
-        # Other frames that link the same two: backwards, and by what moves
+        # Other links between the same two frames: backwards, and moving
         attacker.send("transforms/map", pose | moved | {"parent": pose["child"], "child": "map"})
         shorter = {"message": "MovingTransform", "parent": "map", "child": info["frame_id"]}
         attacker.send(f"moving/{info['frame_id']}", pose | moved | shorter)

@@ -29,7 +29,7 @@ MEMORY_MB = 50.0
 # On a quiet machine tracks pause for a second, and reports come within three. Other tests run
 # beside this one; what the machine itself adds is measured before each attack.
 PAUSE_S, REPORTED_S, PAUSES = 10.0, 20.0, 15.0
-INVENTS_PEOPLE = ("extreme_values_in_every_field",)  # which every listener hears, too
+INVENTS_PEOPLE = ("extreme_values_in_every_field",)  # all listeners receive these, too
 
 
 @pytest.fixture(scope="module")

@@ -85,7 +85,7 @@ def detections() -> Iterator[Detections]:
 
 
 def appearances() -> Iterator[Message]:
-    """Crops of one pixel; vectors of other lengths, of zeros, of no detection, twice of one."""
+    """Crops of one pixel; vectors: zeros, other lengths, unknown or repeated detections."""
     shapes = ((1, 1, 3), (1, 500, 3), (500, 1, 3), (2, 3, 3))
     crops = [Crop(detection=i, rgb=np.zeros(shape, np.uint8)) for i, shape in enumerate(shapes)]
     crops.append(Crop(detection=9, rgb=RGB, mask=np.zeros((2, 3), np.uint8), keypoints=KEYPOINTS))

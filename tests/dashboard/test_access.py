@@ -28,7 +28,7 @@ SQUARE = [[0, 0], [1, 0], [1, 1], [0, 1]]
 
 
 class Page:
-    """The application, with clients of it."""
+    """The application and its clients."""
 
     def __init__(self, tokens: Tokens = OPEN) -> None:
         self.edits: list[ZoneEdit] = []

@@ -1,4 +1,4 @@
-"""Node of the dashboard: what is decoded, and what pages are sent."""
+"""Node of the dashboard: decoded messages, and packets for pages."""
 
 import contextlib
 import threading
@@ -241,7 +241,7 @@ def test_paused_viewer_gets_image_and_cloud_of_the_frame_that_it_seeks(run: Runn
             run.feed(*feed.frame(number, number * 10**9))
         socket.send(msgspec.msgpack.encode({"type": "pause"}))
         socket.send(msgspec.msgpack.encode({"type": "seek", "at_ms": at_ms + 1000}))
-        shown: dict[str, str] = {}  # newest frame of each kind, as the page keeps it
+        shown: dict[str, str] = {}  # newest frame of each kind, as on the page
         while "cloud" not in shown:
             packet = msgspec.msgpack.decode(socket.recv(WAIT_S, decode=False))
             if packet["type"] in ("scene", "image", "cloud"):

@@ -151,7 +151,7 @@ EVERYTHING = {  # profiles, each of the service of its name
 
 
 def test_the_shipped_file_starts_the_camera_last() -> None:
-    """Nothing of a recording is lost only if all that listen are there before the camera."""
+    """No frame of a recording is lost if all listeners start before the camera."""
     services = select(read(COMPOSE_FILE, {}), EVERYTHING)
     assert services[0].name == "router"
     camera = services[-1]

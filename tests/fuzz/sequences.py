@@ -176,7 +176,7 @@ def _foxglove() -> Callable[[Message], object]:
 
 
 def _rerun() -> Callable[[Message], object]:
-    if not STREAM:  # it has threads, which a fork would not
+    if not STREAM:  # a fork would lose its threads
         STREAM.append(rerun.RecordingStream("fuzz"))
         STREAM[0].send_blueprint = lambda _: None  # each leaves two threads of Rerun
         STREAM.append(STREAM[0].memory_recording())

@@ -1,4 +1,4 @@
-"""People in views that are hard to measure: from depth and keypoints of the lab to steps."""
+"""People in difficult views: from depth and keypoints of the lab to steps."""
 
 from collections import Counter
 from collections.abc import Sequence

@@ -158,7 +158,7 @@ def test_each_round_of_a_looping_camera_is_scored_anew() -> None:
     for stamp_ms in range(500, 6001, 500):
         node.handle(frame(stamp_ms / 1000), 0)
         x = 2.0 + (stamp_ms % 3000) / 1000
-        number = 1 + stamp_ms // 3000  # the tracker sees another person
+        number = 1 + stamp_ms // 3000  # the tracker reports another person
         for got in scores(node.handle(tracks(stamp_ms, track(number, x, 0.0)), 0)):
             total = got.total
             assert total.id_switches == 0

@@ -276,7 +276,7 @@ def test_tracks_from_before_begin_a_new_playback() -> None:
     again = bench.feed(m for m in [truth(5000), tracks(5000), *round_])
     assert first[-1].total.matched == 1
     assert again[-1].total == first[-1].total
-    assert again[-1].sequence > first[-1].sequence  # numbered on
+    assert again[-1].sequence > first[-1].sequence  # numbering continues
 
 
 def test_tracks_of_the_round_before_are_not_scored() -> None:

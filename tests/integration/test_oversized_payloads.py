@@ -54,7 +54,7 @@ def test_long_payloads_are_counted_and_leave_no_memory(network: Network) -> None
         )
         end_s = time.monotonic() + WAIT_S
         while used_mb(reader.pid) > before_mb + GROWTH_MAX_MB and time.monotonic() < end_s:
-            time.sleep(0.1)  # for Zenoh to be done with the last one
+            time.sleep(0.1)  # until Zenoh has released the last payload
         assert used_mb(reader.pid) < before_mb + GROWTH_MAX_MB
     finally:
         reader.kill()

@@ -29,7 +29,7 @@ class Reids:
     def __init__(self, network: Network) -> None:
         self._robot = network.robot()
         self._network = network
-        self._bus = network.open(self._robot, "peer")  # a router may drop in a rush
+        self._bus = network.open(self._robot, "peer")  # a router may drop messages under load
         self._watcher = Watcher(self._bus, Embeddings, Health)
         self._sent = 0
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
@@ -115,7 +115,9 @@ def test_work_is_divided_among_replicas_and_taken_over_on_failure(reids: Reids) 
         assert reids.ask()[1] < REPLACED_S
     assert reids.processes["reid-3"].wait(10) == 0
     assert reids.ask()[0] == "reid-1"
-    assert sum(reids.answers.values()) - len(reids.answers) <= 1  # at most one twice, at the change
+    assert (
+        sum(reids.answers.values()) - len(reids.answers) <= 1
+    )  # at most one duplicate, at the change
 
 
 def test_two_detectors_give_the_same_tracks_as_one(network: Network) -> None:
@@ -144,7 +146,7 @@ def tracks_of(network: Network, detectors: int, *settings: str) -> list[Tracks]:
             *("playback=lockstep", "window=4", "answer_timeout_s=60.0"),
         ),
     }
-    watcher = Watcher(network.open(robot, "peer"), Tracks)  # a router may drop in a rush
+    watcher = Watcher(network.open(robot, "peer"), Tracks)  # a router may drop messages under load
     found = dict[int, Tracks]()  # a prediction has the number of the last frame
     with threads(network, robot, services):
         while len(found) < FRAMES:

@@ -40,7 +40,7 @@ with zenoh.open(config) as session:
 
 @pytest.fixture(scope="module")
 def network() -> Iterator[Network]:
-    """Router that drops what a reader does not take, as shipped."""
+    """Router that drops unread messages, as shipped."""
     network = Network(patient=False)
     yield network
     network.close()

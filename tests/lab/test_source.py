@@ -79,7 +79,7 @@ def test_the_sensor_can_be_changed_or_left_out(tmp_path: Path) -> None:
     assert (clean > 5000).any()  # the far wall, which no sensor sees
     assert usual.max() <= 5000
     both = (clean > 0) & (usual > 0) & (noisy > 0)
-    # Ten times the noise in disparity is about as much more error in depth, beside its steps of
+    # Ten times the noise in disparity is about as much more error in depth, plus its steps of
     # 1/32 pixel; medians pass over edges.
     error = [float(np.median(np.abs(clean - depth)[both])) for depth in (usual, noisy)]
     assert error[1] > 3 * error[0] > 0

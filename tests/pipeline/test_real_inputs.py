@@ -53,7 +53,7 @@ def test_distance_of_the_man_in_front_is_that_of_the_depth_image(shared: Path, m
         config = CameraConfig(source=str(bag), playback="lockstep", window=1, start_delay_s=0.0)
         found = run(config, model, shared)
         (frame,), (detections,) = found.frames, found.detections
-        # The bag has the depth that was read by hand.
+        # The bag has the depth read by hand.
         assert {(u, v): frame.depth_mm[v, u] for u, v in by_hand_mm} == by_hand_mm
         ((_, index),) = match(list(by_hand_mm)[1:2], detections.detections)
         position_m = detections.detections[index].position_m

@@ -174,7 +174,7 @@ def test_cohan_refuses_nothing() -> None:
 
 
 def test_cohan_refuses_a_recording_unless_stamps_are_those_of_sending() -> None:
-    """A recording played 0.3 s late is too old for it by its own stamps."""
+    """With its own stamps, a recording played 0.3 s late is too old for CoHAN."""
     acquired = Ros2BridgeConfig(publish=("agents",), reader_frame="odom")
     refused, total = refusals(drive(acquired, "/tracked_agents", delay=30), cohan)
     assert refused == total

@@ -40,7 +40,7 @@ def trace(
                 traces.add(message)
                 if time.monotonic() > end_s:
                     break
-        problem, hint = "came", "See what runs with people4d ps."
+        problem, hint = "arrived", "See what runs with people4d ps."
     if not traces.traces:
         raise People4dError(f"no frame with the times of its stages {problem}", hint)
     try:

@@ -101,7 +101,7 @@ def test_first_image_of_another_size_is_left_to_the_size_check(tmp_path: Path) -
 
 
 def test_calibration_that_fits_the_images_is_used(tmp_path: Path) -> None:
-    # First the one of another resolution, then one without numbers, as uncalibrated drivers send.
+    # First of another resolution, then without numbers, as from uncalibrated drivers.
     ros = Ros(2)
     other = dataclasses.replace(ros.camera_info(fx=5.0), width=4, height=3)
     empty = dataclasses.replace(ros.camera_info(), k=np.zeros(9))

@@ -166,7 +166,7 @@ def test_only_what_the_camera_hangs_on_is_passed_on() -> None:
     assert isinstance(fixed, StaticTransform)
     assert motion.silent == []
     assert motion.counters["other_transforms"] == 2
-    # Together they tell where the camera is.
+    # Together they give the pose of the camera.
     known = TransformBuffer()
     for message in (base, *messages, fixed):
         assert isinstance(message, Odometry | MovingTransform | StaticTransform)
@@ -185,7 +185,7 @@ def test_clock_offset_and_numbers() -> None:
 
 
 def test_wheels_that_are_joints_make_odometry() -> None:
-    # 2 rad of a wheel of 0.05 m on the right only: 0.1 m over 0.2 m is 0.5 rad to the left.
+    # The right wheel of 0.05 m turns by 2 rad: 0.1 m over 0.2 m is 0.5 rad to the left.
     wheels = WheelConfig(radius_m=0.05, track_m=0.2)
     motion = LiveMotion(MotionConfig(joints="zenoh:joint_states", wheels=wheels))
     (topic,) = motion.topics

@@ -114,9 +114,7 @@ def test_a_pan_tilt_camera_is_where_the_chain_says(
         np.testing.assert_allclose(got, expected(steps), atol=1e-6)
     moving = [(m.parent, m.child) for m in source if isinstance(m, MovingTransform)]
     head, base = {("neck", "pan"), ("pan", "tilt")}, {("odom", "base_link")}
-    assert set(moving) == (
-        head if with_odometry else head | base
-    )  # odometry tells it once, not twice
+    assert set(moving) == (head if with_odometry else head | base)  # odometry reports it once
 
 
 def test_camera_with_a_tf_path_to_map_is_mounted_in_map(tmp_path: Path) -> None:

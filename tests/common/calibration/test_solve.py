@@ -1,4 +1,4 @@
-"""Calibration by walking: right poses and clocks, and refusals that say what is missing."""
+"""Calibration by walking: correct poses and clocks, and refusals that name the missing input."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -99,7 +99,7 @@ class Heard:
         return examine(self.evidence)
 
     def found(self, check: str) -> Diagnostic:
-        """Return the diagnostic of a check that is not content."""
+        """Return the diagnostic of a failed check."""
         (found,) = [f for f in self.diagnostics() if f.check == check and f.level != "ok"]
         assert found.hint
         return found

@@ -1,4 +1,4 @@
-"""HOTA worked on paper [Luiten 2020]."""
+"""HOTA computed by hand [Luiten 2020]."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Truth between its samples, worked by hand."""
+"""Interpolated truth, computed by hand."""
 
 import math
 

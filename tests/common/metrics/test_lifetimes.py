@@ -1,4 +1,4 @@
-"""Lifetimes worked on paper (docs/method.md, section 9). Frames are 0.5 s apart."""
+"""Lifetimes computed by hand (docs/method.md, section 9). Frames are 0.5 s apart."""
 
 import pytest
 

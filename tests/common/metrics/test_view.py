@@ -1,4 +1,4 @@
-"""Visibility of people in a camera, worked by hand."""
+"""Visibility of people in a camera, computed by hand."""
 
 import msgspec
 import numpy as np

@@ -78,7 +78,7 @@ class Sdk:
 
 @contextmanager
 def raw_session(endpoint: str) -> Iterator[zenoh.Session]:
-    """Open a session of Zenoh itself."""
+    """Open a plain Zenoh session."""
     config = zenoh.Config()
     config.insert_json5("mode", '"client"')
     config.insert_json5("connect/endpoints", f'["{endpoint}"]')

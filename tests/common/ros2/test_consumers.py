@@ -1,4 +1,4 @@
-"""Programs of others that consume what is published: a recorder, and the example planners."""
+"""Third-party consumers of published messages: a recorder, and the example planners."""
 
 import ast
 import subprocess

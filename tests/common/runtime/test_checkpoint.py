@@ -126,7 +126,7 @@ def test_process_killed_while_it_writes_leaves_the_earlier_state(tmp_path: Path,
     for state in (b"first, which is long", b"second", b"third"):
         store.write_state(state)
     assert CheckpointStore(tmp_path, "tracker-1").read().state == b"third"
-    # The third one lies where the first did: only its beginning was written.
+    # The third checkpoint replaces the first: only its beginning was written.
     file = tmp_path / "tracker-1.state1.checkpoint"
     content = file.read_bytes()
     file.write_bytes(content[:cut] + b"\0" * (len(content) - cut))

@@ -117,7 +117,7 @@ def test_counters_of_node_inbox_and_loop_are_published_together(run: HeartbeatRu
     run.activity.count("errors")
     run.inbox.put(BY_NAME["truth"], "k", b"")
     counters = run.watcher.wait_for_counters(handled=3, errors=2, bad_truth=1).counters
-    # Zeros are published: they show what is counted.
+    # Zeros are published: they name the counters.
     assert counters == {"handled": 3, "skipped": 0, "errors": 2, "bad_truth": 1} | NO_CLOCK
 
 

@@ -160,7 +160,7 @@ def test_gaps_are_counted_by_camera() -> None:
 
 
 def test_gaps_of_tracks_are_counted_by_camera() -> None:
-    # left: 3 and 4 never came; right: 11; both come on the key of all tracks.
+    # left: 3 and 4 never arrived; right: 11; both arrive on the key of all tracks.
     inbox = Inbox()
     for sequence, camera in ((2, "left"), (10, "right"), (5, "left"), (12, "right"), (13, "right")):
         tracks = msgspec.structs.replace(EXAMPLES["Tracks"], sequence=sequence, camera=camera)

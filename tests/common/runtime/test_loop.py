@@ -284,7 +284,7 @@ def test_a_failure_at_the_start_is_one_sentence_and_exit_code_1(
 
 
 class Holding(Echo):
-    """Holds its answers back until `flush`."""
+    """Withholds its answers until `flush`."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -29,7 +29,7 @@ class Group:
 
     def __init__(self, network: Network) -> None:
         self._network, self._robot = network, network.robot()
-        self._outside = network.open(self._robot, "peer")  # a router may drop in a rush
+        self._outside = network.open(self._robot, "peer")  # a router may drop messages under load
         self.watcher = Watcher(self._outside, Tracks, Health)
         self._running: list[tuple[Loop, threading.Thread]] = []
         self._sent = 0

@@ -1,4 +1,4 @@
-"""Covers of heads: they hold the face, and go on where nothing is detected."""
+"""Covers of heads: they contain the face, and continue while detections are missing."""
 
 import numpy as np
 import pytest

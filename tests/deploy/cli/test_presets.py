@@ -27,7 +27,7 @@ T = TypeVar("T", bound=msgspec.Struct)
 
 
 def config_of(kind: type[T], service: str, preset: str) -> T:
-    """Return the record that a service runs with under `people4d up --preset`."""
+    """Return the configuration of a service under `people4d up --preset`."""
     texts = [text.partition(".") for text in preset_settings(preset)]
     overrides = [field for name, _, field in texts if name == service]
     return load(kind, service, CONFIG_FILE, overrides, {})

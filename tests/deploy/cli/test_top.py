@@ -56,7 +56,7 @@ def test_stages_of_all_instances_are_on_one_clock() -> None:
 
 
 def test_spans_beside_the_path_are_not_in_it() -> None:
-    """The detector placed people for 5 ms while its pictures of them were under path."""
+    """The detector located people for 5 ms while its crops were on their way."""
     found = Monitor(HERE, 10.0)
     parallel = span("detector.locate", 37, 42, "detector-1@nuc")
     message = detections(0)

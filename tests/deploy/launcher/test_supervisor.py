@@ -1,4 +1,4 @@
-"""Supervisord's configuration says exactly what the compose file says."""
+"""Supervisord's configuration equals the compose file."""
 
 import configparser
 import shlex

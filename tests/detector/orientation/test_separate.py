@@ -110,7 +110,7 @@ def test_vector_of_the_shoulders(right: tuple[float, float, float], expected_deg
 
 
 def test_a_pair_nearer_than_0_1_m_is_refused() -> None:
-    # |d| = 0.099 m: one shoulder hides the other, and so does one hip: they do not stand in.
+    # |d| = 0.099 m: one shoulder hides the other, and one hip the other: they are not used.
     close = points(
         l_shoulder=(3, 0, 0), r_shoulder=(3.099, 0, 0), l_hip=(3, 0, 0), r_hip=(3.3, 0, 0)
     )

@@ -43,7 +43,7 @@ def body(depth_mm: int = 2000, left: int = 10, right: int = 20) -> U16:
 
 def test_a_hole_gets_the_median_of_its_neighbours() -> None:
     # Around the middle: 1000, 2000, 4000 (0 is no reading); median 2000. The corner has 4000 and
-    # 2000 beside it (the middle is no reading): median 3000. Far holes stay.
+    # 2000 next to it (the middle is no reading): median 3000. Far holes stay.
     depth = np.zeros((3, 5), np.uint16)
     depth[0, 0], depth[0, 1], depth[1, 2] = 1000, 2000, 4000
     filled = fill_holes(depth)

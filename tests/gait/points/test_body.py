@@ -70,7 +70,7 @@ def test_hand_position_is_one_hand_length_before_the_fingertips() -> None:
 def test_tip_distance_of_vertices_is_geodesic() -> None:
     body = arm()
     assert body.tip_distance_m[22] == pytest.approx(0.0)  # the fingertips
-    assert body.tip_distance_m[12] == pytest.approx(0.3)  # ten vertices before them
+    assert body.tip_distance_m[12] == pytest.approx(0.3)  # ten vertices before these
 
 
 def test_extremum_near_the_torso_is_no_hand() -> None:

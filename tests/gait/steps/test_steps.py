@@ -389,7 +389,7 @@ def test_landing_between_two_steps_is_none() -> None:
 
 
 def test_clear_landing_beside_one_that_was_missed_is_a_step() -> None:
-    # In a turn the right foot lands early, the left one treads on the spot unseen, and the right
+    # In a turn the right foot lands early, the left one steps in place unseen, and the right
     # foot goes on: nothing is known between its landings, but both are landings.
     swings = walk("lrl")
     last = swings[-1]

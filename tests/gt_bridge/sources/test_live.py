@@ -26,7 +26,7 @@ PERSON = {
 
 
 class Capture:
-    """Live source whose messages a test captures."""
+    """Live source with messages captured by a test."""
 
     problem = ""
 

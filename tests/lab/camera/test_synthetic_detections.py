@@ -139,7 +139,7 @@ def test_far_ear_is_hidden_by_the_head() -> None:
 def test_person_behind_another_is_occluded() -> None:
     front, behind = person(2.5, 0.0), person(4.0, 0.0)
     ahead = silhouettes([behind, front], OPTICAL_FROM_MAP, INFO)
-    assert ahead[1].visible_share > 0.7  # its feet are below the image
+    assert ahead[1].visible_share > 0.7  # the feet are below the image
     # Behind, at 2.5 / 4 of the size: all of the torso is hidden by the other torso.
     assert not ahead[0].visible[[5, 6, 11, 12]].any()
     assert ahead[0].visible_share < 0.4

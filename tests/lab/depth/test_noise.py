@@ -26,7 +26,7 @@ def test_correlation_by_hand() -> None:
 @pytest.mark.parametrize("lag_s", [0.0, 0.05, 0.2, 0.33, 0.5])
 def test_correlation_of_a_process_is_as_configured(lag_s: float) -> None:
     process = NoiseProcess((4000,), (1, 2), PARTLY_FROZEN)
-    times = np.arange(40) * 0.2 * 1.618  # at all places between the knots
+    times = np.arange(40) * 0.2 * 1.618  # at all phases between the knots
     products = [np.mean(process.at(t) * process.at(t + lag_s)) for t in times]
     # 4000 frozen numbers alone give a standard error of 0.3 * sqrt(2/4000) = 0.007.
     assert np.mean(products) == pytest.approx(correlation(PARTLY_FROZEN, lag_s), abs=0.03)

@@ -16,7 +16,7 @@ G_MPS2 = 9.81
 
 
 def triangle_distance_m(points: F64, mesh: Mesh) -> F64:
-    """Return how far points are from the plane of the nearest of the triangles about them."""
+    """Return the distance of points from the plane of the nearest triangle around them."""
     corners = mesh.vertices_m[mesh.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)

@@ -1,4 +1,4 @@
-"""Rendering: outputs, resuming, and bytes that depend on the job alone."""
+"""Rendering: outputs, resuming, and bytes that depend on the job only."""
 
 from pathlib import Path
 

@@ -95,7 +95,7 @@ def test_boxes_are_just_around_the_pixels_where_nothing_hides_any() -> None:
 
 
 def test_occlusion_reduces_the_visible_share_not_the_box() -> None:
-    # One behind the other; the same body alone has the same box, and all of it.
+    # One person behind the other; the same body alone has the same box, fully visible.
     front = PersonPlan(body="carlos", start=(3.0, 0.0))
     back = PersonPlan(body="hana", start=(4.2, 0.15))
     together, alone = standing(front, back), standing(back)
