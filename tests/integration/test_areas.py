@@ -124,7 +124,7 @@ def test_walker_has_one_identity_and_people_of_other_areas_outlive_a_tracker(
         first.kill()
         planner.wait(Tracks, lambda m: {t.id for t in m.tracks} == {red, blue})
         planner.wait(Health, lambda h: h.reason == f"no people arrive from {a}: they are left out")
-        lonely = feeds[1].watcher.wait(Health, lambda h: "nothing comes" in h.reason)
+        lonely = feeds[1].watcher.wait(Health, lambda h: "no messages arrive" in h.reason)
         assert (
             lonely.reason
             == f"no messages arrive from area {a}: people from there get new identities"

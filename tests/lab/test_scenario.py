@@ -69,7 +69,7 @@ def refusal(folder: Path, text: str) -> str:
         ("people = []\nseed = -1", "seed: expected `int` >= 0, got -1"),
         ("people = []\n[camera]\nfps = 0.0", "camera.fps: expected `float` >= 1.0, got 0.0"),
         ("people = []\n[camera]\nyaw_deg = nan", "camera.yaw_deg: expected a finite number"),
-        ('people = []\n[camera]\nname = "a/b"', "name: expected 1 to 64 of"),
+        ('people = []\n[camera]\nname = "a/b"', "name: expected 1 to 64 characters from"),
         (
             "people = []\n[[camera.drive]]\nfor_s = 0.0",
             "camera.drive[0].for_s: expected `float` >= 0.05",

@@ -57,7 +57,7 @@ BAD_FIELDS: list[tuple[str, dict[str, Any], str]] = [
     ("Detections", {"height": 0}, "height: expected 1 to 16384, got 0"),
     ("Embeddings", {"detections": (0,)}, "vectors: expected 1, one a detection, got 2"),
     ("Embeddings", {"detections": (0, -1)}, "detections: expected elements >= 0, got -1"),
-    ("Tracks", {"camera": ""}, "camera: expected 1 to 64 of"),
+    ("Tracks", {"camera": ""}, "camera: expected 1 to 64 characters from"),
     ("Health", {"gauges": {"a_hz": float("nan")}}, "gauges: expected a finite number, got nan"),
 ]
 

@@ -70,8 +70,8 @@ def test_truth_that_was_asked_for_and_never_comes_is_a_limit() -> None:
 @pytest.mark.parametrize(
     ("messages", "unused"),
     [
-        ((), ("odometry (none came", "mount (none given", "truth (none came")),
-        ((pose(), truth(0, ("a", 1, 0))), ("odometry (none came",)),
+        ((), ("odometry (none received", "mount (none given", "truth (none received")),
+        ((pose(), truth(0, ("a", 1, 0))), ("odometry (none received",)),
         ((pose(), truth(0, ("a", 1, 0)), builders.odometry()), ("odometry (the tracker takes no",)),
     ],
 )
@@ -93,7 +93,7 @@ def test_limits_are_in_the_text_and_on_the_page() -> None:
         statistics.add(message, 0)
     summary = statistics.summary()
     assert f"degraded   tracker-1: {NO_TRANSFORM}" in text(summary)
-    assert "not used   odometry (none came" in text(summary)
+    assert "not used   odometry (none received" in text(summary)
     page = RunPage(summary=summary, trajectories=Trajectories(), series=RunSeries())
     assert "tracker-1: no transform map &lt;- optical" in page.html()
 

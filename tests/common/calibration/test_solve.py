@@ -124,7 +124,7 @@ def test_walk_that_is_the_same_when_turned_is_refused() -> None:
 def test_straight_walk_at_one_speed_is_refused() -> None:
     # Along one line position and clock cannot be told apart.
     said = refusal(observe(square("a", "b"), [lambda t: (-1.6 + 0.8 * (t % 4.0), 0.3)]))
-    assert any(text in said for text in ("two ways", "not sure", "for long enough"))
+    assert any(text in said for text in ("two ways", "too uncertain", "for long enough"))
 
 
 def test_two_cameras_of_one_name_are_refused() -> None:

@@ -107,7 +107,9 @@ def test_a_calibration_by_walking_is_moved_to_the_map_of_the_tags() -> None:
     with pytest.raises(CalibrationError, match="no camera saw a tag"):
         move_to_map(walked, {})
     moved = {**truth, "b": transform_from((0.5, 0, 0), np.eye(3)) @ truth["b"]}
-    with pytest.raises(CalibrationError, match=r"tags have a 2\d cm and .* from where walking has"):
+    with pytest.raises(
+        CalibrationError, match=r"tags place a 2\d cm and .* from the pose estimated from walking"
+    ):
         move_to_map(walked, moved)
 
 

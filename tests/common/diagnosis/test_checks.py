@@ -209,7 +209,7 @@ DELAYS = {"camera_offset_front_ms": 0.0, "camera_offset_back_ms": 0.0, "camera_d
             {"camera": {"unpaired": 60, "sent_frames": 30}},
         ),
         (
-            *("calibration", "problem", "...no CameraInfo comes..."),
+            *("calibration", "problem", "...no CameraInfo arrives..."),
             {"detector": {"no_calibration": 30}},
         ),
         (

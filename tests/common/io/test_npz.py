@@ -61,7 +61,7 @@ def pickled() -> bytes:
         (header((3,)) + bytes(16), "16 bytes do not fill"),
         (header((10**12,)) + bytes(16), "16 bytes do not fill"),
         (header((2**62, 4)) + bytes(16), "16 bytes do not fill"),
-        (header((-1,)) + bytes(8), "are no"),
+        (header((-1,)) + bytes(8), "do not fill"),
         (header((2,), "<U100000"), "expected numbers"),
         (header((2,), "<M8[s]") + bytes(16), "expected numbers"),
         (header((2,), version=3) + bytes(16), "version 3.0"),

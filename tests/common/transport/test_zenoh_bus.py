@@ -203,9 +203,9 @@ def test_second_router_at_one_endpoint_is_an_error(network: Network) -> None:
 
 @pytest.mark.parametrize("name", ["", "a/b", "r*", "two words"])
 def test_names_that_cannot_be_part_of_a_key_are_refused(network: Network, name: str) -> None:
-    with pytest.raises(ConfigError, match="robot: expected 1 to 64 of"):
+    with pytest.raises(ConfigError, match="robot: expected 1 to 64 characters from"):
         network.open(name)
-    with pytest.raises(ConfigError, match="instance: expected 1 to 64 of"):
+    with pytest.raises(ConfigError, match="instance: expected 1 to 64 characters from"):
         network.open(network.robot()).announce("detector", name)
 
 

@@ -96,7 +96,7 @@ def test_sensor_errors_are_configurable(tmp_path: Path) -> None:
         (["preview", "two_easy", "--out", "p.gif"], "--out: expected a .png or .webm file"),
         (
             ["render", "two_easy", "--fidelity", "geometry", "--format", "ros2"],
-            "no images for a ROS",
+            "a ROS bag needs images",
         ),
         (["render", "two_easy", "--set", "sensor.noize_px=1"], "Did you mean noise_px?"),
         (["render", "two_easy", "--set", "sensor.noise_px=-1"], "noise_px: expected `float` >= 0"),

@@ -173,7 +173,7 @@ def test_good_system_wrong_robot_and_other_release(network: Network) -> None:
     ("check", "camera", "model", "says"),
     [
         ("depth", Filming(depth_mm=0), None, "depth is all zero"),
-        ("calibration", Filming(first=(POSE,)), None, "no CameraInfo comes"),
+        ("calibration", Filming(first=(POSE,)), None, "no CameraInfo arrives"),
         (
             "calibration",
             Filming(first=(builders.camera_info(width=80, height=60, fx=50.0), POSE)),
