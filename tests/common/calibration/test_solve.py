@@ -152,5 +152,5 @@ def test_refused_calibration_leaves_its_input_as_it_was() -> None:
 
 
 def test_unknown_reference_is_refused() -> None:
-    with pytest.raises(CalibrationError, match="no camera x"):
+    with pytest.raises(CalibrationError, match="unknown camera x"):
         calibrate(observe(square("a", "b"), [wander(3)]), "x")
