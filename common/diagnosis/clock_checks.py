@@ -93,6 +93,6 @@ def _behind_ns(vitals: Vitals) -> float:
     if "clock_offset_ms" in gauges:
         ahead_ns, error_ns = gauges["clock_offset_ms"] * 1e6, gauges["clock_error_ms"] * 1e6
         return -ahead_ns if abs(ahead_ns) - error_ns > APART_NS else 0.0
-    # Without a reference: a heartbeat cannot arrive before it was sent, or much later.
+    # If there is no reference: a heartbeat cannot arrive before it was sent, or much later.
     late_ns = vitals.late_ns
     return float(late_ns) if late_ns < -APART_NS or late_ns > LATE_NS else 0.0

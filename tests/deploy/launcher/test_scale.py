@@ -35,7 +35,7 @@ services:
 
 @contextmanager
 def running(folder: Path) -> Iterator[State]:
-    """Run a system of one process each."""
+    """Run a system with one process per service."""
     state, file = State(folder / "robot"), folder / "compose.yaml"
     file.write_text(TOY)
     services = select(read(file, {}), set())

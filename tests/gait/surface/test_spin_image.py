@@ -196,7 +196,7 @@ def test_too_few_common_bins_are_no_match(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_similarity_does_not_depend_on_the_number_of_points() -> None:
-    # Seen from nearer there are more vertices: each bin counts as many times more.
+    # A nearer view has more vertices: all bins grow by the same factor.
     random = np.random.default_rng(3)
     images = 0.1 + random.random((5, 20, 20))
     more = similarity(7.0 * images, images[0])

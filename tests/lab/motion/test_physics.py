@@ -1,4 +1,4 @@
-"""The simulated world obeys what measurements of the real one obey."""
+"""Physical limits, known from measurements, hold in the simulated world."""
 
 import numpy as np
 import pytest
