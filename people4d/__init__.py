@@ -18,6 +18,8 @@ if TYPE_CHECKING:
         Message,
         Predictions,
         Skeletons,
+        Target,
+        TargetCommand,
         Track,
         Tracks,
     )
@@ -34,6 +36,8 @@ __all__ = [
     "People4dError",
     "Predictions",
     "Skeletons",
+    "Target",
+    "TargetCommand",
     "Track",
     "Tracks",
     "subscribe",

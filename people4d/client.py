@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator
 from typing import TypeVar
 
+from people4d.codec import encode
 from people4d.errors import People4dError
 from people4d.messages import Message, Tracks
 from people4d.queue import Arrival, MessageQueue
@@ -102,6 +103,11 @@ class Client:
             elif warn_after_s is not None and time.monotonic() - last_s > warn_after_s:
                 LOG.warning("no message for %g s: %s", warn_after_s, self.found())
                 warn_after_s = None
+
+    def publish(self, message: Message) -> None:
+        """Publish a message, for example the choice of the person to follow."""
+        topic = BY_MESSAGE[type(message)]
+        self.session.put(topic.key_of(message, self.session.robot), encode(message))
 
     def found(self) -> str:
         """Describe the robots and services with liveliness tokens."""

@@ -177,6 +177,10 @@ class ZenohSession:
         owners = KeyOwners(topic, self._follow_announcements()) if topic.owned else None
         return self._keep(subscriber, topic.max_bytes, topic.keys_max, self_id, owners)
 
+    def put(self, key: str, payload: bytes) -> None:
+        """Publish bytes under a full key."""
+        self._session.put(key, payload)
+
     @property
     def identity(self) -> str:
         """Identity of the session, as Zenoh writes it."""

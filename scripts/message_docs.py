@@ -36,6 +36,7 @@ SOURCES = (
     "score",
     "skeleton",
     "status",
+    "target",
 )
 TEMPLATE = Path(__file__).with_name("message_docs.template.md")
 TARGET = Path(__file__).resolve().parents[1] / "docs" / "development" / "messages.md"

@@ -45,6 +45,7 @@ SERVICES: dict[str, dict[str, Any]] = {
     "visual_odometry": {},
     "predictor": {},
     "skeleton": {},
+    "target": {},
     "ros2_bridge": {
         "ros2": Ros2Config(transport="tests.ros2_bridge.memory:MemoryTransport"),
         "publish": get_args(Output),

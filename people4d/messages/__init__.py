@@ -36,6 +36,7 @@ from people4d.messages.prediction import (
 from people4d.messages.score import Alignment, PersonScore, Score, Tally
 from people4d.messages.skeleton import JOINTS, PersonSkeleton, Skeletons
 from people4d.messages.status import Health
+from people4d.messages.target import Target, TargetCommand
 
 __all__ = [
     "F32",
@@ -78,6 +79,8 @@ __all__ = [
     "Span",
     "StaticTransform",
     "Tally",
+    "Target",
+    "TargetCommand",
     "Track",
     "Tracks",
     "Truth",

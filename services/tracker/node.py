@@ -6,6 +6,7 @@ from typing import ClassVar
 
 import msgspec
 
+from common.io.packed import pack, unpack
 from common.runtime.node import LoopCallbacks, StatefulNode, Status
 from common.transport.trace import span
 from people4d.errors import DecodeError
@@ -35,7 +36,6 @@ from services.tracker.interface import LATE_MAX_NS, Observation, Tracker
 from services.tracker.observe import FrameObserver
 from services.tracker.output import TrackerOutput
 from services.tracker.prediction_schedule import PredictionSchedule
-from services.tracker.stateful import pack, unpack
 
 TRANSFORMS = StaticTransform | MovingTransform | Odometry
 ODOMETRY_WAIT_NS = 50_000_000  # maximum wait for the odometry of a frame [ns]

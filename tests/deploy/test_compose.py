@@ -145,7 +145,7 @@ def test_missing_file_is_reported(tmp_path: Path) -> None:
 
 USUAL = {"router", "detector", "reid", "tracker", "gt_bridge", "camera"}
 EVERYTHING = {  # profiles, each of the service of its name
-    *("report", "gait", "visual_odometry", "predictor", "skeleton", "ros2_bridge"),
+    *("report", "gait", "visual_odometry", "predictor", "skeleton", "target", "ros2_bridge"),
     *("dashboard", "events", "site"),
 }
 

@@ -35,6 +35,8 @@ from services.ros2_bridge.config import Ros2BridgeConfig
 from services.ros2_bridge.node import Ros2BridgeNode
 from services.skeleton.config import SkeletonConfig
 from services.skeleton.node import SkeletonNode
+from services.target.config import TargetConfig
+from services.target.node import TargetNode
 from services.tracker.build import build as build_tracker
 from services.tracker.config import TrackerConfig
 from tests.contract.examples import FULL, SPARSE
@@ -201,6 +203,7 @@ TARGETS = (
     node_target("reid", partial(build_reid, ReidConfig(embedder="histogram"))),
     node_target("the predictor", lambda: PredictorNode(PredictorConfig())),
     node_target("skeleton", lambda: SkeletonNode(SkeletonConfig())),
+    node_target("target", lambda: TargetNode(TargetConfig())),
     node_target("events", lambda: EventsNode(EventsConfig())),
     node_target("the dashboard", _dashboard),
     node_target("ros2_bridge", lambda: Ros2BridgeNode(EVERYTHING, MemoryTransport())),

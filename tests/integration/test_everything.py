@@ -32,7 +32,16 @@ pytestmark = [pytest.mark.processes, pytest.mark.network, pytest.mark.timeout(30
 STANDING = "tests.attacks.standing:StandingPeople"
 PAGE = ROOT / "docs" / "operation" / "security.md"
 ROW = re.compile(r"^\| ([\w -]+) \| (\d+) \|", re.MULTILINE)
-EVERYTHING = ("--dashboard", "--ros2", "zenoh", "--predict", "--skeletons", "--gait", "--events")
+EVERYTHING = (
+    "--dashboard",
+    "--ros2",
+    "zenoh",
+    "--predict",
+    "--skeletons",
+    "--target",
+    "--gait",
+    "--events",
+)
 SERVERS = {
     "export --prometheus": ("export", "--prometheus", "0"),
     "view --foxglove": ("view", "--foxglove", "--port", "0"),

@@ -33,11 +33,13 @@ PUBLISHERS = {
     "gait": "gait",
     "predictions": "predictor",
     "skeletons": "skeleton",
+    "target": "target",
+    "target_commands": "planner",
     "truth": "gt_bridge",
     "score": "gt_bridge",
     "health": "tracker",  # the example is the tracker's, and no process may publish another's
 }
-SECOND_PUBLISHERS = {"odometry": "visual_odometry", "people": "site"}
+SECOND_PUBLISHERS = {"odometry": "visual_odometry", "people": "site", "target_commands": "operator"}
 PLANNER_READS = {
     "camera_info",
     "static_transforms",
@@ -46,6 +48,7 @@ PLANNER_READS = {
     "gait",
     "predictions",
     "skeletons",
+    "target",
     "events",
     "zones",
     "health",
@@ -129,10 +132,10 @@ def test_every_topic_has_a_publisher_and_a_reader() -> None:
         assert set(topic.readers.split()) <= {*roles(), "*"}, topic.name
 
 
-def test_planner_reads_tracks_health_and_calibration_and_publishes_nothing() -> None:
+def test_planner_reads_tracks_health_and_calibration_and_publishes_the_choice() -> None:
     assert {topic.name for topic in TOPICS if may_read("planner", topic)} == PLANNER_READS
-    assert not any(may_publish("planner", topic) for topic in TOPICS)
-    assert not any(may_publish("operator", topic) for topic in TOPICS)
+    for role in ("planner", "operator"):
+        assert [t.name for t in TOPICS if may_publish(role, t)] == ["target_commands"]
 
 
 def test_images_have_few_readers() -> None:

@@ -15,7 +15,7 @@ from people4d.errors import ConfigError, People4dError
 # The hosts of docs/launch/hosts.md; with --host others.
 HOSTS = (
     "nuc=router,camera,detector,reid,gait,visual_odometry,report,watchdog,operator",
-    "tracker=tracker,gt_bridge,predictor,skeleton,site,ros2_bridge,watchdog,operator",
+    "tracker=tracker,gt_bridge,predictor,skeleton,target,site,ros2_bridge,watchdog,operator",
     "planner=planner",
 )
 SOON_DAYS = 30

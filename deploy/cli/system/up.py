@@ -73,6 +73,9 @@ def up(
     skeletons: Annotated[
         bool, _option("Estimate the joints of each person in 3D.", EXTRAS, "--skeletons")
     ] = False,
+    target: Annotated[
+        bool, _option("Keep track of one chosen person; see follow.", EXTRAS, "--target")
+    ] = False,
     events: Annotated[
         bool, _option("Publish events and zones; --dashboard does, too.", EXTRAS, "--events")
     ] = False,
@@ -160,6 +163,7 @@ def up(
         "visual_odometry": visual_odometry,
         "predictor": predict,
         "skeleton": skeletons,
+        "target": target,
         "ros2_bridge": bool(ros2),
         "events": events or dashboard,
         "dashboard": dashboard,

@@ -7,6 +7,7 @@ from typing import Literal
 import msgspec
 import numpy as np
 
+from common.io.packed import pack, unpack
 from people4d.messages import ImageTrack, Track
 from people4d.messages.base import MAX_PX
 from services.tracker.config import TrackerConfig
@@ -34,7 +35,7 @@ from services.tracker.motion.lifecycle import Lifecycle
 from services.tracker.motion.motion import PositionMotion
 from services.tracker.motion.track_set import TrackSet
 from services.tracker.motion.yaw_sources import make_yaw
-from services.tracker.stateful import TrackerCheckpoint, TrackSetTracker, pack, unpack
+from services.tracker.stateful import TrackerCheckpoint, TrackSetTracker
 
 NEVER = 2**62  # [frames] unlimited: tracks end in the image only
 

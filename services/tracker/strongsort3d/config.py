@@ -9,16 +9,15 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
+from common.appearance import REIDENTIFICATION_MAX
 from common.config import Config
 from people4d.messages.base import Positive, PositiveInt
 
 CosineDistance = Annotated[float, Meta(gt=0, le=2)]
 
-# Maximum cosine distances in round 1, and for re-identification at 2 % false matches, measured on
-# rendered crops; for the appearance network also on crops of real people
+# Maximum cosine distances in round 1, measured like REIDENTIFICATION_MAX
 COSINE_DISTANCE_MAX = {"appearance": 0.46, "histogram": 0.25, "osnet": 0.45}
 COSINE_DISTANCE_MAX_OTHER = 0.3
-REIDENTIFICATION_MAX = {"appearance": 0.28, "histogram": 0.15, "osnet": 0.38}
 
 
 class IdentityConfig(Config, frozen=True, kw_only=True):

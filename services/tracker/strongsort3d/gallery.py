@@ -4,17 +4,12 @@ from collections.abc import Container, Mapping, Sequence
 
 import numpy as np
 
+from common.appearance import NEAREST_VIEWS, TEMPERATURE, add_view, view_distance
 from people4d.messages import F64
 from services.tracker.interface import GalleryEntry
 from services.tracker.motion.track_record import IdentityDecision
 
 PEOPLE_MAX = 100  # maximum number of people; the longest unseen one is deleted first
-VIEWS_MAX = 8  # maximum number of embeddings of a person, chosen to differ
-VIEW_GAP = 0.03  # minimum cosine distance of two views
-# Cosine distance that divides the probability of a match by e: for real people 0.08 to 0.11 with
-# the histogram and 0.05 to 0.07 with OSNet
-TEMPERATURE = 0.07
-NEAREST_VIEWS = 2  # number of nearest views in a distance: a single one may be a bad crop
 
 
 class Gallery:
@@ -102,24 +97,3 @@ class Gallery:
                 views = [*own.views, *entry.views]
                 known[identity] = GalleryEntry(entry.position_m, entry.matched_ns, views)
         return known
-
-
-def view_distance(embedding: F64, views: Sequence[F64], count: int = 1) -> float:
-    """Return the mean cosine distance to a number of nearest views."""
-    nearest = np.sort(1.0 - np.array(views) @ embedding)[:count]
-    return min(max(float(nearest.mean()), 0.0), 2.0)
-
-
-def add_view(views: list[F64], embedding: F64) -> None:
-    """Add an embedding that differs from all others by more than VIEW_GAP.
-
-    Beyond VIEWS_MAX, the older of the two most similar views is deleted.
-    """
-    if views and view_distance(embedding, views) <= VIEW_GAP:
-        return
-    views.append(embedding)
-    if len(views) > VIEWS_MAX:
-        similarity = np.asarray(views) @ np.asarray(views).T
-        np.fill_diagonal(similarity, -np.inf)
-        first, second = np.unravel_index(int(np.argmax(similarity)), similarity.shape)
-        del views[int(min(first, second))]

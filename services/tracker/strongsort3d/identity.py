@@ -4,13 +4,14 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from common.appearance import TEMPERATURE
 from people4d.messages import F64
 from services.tracker.interface import GalleryEntry, Observation
 from services.tracker.motion.track_record import BOOL, IdentityDecision, TrackRecord
 from services.tracker.motion.track_set import TrackSet
 from services.tracker.sort3d.association import distances, match_probabilities
 from services.tracker.strongsort3d.config import IdentityConfig
-from services.tracker.strongsort3d.gallery import TEMPERATURE, Gallery
+from services.tracker.strongsort3d.gallery import Gallery
 from services.tracker.strongsort3d.policies import (
     AssociationResult,
     FrameContext,

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from common.appearance import add_view
 from people4d.messages import F64
 from services.tracker.strongsort3d import gallery as galleries
-from services.tracker.strongsort3d.gallery import Gallery, add_view
+from services.tracker.strongsort3d.gallery import Gallery
 from tests.tracker.scene import unit
 
 S = 1_000_000_000

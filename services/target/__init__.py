@@ -1,0 +1,1 @@
+"""The chosen person: lock, search and output for a planner."""

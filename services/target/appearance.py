@@ -1,0 +1,63 @@
+"""Views of the chosen person and of other people, compared as a likelihood ratio."""
+
+from collections.abc import Container
+
+import msgspec
+
+from common.appearance import (
+    NEAREST_VIEWS,
+    REIDENTIFICATION_MAX,
+    TEMPERATURE,
+    add_view,
+    view_distance,
+)
+from people4d.messages import F64
+
+OTHERS_MAX = 16  # maximum number of other people with views
+ALIKE = 0.05  # minimum difference of the distances of two people that are not alike
+LIMIT_OTHER = 0.2  # maximum cosine distance of one person by an unknown embedder
+RATIO_MAX = 2.0  # maximum logarithm of the likelihood ratio of one crop
+LEARNT_RATIO_MIN = 0.5  # minimum logarithm of the ratio of a new view
+
+
+class Appearance(msgspec.Struct):
+    """Views by one embedder."""
+
+    embedder: tuple[str, int] = ("", 0)  # name and length of the embeddings
+    own: list[F64] = []  # views of the chosen person
+    others: dict[int, list[F64]] = {}  # views of other people by track, oldest first
+
+    def log_ratio(self, embedding: F64, absent: Container[int], ambiguous: bool) -> float:
+        """Return the log likelihood ratio of the chosen person to the likeliest other person.
+
+        A person at distance d has the likelihood exp(-d / TEMPERATURE).
+
+        Args:
+            embedding: Unit vector of the crop.
+            absent: Tracks of other people that cannot be in this crop.
+            ambiguous: The crop may show any person: an unknown one is at the maximum distance of
+                one person, and a known one has to be farther than the chosen person by ALIKE.
+        """
+        own = view_distance(embedding, self.own, NEAREST_VIEWS)
+        rivals = [
+            view_distance(embedding, views, NEAREST_VIEWS) - ALIKE * ambiguous
+            for track, views in self.others.items()
+            if track not in absent
+        ]
+        if ambiguous:
+            rivals.append(REIDENTIFICATION_MAX.get(self.embedder[0], LIMIT_OTHER))
+        ratio = (min(rivals) - own) / TEMPERATURE if rivals else RATIO_MAX
+        return min(max(ratio, -RATIO_MAX), RATIO_MAX)
+
+    def learn_own(self, embedding: F64) -> None:
+        """Add a view of the chosen person, unless it resembles another person."""
+        if not self.own or self.log_ratio(embedding, (), False) >= LEARNT_RATIO_MIN:
+            add_view(self.own, embedding)
+
+    def learn_other(self, track: int, embedding: F64) -> None:
+        """Add a view of another person."""
+        views = self.others.pop(track, [])
+        add_view(views, embedding)
+        self.others[track] = views  # the longest absent person is first
+        if len(self.others) > OTHERS_MAX:
+            del self.others[next(iter(self.others))]

@@ -1,0 +1,158 @@
+"""The chosen person is kept, found again, and never exchanged for another one."""
+
+import pytest
+
+from services.target.build import build
+from services.target.config import TargetConfig
+from tests.target.scene import BLUE, GREEN, RED, Scene, followed
+
+FAR = (6.0, 3.0)
+
+
+def test_no_person_is_chosen_at_first() -> None:
+    target = Scene().frame({1: (3, 0, RED)})
+    assert (target.state, target.id, target.stop) == ("none", None, True)
+    assert target.reason == "no person is chosen"
+
+
+def test_chosen_person_is_locked_at_once() -> None:
+    scene = Scene()
+    scene.choose(id=2)
+    target = scene.frame({1: (3, 0, RED), 2: (5, 2, BLUE)})
+    assert (target.state, target.id, target.stop) == ("locked", 2, False)
+    # The odds of a chosen track are e^6, of any other e^-1 and of none 1: 0.9966.
+    assert target.probability == pytest.approx(0.9966, abs=1e-4)
+
+
+def test_person_is_locked_without_appearance_while_its_track_goes_on() -> None:
+    scene = Scene()
+    scene.choose(id=1)
+    assert scene.frames(100, {1: (3, 0, RED)}, with_embeddings=False).state == "locked"
+
+
+def test_hidden_person_is_occluded_then_searched_then_lost() -> None:
+    scene = followed()
+    states = [scene.frame({1: (3, 0, RED)}, hidden=[1]).state for _ in range(70)]
+    # Visible for 0.15 s more, occluded until 2 s after the last lock, lost 5 s after it.
+    assert states[:21] == ["locked"] + 20 * ["occluded"]
+    assert set(states[21:51]) == {"searching"}
+    assert set(states[51:]) == {"lost"}
+
+
+def test_returning_person_with_a_new_track_is_recognised_within_a_second() -> None:
+    scene = followed(p2=(5, 2, BLUE))
+    scene.frames(30, {2: (5, 2, BLUE)})
+    states = [scene.frame({2: (5, 2, BLUE), 7: (2, 1, RED)}) for _ in range(10)]
+    locked = next(target for target in states if target.state == "locked")
+    assert (locked.id, locked.reason) == (7, "recognised by appearance")
+
+
+def test_another_person_is_never_locked_after_the_person_has_left() -> None:
+    scene = followed(p2=(5, 2, BLUE))
+    people = {2: (5.0, 2.0, BLUE), 7: (2.0, 1.0, GREEN)}
+    targets = [scene.frame(people) for _ in range(100)]
+    assert {target.state for target in targets} == {"searching", "lost"}
+    assert all(target.id is None and target.stop for target in targets)
+
+
+def test_person_visible_beside_is_not_locked_even_if_alike() -> None:
+    scene = followed(p2=(5, 2, RED))
+    states = {scene.frame({2: (5, 2, RED)}).state for _ in range(100)}
+    assert states == {"searching", "lost"}
+
+
+def test_alike_person_with_a_new_track_is_not_locked() -> None:
+    scene = followed(p2=(5, 2, RED))
+    scene.frames(30, {})
+    states = {scene.frame({7: (4, 1, RED)}).state for _ in range(100)}
+    assert states == {"searching", "lost"}
+
+
+def test_returning_person_is_locked_while_the_alike_one_stays_in_view() -> None:
+    # The track of the other one has never been interrupted.
+    scene = followed(p2=(5, 2, RED))
+    scene.frames(30, {2: (5, 2, RED)})
+    assert scene.frames(10, {2: (5, 2, RED), 7: (3, 0, RED)}).id == 7
+
+
+def test_tracks_that_exchange_their_people_do_not_move_the_lock() -> None:
+    """After a meeting track 1 goes on with the other person, and 2 with the chosen one."""
+    scene = followed(p2=(5, 2, BLUE))
+    scene.frames(3, {1: (3, 0, RED), 2: (3.4, 0, BLUE)})
+    after = [scene.frame({1: (3, 0, BLUE), 2: (5, 2, RED)}) for _ in range(20)]
+    assert {target.id for target in after} <= {None, 2}
+    assert after[-1].id == 2
+
+
+def test_alike_people_are_ambiguous_after_a_meeting() -> None:
+    scene = followed(p2=(5, 2, RED))
+    scene.frames(3, {1: (3, 0, RED), 2: (3.4, 0, RED)})
+    states = {scene.frame({1: (3, 0, RED), 2: (5, 2, RED)}).state for _ in range(50)}
+    assert states <= {"searching", "lost"}
+
+
+def test_track_with_another_appearance_loses_the_lock() -> None:
+    """An identity switch of the tracker without any sign but the appearance."""
+    scene = followed(p2=(5, 2, BLUE))
+    assert scene.frame({1: (3, 0, BLUE)}).state == "searching"
+    assert scene.frames(20, {1: (3, 0, BLUE)}).state in ("searching", "lost")
+
+
+def test_person_too_far_away_to_be_the_chosen_one_is_not_locked() -> None:
+    # At 2.5 m/s a person walks 1.25 m in 0.5 s, not 30 m.
+    scene = followed()
+    scene.frames(4, {})
+    states = {scene.frame({7: (33, 0, RED)}).state for _ in range(30)}
+    assert states <= {"searching", "lost"}
+
+
+def test_views_of_another_person_are_not_learnt() -> None:
+    scene = followed(p2=(5, 2, BLUE))
+    scene.frames(20, {1: (3, 0, BLUE), 2: (5, 2, BLUE)})
+    scene.frames(30, {})
+    assert scene.frames(30, {7: (4, 1, BLUE)}).state in ("searching", "lost")
+
+
+def test_views_of_all_sides_are_learnt_while_the_lock_is_certain() -> None:
+    scene = followed(p2=(5, 2, 200.0))
+    for angle in range(0, 100, 5):  # the person turns round
+        scene.frame({1: (3, 0, float(angle)), 2: (5, 2, 200.0)})
+    scene.frames(30, {2: (5, 2, 200.0)})
+    assert scene.frames(10, {2: (5, 2, 200.0), 7: (3, 0, 95.0)}).id == 7
+
+
+def test_clock_reset_keeps_the_person_by_appearance() -> None:
+    """A recording loops: the tracker starts again with other tracks, far from the last position."""
+    scene = followed(p2=(5, 2, BLUE))
+    scene.stamp_ns -= 1_100_000_000
+    people = {8: (40.0, 0.0, RED), 9: (3.0, 0.0, BLUE)}
+    assert scene.frame(people).state in ("searching", "lost")
+    assert scene.frames(10, people).id == 8
+    assert scene.node.status().counters["clock_resets"] == 1
+
+
+def test_same_number_after_a_restart_of_the_tracker_is_not_believed() -> None:
+    scene = followed(p2=(5, 2, BLUE))
+    again = Scene(scene.node, scene.stamp_ns)  # tracks begin with age 1
+    people = {1: (5.0, 2.0, BLUE), 2: (3.0, 0.0, RED)}
+    assert {again.frame(people).id for _ in range(3)} == {None}
+    assert again.frames(10, people).id == 2
+
+
+def test_state_outlives_the_process() -> None:
+    scene = followed(p2=(5, 2, BLUE))
+    node = build(TargetConfig())
+    node.restore(scene.node.save(), 0)
+    again = Scene(node, scene.stamp_ns + 2_000_000_000)
+    people = {11: (3.0, 0.0, BLUE), 12: (5.0, 2.0, RED)}
+    assert again.frame(people).state in ("searching", "lost")
+    assert again.frames(10, people).id == 12
+
+
+def test_views_of_another_embedder_are_dropped() -> None:
+    scene = followed()
+    scene.node._chosen.memory.appearance.embedder = ("other", 2)
+    scene.frame({})
+    target = scene.frames(30, {7: (3, 0, RED)})
+    assert target.state in ("searching", "lost")
+    assert target.reason == "no clear view of the person is known"
