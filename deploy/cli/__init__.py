@@ -25,6 +25,7 @@ COMMANDS = (
     ("export", "live.export", "Serve latency and health to Prometheus or OpenTelemetry."),
     ("logs", "system.logs", "Show the logs of the processes."),
     ("listen", "live.views", "Show the tracks, live."),
+    ("follow", "live.follow", "Choose the person to follow; show the state, live."),
     ("view", "live.view", "Show people and images in Rerun or Foxglove, or write a file for them."),
     ("open", "live.page", "Open the page of people4d up --dashboard in the browser."),
     ("score", "live.views", "Show the errors of the tracks against the ground truth, live."),

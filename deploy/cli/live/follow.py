@@ -1,0 +1,78 @@
+"""people4d follow."""
+
+import math
+import time
+from contextlib import suppress
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from deploy.cli.options import Connect, Once, Robot, Timeout, open_client
+from deploy.cli.terminal import shown
+from people4d.errors import People4dError
+from people4d.messages import Target, TargetCommand
+
+CHOOSER = "people4d follow"
+
+
+def follow(
+    id_: Annotated[
+        int | None, typer.Argument(metavar="ID", min=1, help="Track of the person to follow.")
+    ] = None,
+    nearest: Annotated[bool, typer.Option("--nearest", help="Follow the nearest person.")] = False,
+    at: Annotated[
+        tuple[float, float] | None,
+        typer.Option(metavar="X Y", help="Follow the person at this position in metres."),
+    ] = None,
+    stop: Annotated[bool, typer.Option("--stop", help="Follow no person.")] = False,
+    once: Once = False,
+    timeout_s: Timeout = None,
+    robot: Robot = "robot",
+    connect: Connect = "",
+) -> None:
+    """Choose the person to follow, and show the state of the chosen person until Ctrl-C.
+
+    Without a choice it shows the state only. It needs a system with --target.
+    """
+    command = command_of(id_, nearest, at, stop)
+    with open_client(connect, robot) as client, suppress(KeyboardInterrupt):
+        targets = client.messages(Target, timeout_s=timeout_s)
+        if command:
+            client.publish(command)
+        target = None
+        for target in targets:
+            if command and target.chooser != CHOOSER:
+                continue  # made before the choice
+            typer.echo(line_of(target))
+            if once:
+                break
+        if target is None:
+            raise People4dError(f"no target came within {timeout_s:g} s", "people4d up --target.")
+
+
+def command_of(
+    id_: int | None, nearest: bool, at: tuple[float, float] | None, stop: bool
+) -> TargetCommand | None:
+    """Return the choice of the options, None without one; BadParameter for several."""
+    choices: list[dict[str, Any]] = []
+    choices += [{"action": "id", "id": id_}] if id_ is not None else []
+    choices += [{"action": "nearest"}] if nearest else []
+    choices += [{"action": "at", "position_m": np.array(at)}] if at else []
+    choices += [{"action": "none"}] if stop else []
+    if len(choices) > 1:
+        raise typer.BadParameter("give one of ID, --nearest, --at and --stop")
+    if not choices:
+        return None
+    return TargetCommand(stamp_ns=time.time_ns(), sequence=0, chooser=CHOOSER, **choices[0])
+
+
+def line_of(target: Target) -> str:
+    """Return the state of the chosen person in one line."""
+    parts = [f"{target.stamp_ns / 1e9:.2f}", f"{target.state:<9}"]
+    if target.id is not None:
+        parts.append(f"person {target.id}")
+    if target.distance_m is not None and target.bearing_rad is not None:
+        parts.append(f"{target.distance_m:.2f} m at {math.degrees(target.bearing_rad):.0f} deg")
+    parts += [f"probability {target.probability:.2f}", shown(target.reason)]
+    return "  ".join([*parts, *(["stop"] if target.stop else [])])

@@ -1,0 +1,70 @@
+"""people4d follow: choices of the options, and the line of a state."""
+
+import threading
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from deploy.cli import app
+from deploy.cli.live.follow import command_of, line_of
+from people4d.messages import Target, TargetCommand
+from tests.network import Network, Watcher
+
+TARGET = Target(
+    stamp_ns=1_500_000_000,
+    sequence=0,
+    state="locked",
+    frame_id="map",
+    camera="front",
+    id=7,
+    position_m=np.array([3.0, 0.0, 1.0]),
+    velocity_mps=np.zeros(3),
+    probability=0.99,
+    reason="continued",
+    distance_m=3.0,
+    bearing_rad=np.pi / 2,
+    stop=False,
+    chooser="people4d follow",
+)
+
+
+def test_options_give_one_choice() -> None:
+    by_id, at = command_of(3, False, None, False), command_of(None, False, (1.0, 2.0), False)
+    assert by_id
+    assert at
+    assert at.position_m is not None
+    assert (by_id.action, by_id.id) == ("id", 3)
+    assert (at.action, at.position_m.tolist()) == ("at", [1.0, 2.0])
+    assert command_of(None, False, None, False) is None
+
+
+def test_two_choices_are_refused() -> None:
+    with pytest.raises(typer.BadParameter, match="give one of"):
+        command_of(3, True, None, False)
+
+
+def test_state_is_one_line() -> None:
+    assert line_of(TARGET) == (
+        "1.50  locked     person 7  3.00 m at 90 deg  probability 0.99  continued"
+    )
+
+
+@pytest.mark.network
+def test_choice_is_sent_and_the_state_shown(network: Network) -> None:
+    robot = network.robot()
+    bus = network.open(robot)
+    watcher = Watcher(bus, TargetCommand)
+
+    def answer() -> None:
+        watcher.wait(TargetCommand, lambda command: command.action == "nearest")
+        bus.publish(TARGET)
+
+    answering = threading.Thread(target=answer)
+    answering.start()
+    options = ["--once", "--timeout", "30", "--robot", robot, "--connect", network.endpoint]
+    result = CliRunner().invoke(app, ["follow", "--nearest", *options])
+    answering.join()
+    assert result.exit_code == 0, result.output
+    assert "locked" in result.output
