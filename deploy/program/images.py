@@ -1,6 +1,7 @@
 """Checked and copied images from a user program."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import msgspec
@@ -12,7 +13,13 @@ from common.diagnosis.event_table import REJECTED
 from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
 from people4d.errors import SourceError
 from people4d.messages import F64, U8, CameraInfo
-from services.camera.calibration import Intrinsics, camera_info, static_transform, to_intrinsics
+from services.camera.alignment import Alignment, align
+from services.camera.calibration import (
+    Calibration,
+    Intrinsics,
+    static_transform,
+    to_intrinsics,
+)
 from services.camera.frame_check import FrameCheck
 from services.camera.source import SourceFrame
 
@@ -64,6 +71,7 @@ class CameraImages:
         self.name, self._intrinsics, self._max_depth_m = name, intrinsics, max_depth_m
         self.transform = static_transform(parent, f"{name}_optical_frame", matrix)
         self.info: CameraInfo | None = None  # calibration; None before the first images
+        self._alignment: Alignment | None = None
         self._stamp_ns: int | None = None  # acquisition time of the last frame [ns]
 
     def accept(self, rgb: U8, depth: npt.NDArray[Any], stamp_ns: int) -> SourceFrame:
@@ -72,8 +80,10 @@ class CameraImages:
         Raises:
             SourceError: The images are invalid, or not later than the last ones.
         """
-        info = self.info or self._calibration(rgb)
-        check = FrameCheck(info, np.issubdtype(getattr(depth, "dtype", np.uint16), np.floating))
+        alignment = self._alignment or self._align(rgb)
+        check = FrameCheck(
+            alignment.info, np.issubdtype(getattr(depth, "dtype", np.uint16), np.floating)
+        )
         frame = check.accept(SourceFrame(rgb, depth, stamp_ns))
         if not isinstance(frame, SourceFrame):
             raise SourceError(f"camera {self.name}: {check.fault}", REJECTED[check.cause])
@@ -83,12 +93,16 @@ class CameraImages:
             raise SourceError(
                 problem, "Give the oldest first; a new recording needs a new Pipeline or Camera."
             )
-        self.info, self._stamp_ns = info, stamp_ns
-        return SourceFrame(frame.rgb.copy(), frame.depth_mm.copy(), stamp_ns)
+        self._alignment, self.info, self._stamp_ns = alignment, alignment.info, stamp_ns
+        return SourceFrame(*alignment(frame.rgb.copy(), frame.depth_mm.copy()), stamp_ns)
 
-    def _calibration(self, rgb: U8) -> CameraInfo:
+    def _align(self, rgb: U8) -> Alignment:
         if np.ndim(rgb) < 2:
             raise SourceError(f"camera {self.name}: rgb is not an image", "Give HxWx3, red first.")
         size = (np.shape(rgb)[0], np.shape(rgb)[1])
-        info = camera_info(self._intrinsics, size, self.transform.child)
-        return msgspec.structs.replace(info, camera=self.name, max_depth_m=self._max_depth_m)
+        calibration = Calibration(colour=self._intrinsics)
+        alignment = align(calibration, self._intrinsics, size, size, self.transform.child)
+        info = msgspec.structs.replace(
+            alignment.info, camera=self.name, max_depth_m=self._max_depth_m
+        )
+        return replace(alignment, info=info)

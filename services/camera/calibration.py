@@ -13,7 +13,7 @@ from common.io.npz import read_arrays
 from common.ros2.frame_names import OPTICAL_FRAME, frame_name
 from people4d.errors import SourceError
 from people4d.messages import F64, CameraInfo, StaticTransform
-from services.camera.distortion import read_distortion
+from services.camera.distortion import is_fisheye, read_distortion
 from services.camera.folder.mat_file import read_mat
 from services.camera.folder.registration import Registration
 
@@ -21,7 +21,7 @@ DISTORTION_MODELS = {0: "none", 4: "plumb_bob", 5: "plumb_bob", 8: "rational_pol
 
 
 class Intrinsics(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A pinhole with distortion."""
+    """A pinhole with distortion, or a fisheye lens."""
 
     fx: float  # [px] focal length, horizontal
     fy: float  # [px] focal length, vertical
@@ -30,6 +30,12 @@ class Intrinsics(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     distortion: tuple[float, ...] = ()  # k1 k2 p1 p2 k3 k4 k5 k6, with 0, 4, 5 or 8 coefficients
     width: int = 0  # [px] width of its images; 0: any
     height: int = 0  # [px] height of its images; 0: any
+    fisheye: bool = False  # True: an equidistant lens, whose 4 coefficients are k1 k2 k3 k4
+
+    def __post_init__(self) -> None:
+        """Check the coefficients of a fisheye lens."""
+        if self.fisheye and len(self.distortion) != 4:
+            raise ValueError(f"fisheye: expected 4 coefficients, got {len(self.distortion)}")
 
 
 class Calibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -78,6 +84,11 @@ def camera_info(
 ) -> CameraInfo:
     """Return a calibration as a message; SourceError if it does not fit images of this size."""
     height, width = size
+    if intrinsics.fisheye:
+        raise SourceError(
+            "depth has a fisheye lens of its own",
+            "Align depth to colour in the camera's driver, or give a calibration of a pinhole.",
+        )
     if (intrinsics.height or height, intrinsics.width or width) != size:
         raise SourceError(
             f"calibration is for {intrinsics.width}x{intrinsics.height} pixels, "
@@ -156,13 +167,13 @@ def _from_table(table: Mapping[str, Any]) -> Calibration:
 
 def _from_camera_info(table: Any) -> Calibration:
     """Read a file of ROS's camera calibration."""
+    model = str(table.get("distortion_model", ""))
     colour = to_intrinsics(
         np.reshape(table["camera_matrix"]["data"], (3, 3)),
-        read_distortion(
-            str(table.get("distortion_model", "")), table["distortion_coefficients"]["data"]
-        ),
+        read_distortion(model, table["distortion_coefficients"]["data"]),
         table["image_width"],
         table["image_height"],
+        is_fisheye(model),
     )
     return Calibration(colour=colour)
 
@@ -216,16 +227,17 @@ def _from_mat(path: Path) -> Calibration:
     )
 
 
-def to_intrinsics(matrix: F64, distortion: Any = (), width: int = 0, height: int = 0) -> Intrinsics:
+def to_intrinsics(
+    matrix: F64, distortion: Any = (), width: int = 0, height: int = 0, fisheye: bool = False
+) -> Intrinsics:
     """Return the intrinsics of a 3x3 camera matrix or of fx, fy, cx, cy."""
     matrix = np.asarray(matrix, np.float64)
     if matrix.shape == (3, 3):
         matrix = matrix[[0, 1, 0, 1], [0, 1, 2, 2]]
     fx, fy, cx, cy = matrix.tolist()
     numbers = tuple(float(k) for k in np.ravel(distortion))
-    return Intrinsics(
-        fx=fx, fy=fy, cx=cx, cy=cy, distortion=numbers, width=int(width), height=int(height)
-    )
+    size = {"width": int(width), "height": int(height)}
+    return Intrinsics(fx=fx, fy=fy, cx=cx, cy=cy, distortion=numbers, fisheye=fisheye, **size)
 
 
 def renamed(

@@ -18,11 +18,10 @@ from common.io.npz import read_array, read_arrays
 from people4d.errors import DecodeError, SourceError
 from people4d.messages import F64, U8, U16, Odometry
 from people4d.messages.base import NonNegative, Positive
+from services.camera.alignment import align
 from services.camera.calibration import (
     Calibration,
-    camera_info,
     read_calibration,
-    registration,
     static_transform,
 )
 from services.camera.folder.layout import (
@@ -88,8 +87,8 @@ class FolderSource(Source):
                 f"folder {path} has no calibration ({', '.join(CALIBRATIONS)})",
                 "Write camera.toml with fx, fy, cx and cy, or set options.calibration to a file.",
             )
-        self.info = camera_info(calibration.colour, size)
-        self.registration = registration(calibration, self.info, depth_size)
+        self.alignment = align(calibration, calibration.colour, size, depth_size)
+        self.info, self.registration = self.alignment.info, self.alignment.registration
         if calibration.parent_from_optical is not None:
             matrix = np.array(calibration.parent_from_optical)
             parent = calibration.parent
@@ -104,9 +103,7 @@ class FolderSource(Source):
                 yield ahead
                 ahead = next(odometry, None)
             try:
-                rgb, depth_mm = self._read(pair)
-                if self.registration:
-                    depth_mm = self.registration(depth_mm)
+                rgb, depth_mm = self.alignment(*self._read(pair))
             except (SourceError, ValueError):  # ValueError: depth changed its size
                 self.counters["bad_images"] += 1
                 continue

@@ -12,16 +12,14 @@ from common.geometry.wheel_odometry import WheelConfig
 from common.io.ros_bag import Bag
 from common.ros2.transforms import edges_of, matrix_of
 from people4d.errors import SourceError
-from people4d.messages import F64, CameraInfo, StaticTransform
+from people4d.messages import F64, StaticTransform
+from services.camera.alignment import Alignment, align
 from services.camera.calibration import (
     Calibration,
     Intrinsics,
-    camera_info,
     read_calibration,
-    registration,
     static_transform,
 )
-from services.camera.folder.registration import Registration
 from services.camera.ros.camera_info import intrinsics_of
 from services.camera.ros.heads import ImageHead, read_heads
 from services.camera.ros.motion import FrameTree
@@ -54,8 +52,7 @@ class RosbagOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 class RosCamera:
     """The camera of a bag, and its mount in the map or on the base."""
 
-    info: CameraInfo  # calibration of colour
-    registration: Registration | None  # registration of depth to colour; None if it is aligned
+    alignment: Alignment  # steps to aligned images, and their calibration
     transforms: list[StaticTransform]
     moving: frozenset[tuple[str, str]]  # parent and child of the moving transforms in /tf
 
@@ -90,20 +87,19 @@ def make_camera(
     calibration = _calibration(topics, options, tree, heads)
     if calibration.colour is None:
         raise SourceError(f"calibration {options.calibration} has no colour camera")
-    info = camera_info(calibration.colour, colour.size, colour.frame)
-    register = registration(calibration, info, depth.size)
+    alignment = align(calibration, calibration.colour, colour.size, depth.size, colour.frame)
     path = _path(tree, colour.frame, base, options)
     moving = frozenset((parent, child) for parent, child, matrix in path if matrix is None)
     moving -= {base}
     if not moving:
         mount = _static_mount(tree, colour.frame, base, options)
-        return RosCamera(info, register, mount, moving)
+        return RosCamera(alignment, mount, moving)
     transforms = [
         static_transform("map" if parent == options.map_frame else parent, child, matrix)
         for parent, child, matrix in path
         if matrix is not None
     ]
-    return RosCamera(info, register, transforms, moving)
+    return RosCamera(alignment, transforms, moving)
 
 
 def _tree(bag: Bag, tf_as_static: bool) -> FrameTree:

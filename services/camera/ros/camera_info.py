@@ -8,7 +8,7 @@ import numpy as np
 from people4d.errors import SourceError
 from people4d.messages import F64
 from services.camera.calibration import Intrinsics, to_intrinsics
-from services.camera.distortion import read_distortion
+from services.camera.distortion import is_fisheye, read_distortion
 
 # Pattern of topics of images without distortion
 RECTIFIED = re.compile(r"(^|[/_])rect(ified)?([/_]|$)")
@@ -35,7 +35,8 @@ def intrinsics_of(message: Any, topic: str = "") -> Intrinsics:
     )
     coefficients = () if rectified else read_distortion(message.distortion_model, d)
     width, height = roi.width or message.width, roi.height or message.height
-    return to_intrinsics(matrix, coefficients, width // step_x, height // step_y)
+    fisheye = is_fisheye(message.distortion_model) and not rectified
+    return to_intrinsics(matrix, coefficients, width // step_x, height // step_y, fisheye)
 
 
 def same_numbers(one: Any, other: Any) -> bool:

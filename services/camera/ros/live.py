@@ -212,9 +212,7 @@ class LiveRosSource(Source):
         if camera.camera is None:
             self.counters["uncalibrated"] += 1
             return
-        if camera.camera.registration:
-            depth_mm = camera.camera.registration(depth_mm)
-        yield SourceFrame(rgb, depth_mm, stamp_ns)
+        yield SourceFrame(*camera.camera.alignment(rgb, depth_mm), stamp_ns)
 
     def _transforms(
         self, sample: TopicSample, message: Any, camera: LiveCamera

@@ -104,9 +104,9 @@ class LiveCamera:
         self._counters["setups"] += 1
         self._counters["unlinked_frames"] += not camera.transforms and self.knows_frames
         moves = bool(camera.moving)
-        return SourceSetup(camera.info, camera.transforms, moves, stamp_ns)
+        return SourceSetup(camera.alignment.info, camera.transforms, moves, stamp_ns)
 
 
 def _same(one: RosCamera, other: RosCamera) -> bool:
-    first, second = ([encode(m) for m in (c.info, *c.transforms)] for c in (one, other))
+    first, second = ([encode(m) for m in (c.alignment.info, *c.transforms)] for c in (one, other))
     return one.moving == other.moving and first == second

@@ -65,9 +65,9 @@ class RosbagSource(Source):
                 topic for topic, kind in bag.types.items() if kind in (TF, OLD_TF) and self.moves
             }
             self._simulated = simulated_topics(bag, self._played)
-        self.info = camera.info
+        self.info = camera.alignment.info
         self.transforms = camera.transforms
-        self.registration = camera.registration
+        self.alignment, self.registration = camera.alignment, camera.alignment.registration
 
     @property
     def _played(self) -> set[str]:
@@ -114,8 +114,7 @@ class RosbagSource(Source):
                 rgb, depth_mm = colour_image(colour), depth_image(depth)
                 if self._unit_m != MILLIMETRE:
                     depth_mm = millimetres(depth_mm * self._unit_m)
-                if self.registration:
-                    depth_mm = self.registration(depth_mm)
+                rgb, depth_mm = self.alignment(rgb, depth_mm)
             except (DecodeError, ValueError):  # ValueError: depth changed its size
                 self.counters["bad_images"] += 1
                 continue

@@ -174,10 +174,10 @@ def test_camera_matrices_of_other_recorders_are_found_and_read(
         ("a.csv", "1,2,3,4,5,6,7,8,9", "third row"),
         (
             "a.yml",
-            "image_width: 8\nimage_height: 6\ndistortion_model: equidistant\n"
+            "image_width: 8\nimage_height: 6\ndistortion_model: ftheta\n"
             "camera_matrix: {data: [10, 0, 4, 0, 10, 3, 0, 0, 1]}\n"
             "distortion_coefficients: {data: [0.1, 0, 0, 0]}\n",
-            "equidistant",
+            "ftheta",
         ),
     ],
 )

@@ -58,7 +58,7 @@ def test_distortion_is_read_by_its_coefficients(
     assert intrinsics_of(camera_info(model, *given)).distortion == read
 
 
-@pytest.mark.parametrize("model", ["equidistant", "Kannala Brandt4", "Ftheta", "none"])
+@pytest.mark.parametrize("model", ["Kannala Brandt4", "Ftheta", "none"])
 def test_lens_that_is_no_pinhole_is_refused_unless_rectified(model: str) -> None:
     info = camera_info(model, 0.1, 0.0, 0.0, 0.0)
     with pytest.raises(SourceError, match=f"got 1 numbers for '{model}'.*rectified"):
@@ -67,8 +67,15 @@ def test_lens_that_is_no_pinhole_is_refused_unless_rectified(model: str) -> None
 
 
 def test_lens_without_coefficients_that_is_no_pinhole_is_refused() -> None:
-    with pytest.raises(SourceError, match="equidistant"):
-        intrinsics_of(camera_info("equidistant"))
+    with pytest.raises(SourceError, match="ftheta"):
+        intrinsics_of(camera_info("ftheta"))
+
+
+def test_fisheye_lens_has_four_coefficients_unless_rectified() -> None:
+    info = camera_info("equidistant", 0.1, 0.0, -0.2)
+    raw, rectified = intrinsics_of(info, RAW), intrinsics_of(info, RECT)
+    assert (raw.fisheye, raw.distortion) == (True, (0.1, 0.0, -0.2, 0.0))
+    assert (rectified.fisheye, rectified.distortion) == (False, ())
 
 
 def test_thin_prism_coefficients_are_refused() -> None:

@@ -175,7 +175,7 @@ def test_bad_images_are_counted_and_left_out(tmp_path: Path) -> None:
     [
         (None, rf"no depth images.*{COLOUR} \(sensor_msgs/Image\)"),
         ({"fx": math.nan}, r"focal lengths > 0, got fx nan.*options.calibration"),
-        ({"distortion": (0.1, 0, 0, 0), "model": "equidistant"}, "equidistant"),
+        ({"distortion": (0.1, 0, 0, 0), "model": "ftheta"}, "ftheta"),
     ],
 )
 def test_bag_without_depth_or_a_usable_lens_is_refused(
