@@ -113,7 +113,7 @@ def test_unknown_names_and_impossible_values_are_refused(small: Pipeline) -> Non
         small.add_camera("front", LENS)
     with pytest.raises(SourceError, match="rotation"):
         small.add_camera("rear", LENS, 2.0 * np.eye(4))
-    with pytest.raises(ConfigError, match="no preset 'bst'"):
+    with pytest.raises(ConfigError, match="unknown preset 'bst'"):
         Pipeline("bst")
     with pytest.raises(ConfigError, match="max_lost_s"):
         Pipeline(settings={"tracker.max_lost_s": -1.0})

@@ -13,7 +13,7 @@ from common.diagnosis.event_table import REJECTED
 from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
 from people4d.errors import SourceError
 from people4d.messages import F64, U8, CameraInfo
-from services.camera.alignment import Alignment, align
+from services.camera.alignment import ImageAlignment, align
 from services.camera.calibration import (
     Calibration,
     Intrinsics,
@@ -71,7 +71,7 @@ class CameraImages:
         self.name, self._intrinsics, self._max_depth_m = name, intrinsics, max_depth_m
         self.transform = static_transform(parent, f"{name}_optical_frame", matrix)
         self.info: CameraInfo | None = None  # calibration; None before the first images
-        self._alignment: Alignment | None = None
+        self._alignment: ImageAlignment | None = None
         self._stamp_ns: int | None = None  # acquisition time of the last frame [ns]
 
     def accept(self, rgb: U8, depth: npt.NDArray[Any], stamp_ns: int) -> SourceFrame:
@@ -96,7 +96,7 @@ class CameraImages:
         self._alignment, self.info, self._stamp_ns = alignment, alignment.info, stamp_ns
         return SourceFrame(*alignment(frame.rgb.copy(), frame.depth_mm.copy()), stamp_ns)
 
-    def _align(self, rgb: U8) -> Alignment:
+    def _align(self, rgb: U8) -> ImageAlignment:
         if np.ndim(rgb) < 2:
             raise SourceError(f"camera {self.name}: rgb is not an image", "Give HxWx3, red first.")
         size = (np.shape(rgb)[0], np.shape(rgb)[1])

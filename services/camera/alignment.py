@@ -60,7 +60,7 @@ class FisheyeLens:
 
 
 @dataclass(frozen=True)
-class Alignment:
+class ImageAlignment:
     """Steps from the images of a camera to aligned images of a pinhole."""
 
     info: CameraInfo  # calibration of the aligned images
@@ -86,7 +86,7 @@ def align(
     size: tuple[int, int],
     depth_size: tuple[int, int],
     frame_id: str = OPTICAL_FRAME,
-) -> Alignment:
+) -> ImageAlignment:
     """Return the alignment of a camera's images.
 
     Args:
@@ -101,4 +101,4 @@ def align(
     """
     lens = FisheyeLens(colour, size) if colour.fisheye else None
     info = camera_info(lens.pinhole if lens else colour, size, frame_id)
-    return Alignment(info, registration(calibration, info, depth_size), lens)
+    return ImageAlignment(info, registration(calibration, info, depth_size), lens)

@@ -36,16 +36,16 @@ def test_points_of_a_fisheye_image_are_at_their_pixels_and_depths_in_the_pinhole
         centre = tuple(int(n) for n in np.rint(pixel))
         cv2.circle(rgb, centre, 5, (255, 255, 255), -1)
         cv2.circle(depth_mm, centre, 5, round(1000 * point_m[2]), -1)
-        seen, seen_mm = alignment(rgb, depth_mm)
-        rows, columns = np.nonzero(seen_mm == round(1000 * point_m[2]))
+        pinhole, pinhole_mm = alignment(rgb, depth_mm)
+        rows, columns = np.nonzero(pinhole_mm == round(1000 * point_m[2]))
         middle = np.array([[columns.mean(), rows.mean()]])
         expected = project(point_m[None], alignment.info)
         np.testing.assert_allclose(middle, expected, atol=1.0)
         np.testing.assert_allclose(
             deproject(middle, [point_m[2]], alignment.info)[0], point_m, atol=0.02
         )
-        assert seen[round(expected[0, 1]), round(expected[0, 0])].min() > 200
-        assert set(np.unique(seen_mm)) <= {0, 4000, round(1000 * point_m[2])}  # nothing is mixed
+        assert pinhole[round(expected[0, 1]), round(expected[0, 0])].min() > 200
+        assert set(np.unique(pinhole_mm)) <= {0, 4000, round(1000 * point_m[2])}  # nothing is mixed
 
 
 @pytest.mark.parametrize("model", ["equidistant", "fisheye", "Equidistant"])

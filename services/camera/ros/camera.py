@@ -13,7 +13,7 @@ from common.io.ros_bag import Bag
 from common.ros2.transforms import edges_of, matrix_of
 from people4d.errors import SourceError
 from people4d.messages import F64, StaticTransform
-from services.camera.alignment import Alignment, align
+from services.camera.alignment import ImageAlignment, align
 from services.camera.calibration import (
     Calibration,
     Intrinsics,
@@ -52,7 +52,7 @@ class RosbagOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 class RosCamera:
     """The camera of a bag, and its mount in the map or on the base."""
 
-    alignment: Alignment  # steps to aligned images, and their calibration
+    alignment: ImageAlignment  # steps to aligned images, and their calibration
     transforms: list[StaticTransform]
     moving: frozenset[tuple[str, str]]  # parent and child of the moving transforms in /tf
 
