@@ -38,6 +38,7 @@ STAGES = {
     "prediction": "tracks are predicted without a frame",
     "predict": "positions in the coming seconds are predicted",
     "joints": "joints of people are estimated",
+    "target": "the chosen person is found among the tracks",
     "points": "heads, hands and feet are tracked in depth",
     "motion": "the motion of the base is estimated from images",
     "handle": "all work of a process without stages of its own",

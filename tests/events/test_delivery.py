@@ -318,7 +318,7 @@ def test_broker_that_sends_garbage_is_reported_and_tried_again(tmp_path: Path) -
     ],
 )
 def test_invalid_address_is_an_error(tmp_path: Path, setting: dict[str, str]) -> None:
-    with pytest.raises(ConfigError, match="no address"):
+    with pytest.raises(ConfigError, match="is not an address"):
         start(tmp_path, **setting)
 
 

@@ -140,7 +140,7 @@ def test_command_makes_the_keys_of_the_documented_hosts(tmp_path: Path) -> None:
     assert (status, "ends soon" in output) == (0, True)
     (folder / "planner" / "planner.key").unlink()
     status, _, error = run(str(folder), "--check")
-    assert (status, "1 of 18 keys" in error) == (1, True)
+    assert (status, "1 of 19 keys" in error) == (1, True)
 
 
 @pytest.mark.parametrize(

@@ -74,7 +74,7 @@ def test_poses_of_a_recording_are_written_with_a_page(tmp_path: Path) -> None:
         ([lambda _: (0.3, 0.1)], (), "no person walked"),
         ([wander(3)], ("--cameras", "a,x"), "x sends no detections"),
         ([wander(3)], ("--cameras", "a"), "two names or more"),
-        ([wander(3)], ("--reference", "x"), "no camera x"),
+        ([wander(3)], ("--reference", "x"), "unknown camera x"),
     ],
 )
 def test_refusal_writes_nothing(

@@ -139,7 +139,7 @@ def test_table_shows_all_stages() -> None:
     ]
     assert ["tracker-1", "transport", "3.00", "3.00", "3.00", "4", "±", "0.50"] in lines
     assert ["inference", "30.00", "30.00", "30.00", "2"] in lines
-    assert ["reid-1:", "no", "frames", "come"] in lines
+    assert ["reid-1:", "no", "frames", "arrive"] in lines
     assert ["here", "transport"] in [line[:2] for line in lines]
     assert ["detector-2", "transport"] in [line[:2] for line in lines]  # it sends no heartbeat
 
