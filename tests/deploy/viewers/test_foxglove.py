@@ -177,7 +177,7 @@ def test_live_view_serves_what_a_running_system_publishes(network: Network) -> N
         while not stopped.is_set():
             for _, message in walk.messages():  # at a rate that a slow machine draws
                 bus.publish(message)
-                stopped.wait(0.02)
+                stopped.wait(0.05)
 
     thread = threading.Thread(target=publish)
     thread.start()
