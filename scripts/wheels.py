@@ -14,7 +14,7 @@ from pathlib import Path
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 GLIBC = ("2_17", "2_24", "2_26", "2_27", "2_28", "2_31", "2_34", "2_35")  # up to Ubuntu 22.04's
-MISSING = {"cyclonedds", "pyrealsense2"}  # of the extras dds and realsense
+MISSING = {"cyclonedds", "pyrealsense2"}  # optional: the extras dds and realsense need them
 REQUIREMENT = re.compile(r"^[^\s#-].*?(?:\\\n.*?)*[^\\]$", re.MULTILINE)
 
 

@@ -70,9 +70,13 @@ class CameraImages:
         matrix = mount() if pose is None else np.asarray(pose, np.float64)
         self.name, self._intrinsics, self._max_depth_m = name, intrinsics, max_depth_m
         self.transform = static_transform(parent, f"{name}_optical_frame", matrix)
-        self.info: CameraInfo | None = None  # calibration; None before the first images
         self._alignment: ImageAlignment | None = None
         self._stamp_ns: int | None = None  # acquisition time of the last frame [ns]
+
+    @property
+    def info(self) -> CameraInfo | None:
+        """Calibration; None before the first images."""
+        return self._alignment.info if self._alignment else None
 
     def accept(self, rgb: U8, depth: npt.NDArray[Any], stamp_ns: int) -> SourceFrame:
         """Return copied images as a frame, depth in millimetres.
@@ -93,7 +97,7 @@ class CameraImages:
             raise SourceError(
                 problem, "Give the oldest first; a new recording needs a new Pipeline or Camera."
             )
-        self._alignment, self.info, self._stamp_ns = alignment, alignment.info, stamp_ns
+        self._alignment, self._stamp_ns = alignment, stamp_ns
         return SourceFrame(*alignment(frame.rgb.copy(), frame.depth_mm.copy()), stamp_ns)
 
     def _align(self, rgb: U8) -> ImageAlignment:

@@ -23,7 +23,7 @@ NO_KEEP_ALIVE = 0  # keep-alive interval: no pings between events [s]
 class BrokerAddress:
     """Address mqtt://[user@]host[:port][/topic], or mqtts for TLS.
 
-    The certificates are those of the system; the user's password is in PEOPLE4D_MQTT_PASSWORD.
+    TLS uses the certificates of the system; the user's password is in PEOPLE4D_MQTT_PASSWORD.
     """
 
     host: str

@@ -33,7 +33,7 @@ REACH_M = 1.0  # reach of the person beyond its maximum speed, errors of positio
 
 
 class TrackEvidence(msgspec.Struct):
-    """TrackEvidence that one track is the chosen person."""
+    """Evidence that one track is the chosen person."""
 
     age: int  # [frames] of the track
     matched_ns: int  # [ns] last match
@@ -67,6 +67,11 @@ class Memory(msgspec.Struct):
     locked_m: tuple[float, float] = (0.0, 0.0)  # [m] position at that time
     tracks: dict[int, TrackEvidence] = {}
     appearance: Appearance = msgspec.field(default_factory=Appearance)
+
+    @property
+    def has_choice(self) -> bool:
+        """True if a person is chosen, or a choice waits for its person."""
+        return self.is_chosen or self.command is not None
 
 
 @dataclass(frozen=True)

@@ -82,10 +82,11 @@ class TargetNode(StatefulNode):
         elif isinstance(message, TargetCommand):
             self._choose(message)
         elif isinstance(message, Tracks) and message.predicted:
-            return [self._target(message, self._without_frames())]
+            return [self._target(message, self._without_frames(), None)]
         elif isinstance(message, Tracks) and self._is_next(message):
             with span("target"):
-                return [self._target(message, self._update(message))]
+                base = self._base_from(message)
+                return [self._target(message, self._update(message, base), base)]
         return ()
 
     def status(self) -> Status:
@@ -99,7 +100,7 @@ class TargetNode(StatefulNode):
     def save(self) -> bytes:
         """Return the choice and what is known of the person; empty before any choice."""
         memory = self._chosen.memory
-        return pack(memory) if memory.is_chosen or memory.command else b""
+        return pack(memory) if memory.has_choice else b""
 
     def restore(self, saved: bytes, next_number: int) -> None:  # noqa: ARG002
         """Continue from a saved state."""
@@ -109,8 +110,7 @@ class TargetNode(StatefulNode):
     def _choose(self, command: TargetCommand) -> None:
         """Replace the choice; note the chooser whose choice was in force."""
         memory = self._chosen.memory
-        has_choice = memory.is_chosen or memory.command is not None
-        is_replaced = has_choice and memory.chooser != command.chooser
+        is_replaced = memory.has_choice and memory.chooser != command.chooser
         self._replaced = f"; chosen in place of {memory.chooser!r}" if is_replaced else ""
         self._counters["commands"] += 1
         self._counters["replaced_choices"] += is_replaced
@@ -125,19 +125,17 @@ class TargetNode(StatefulNode):
             return is_reset
         return True
 
-    def _update(self, tracks: Tracks) -> Decision:
+    def _update(self, tracks: Tracks, base: F64 | None) -> Decision:
         key = tracks.camera, tracks.stamp_ns
         detections, embeddings = (self._joined[k].pop(key, None) for k in (Detections, Embeddings))
         is_joined = detections is not None and embeddings is not None
         self._counters["without_embeddings"] += bool(tracks.tracks) and not is_joined
-        base = self._base_from(tracks)
         robot_m = None if base is None else invert(base)[:2, 3]
         return self._chosen.update(observe_people(tracks, detections, embeddings, robot_m))
 
     def _without_frames(self) -> Decision:
         """Return the state while no frames arrive."""
-        memory = self._chosen.memory
-        has_choice = memory.is_chosen or memory.command is not None
+        has_choice = self._chosen.memory.has_choice
         return Decision("searching" if has_choice else "none", "no frames arrive")
 
     def _base_from(self, tracks: Tracks) -> F64 | None:
@@ -146,7 +144,8 @@ class TargetNode(StatefulNode):
         found = self._transforms.lookup(base, tracks.frame_id, tracks.stamp_ns)
         return None if found is None else found.matrix
 
-    def _target(self, tracks: Tracks, decision: Decision) -> Target:
+    def _target(self, tracks: Tracks, decision: Decision, base: F64 | None) -> Target:
+        """Return the message; `base` is base_from_tracks, None if unknown."""
         self._sequence += 1
         reason = decision.reason
         if decision.state == "none":
@@ -166,7 +165,7 @@ class TargetNode(StatefulNode):
         if track is None:
             return target
         times_s, path_m = self._path(track.id, tracks)
-        distance_m, bearing_rad = self._direction(track.position_m, tracks)
+        distance_m, bearing_rad = _direction(track.position_m, base)
         return msgspec.structs.replace(
             target,
             id=track.id,
@@ -178,14 +177,6 @@ class TargetNode(StatefulNode):
             path_times_s=times_s,
             path_m=path_m,
         )
-
-    def _direction(self, position_m: F64, tracks: Tracks) -> tuple[float | None, float | None]:
-        """Return distance [m] and bearing [rad] from the robot's base; None if unknown."""
-        base = self._base_from(tracks)
-        if base is None:
-            return None, None
-        x, y, _ = apply(base, position_m).tolist()
-        return math.hypot(x, y), math.atan2(y, x)
 
     def _path(self, track: int, tracks: Tracks) -> tuple[tuple[float, ...], F64 | None]:
         """Return times [s] after the stamp, and positions (Hx2) of the newest predicted path."""
@@ -199,3 +190,11 @@ class TargetNode(StatefulNode):
         times_s = np.array(found.horizons_s) - age_ns / 1e9
         ahead = times_s > 0
         return tuple(times_s[ahead].tolist()), path[ahead]
+
+
+def _direction(position_m: F64, base: F64 | None) -> tuple[float | None, float | None]:
+    """Return distance [m] and bearing [rad] from the robot's base; None if unknown."""
+    if base is None:
+        return None, None
+    x, y, _ = apply(base, position_m).tolist()
+    return math.hypot(x, y), math.atan2(y, x)

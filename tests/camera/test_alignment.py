@@ -1,4 +1,4 @@
-"""Images of a fisheye lens are published as those of a pinhole."""
+"""Images of a fisheye lens are published as images of a pinhole."""
 
 import cv2
 import numpy as np

@@ -12,7 +12,7 @@ import pytest
 SERIAL = "021422060123"
 WIDTH, HEIGHT = 64, 48
 FX, CX, CY = 60.0, 31.5, 23.5
-UNIT_M = 0.0005  # of depth
+UNIT_M = 0.0005  # unit of depth [m]
 FIRST_MS, PERIOD_MS = 1_700_000_000_000.0, 100.0
 
 

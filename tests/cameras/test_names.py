@@ -14,7 +14,7 @@ from cameras.realsense import RealSense
 from cameras.sdk import SdkCamera
 from tests.cameras.soft_realsense import import_sdk
 
-MODULE_NAMES = ("dai", "ob", "rs")  # of an SDK in its plug-in
+MODULE_NAMES = ("dai", "ob", "rs")  # names under which a plug-in uses its SDK
 
 
 def chains(tree: ast.AST) -> Iterator[list[str]]:

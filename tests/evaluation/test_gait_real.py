@@ -51,7 +51,7 @@ def off_m(info: CameraInfo, frame: GaitFrame, result: GaitResult) -> list[float]
 
 @pytest.mark.slow
 def test_people_who_cross_before_an_xtion(shared: Path) -> None:
-    # From frame 26 on a person enters and walks away from the camera.
+    # A person enters at frame 26 and walks away from the camera.
     settings = ("camera.options.fps=10", "camera.start_s=2.6", "camera.max_frames=14")
     found = results_of(shared / "data" / "rgbd" / "filinha", None, *settings)
     errors = [

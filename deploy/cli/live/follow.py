@@ -48,7 +48,9 @@ def follow(
             if once:
                 break
         if target is None:
-            raise People4dError(f"no target came within {timeout_s:g} s", "people4d up --target.")
+            raise People4dError(
+                f"no target arrived within {timeout_s:g} s", "people4d up --target."
+            )
 
 
 def command_of(
