@@ -1,8 +1,8 @@
 """People tracked by four cameras at once, against the ground truth of the lab.
 
-Detections are synthetic (lab, geometry), and so are embeddings: a histogram for each person with
-noise and with gains of the camera. One tracker with all cameras is compared with a single camera
-and with a merger of single-camera tracks. Faults of clocks and cameras follow.
+Detections are synthetic (lab, geometry). Embeddings are synthetic, too: a histogram for each person
+with noise and with gains of the camera. One tracker with all cameras is compared with a single
+camera and with a merger of single-camera tracks. Faults of clocks and cameras follow.
 """
 
 import re

@@ -194,7 +194,7 @@ def once(
 
 
 def wait_for_people(ear: Ear, since_s: float = 0.0) -> None:
-    """Wait until all people are in every message for SETTLE_S, from a time on."""
+    """Wait until every message of a period of SETTLE_S after `since_s` holds all people."""
 
     def well() -> bool:
         begin_s = time.monotonic() - SETTLE_S

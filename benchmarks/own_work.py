@@ -1,8 +1,8 @@
 """Own work of a frame in one thread: detector, re-ID and tracker joined in memory.
 
-The shipped recording from memory, three people, MoveNet and the shipped embedder. Between: the
-networks run in the same thread, which leaves caches as cold as in the pipeline. Stored: their
-outputs are those of the first time. Their time is left out.
+The input is the shipped recording from memory with three people, MoveNet and the shipped embedder.
+"Between": the networks run in the same thread, which leaves caches as cold as in the pipeline.
+"Stored": the outputs of the first run are reused. The networks' time is left out.
 """
 
 import time

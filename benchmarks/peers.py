@@ -1,9 +1,9 @@
-"""The pipeline beside other packages who track people, from image to tracks, in the same run.
+"""The pipeline compared with other packages for people tracking, from image to tracks, in one run.
 
-Ultralytics' `track`, and trackers of other packages on boxes from onnxruntime, on the same network
-file; ours with the default network, too. `--peers` names the interpreter of their environment, see
-`lib/peers/video.py`; without it, ours alone. `--int8` names the network quantised by `people4d
-models quantize`.
+The other packages are Ultralytics' `track`, and trackers on boxes from onnxruntime. All use the
+same network file; the pipeline also runs with its default network. `--peers` names the interpreter
+of the other packages, see `lib/peers/video.py`; without it, the pipeline runs alone. `--int8` names
+the network quantised by `people4d models quantize`.
 """
 
 import json

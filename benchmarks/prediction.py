@@ -1,4 +1,4 @@
-"""Predictions beside constant velocity: real pedestrians, and tracks of simulated people.
+"""Predictions compared with constant velocity: real pedestrians, tracks of simulated people.
 
 Constants were chosen on seq_hotel and zara01; seq_eth is the test split.
 """
@@ -125,7 +125,7 @@ def score_lab(source: str) -> PredictionPairs:
 
 
 def error_rows(name: str, pairs: PredictionPairs) -> list[list[str]]:
-    """Return the rows of constant velocity, of the prediction and of the share covered."""
+    """Return table rows: errors at constant velocity, errors predicted, share in the ellipses."""
     at = [int(np.argmin(np.abs(pairs.horizons_s - horizon))) for horizon in SHOWN_S]
     before, after = pairs.constant_errors_m()[at], pairs.errors_m()[at]
     gains = 100 * (1 - after / before)

@@ -1,4 +1,4 @@
-"""Identity, position and yaw of annotated real people, beside other packages.
+"""Identity, position and yaw of annotated real people, compared with other packages.
 
 The annotations are in `real_people_marks/`. The recordings show identifiable people and are not
 published: `--shared` names their folder. `--peers` names Python interpreters of environments with

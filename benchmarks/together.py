@@ -1,9 +1,10 @@
-"""Services together in one process beside the same services apart: rate, latency and memory.
+"""Services in one process, compared with separate processes: rate, latency and memory.
 
-Both with all cores for all threads, and with one core reserved for the detector's network. Each
-round measures every arrangement: rate and processor time in lock-step playback from memory, two
-frames in flight; all stages but inference with a live camera at 60 % of that rate, and at 30 Hz.
-The references are the same network, and the float network, alone in one thread in the same round.
+Each arrangement runs with all cores for all threads, and with one core reserved for the detector's
+network. Each round measures every arrangement: rate and processor time in lock-step playback from
+memory, two frames in flight; all stages but inference with a live camera at 60 % of that rate, and
+at 30 Hz. The references in each round are the same network and the float network, each alone in
+one thread.
 """
 
 from collections import defaultdict

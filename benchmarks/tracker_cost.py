@@ -1,7 +1,8 @@
 """Time of the tracker's node in a frame: decoding, tracking and encoding, by number of people.
 
-Messages are those of a detector and an embedder that see people walk back and forth; the reference
-in the same run is the method of [PIC4SeR] on the same bytes, and decoding and encoding alone.
+The input are messages of a detector and an embedder about people who walk back and forth. The
+references in the same run are the method of [PIC4SeR] on the same bytes, and decoding and encoding
+alone.
 """
 
 import gc

@@ -1,7 +1,7 @@
-"""SORT in the image beside other packages on MOT15.
+"""SORT in the image, compared with other packages on MOT15.
 
-It needs the reference data (`--shared`). `--peers` names a Python interpreter with the packages to
-compare with, see `lib/peers/mot.py`; without it they are left out.
+`--shared` names the folder of the reference data. `--peers` names a Python interpreter with the
+other packages, see `lib/peers/mot.py`; without it they are left out.
 """
 
 import itertools

@@ -50,7 +50,7 @@ class CameraObservations:
     info: CameraInfo | None = None
     frames: list[ObservedFrame] = field(default_factory=list)
     delay_ns: int | None = None  # [ns] minimum time from stamp to arrival, on two clocks
-    unlocated: int = 0  # people without a position
+    unlocated: int = 0  # number of people without a position
     sequence: int = -1  # sequence number of the last frame
     # Thinned depth images
     depths_mm: deque[U16] = field(default_factory=lambda: deque(maxlen=DEPTHS_MAX))

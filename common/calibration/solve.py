@@ -33,8 +33,7 @@ class CalibrationResult:
     adjustment: AdjustmentResult
     contradicting: Sequence[Pair]  # pairs that were excluded
     frames: Mapping[str, str]  # optical frame by camera
-    # Number of people that determine the floor by their feet if depth shows none; 0: mean statures
-    # determine it
+    # Number of people whose feet determine the floor; 0: depth or mean statures determine it
     floor_people: int
     paths_m: Mapping[str, Sequence[F64]]  # Nx3, paths of all people by camera, frame: map
 

@@ -89,7 +89,7 @@ class GuardedReader1(Reader1):
 
 @contextlib.contextmanager
 def guarded(path: Path) -> Iterator[Reader1 | Reader2]:
-    """Open a bag with one of the readers of rosbags, which may raise almost anything."""
+    """Open a bag with a reader of rosbags; a damaged bag raises arbitrary exceptions."""
     harden()
     if path.suffix == ".bag":
         with GuardedReader1(path) as reader1:

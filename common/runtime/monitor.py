@@ -55,7 +55,7 @@ class ProcessSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     losses: dict[str, int] = {}  # number of lost messages and errors since the start, by cause
     cpu_percent: float | None = None  # processor time, 100 is one core
     memory_mb: float | None = None  # resident memory
-    stages: list[Durations] = []  # stages in the order of the path
+    stages: list[Durations] = []  # durations of the stages, in processing order
 
 
 class ClockSnapshot(msgspec.Struct, frozen=True, kw_only=True):

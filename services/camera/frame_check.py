@@ -83,7 +83,7 @@ def frame_fault(frame: object, info: CameraInfo, in_metres: bool = False) -> tup
 
 
 def _unit_fault(frame: SourceFrame, in_metres: bool) -> tuple[str, str]:
-    """Return the fault of the depth unit, judged by some readings."""
+    """Return the fault of the depth unit, by a grid of readings."""
     depth = frame.depth_mm[::GRID, ::GRID]
     if in_metres:
         smallest = float(np.min(depth, initial=np.inf, where=depth > 0))

@@ -36,7 +36,7 @@ class Measurement:
     # [rad] standard deviation of the orientation; None if unknown
     yaw_sigma_rad: float | None = None
     bearing_rad: float | None = None  # [rad] direction from the camera; None: unknown
-    added_covariance_m2: F64 | None = None  # [m^2] 3x3, on top of the measurement noise
+    added_covariance_m2: F64 | None = None  # [m^2] 3x3, addition to the measurement noise
 
 
 @dataclass(frozen=True, slots=True)

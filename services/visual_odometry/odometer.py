@@ -43,7 +43,7 @@ COUNTERS = (
     *("keyframes", "keyframes_met_again", "no_texture", "no_depth", "not_followed"),
     *("too_few_agree", "uncertain", "implausible", "lost"),
 )
-KEYFRAMES = 12  # maximum number of stored keyframes; a standing base has one, so no drift
+KEYFRAMES = 12  # maximum number of stored keyframes; a base at rest has one and does not drift
 OVERLAP_MIN = 0.5  # minimum share of agreeing landmarks of a keyframe
 NEAR_MIN = 8  # minimum number of landmarks with depth; fewer give no translation
 SIGMA_PX = 0.7  # standard deviation of a tracked point in the room [px]

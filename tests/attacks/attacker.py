@@ -74,7 +74,7 @@ class Attacker:
         raise TimeoutError(f"nothing on {expression}")
 
     def send(self, key: str, message: Any) -> None:
-        """Send fields, or bytes as they are."""
+        """Send encoded fields, or raw bytes."""
         payload = message if isinstance(message, bytes) else msgpack.packb(message)
         full = key if key.startswith("people4d/") else f"{self.root}/{key}"
         self.session.put(full, payload, congestion_control=zenoh.CongestionControl.BLOCK)

@@ -24,7 +24,7 @@ ATTACKER = Path(__file__).with_name("attacker.py")
 CAMERA = "front"
 PEOPLE = 3
 NEAR_M = 0.8  # maximum distance of a standing person from the known position [m]
-# Messages about everyone before an attack, in which the machine's own pauses are measured
+# Number of messages with all people before an attack, which show the machine's own pauses
 CALM = 6
 WAIT_S = 40.0
 ATTACK_S = 60.0
@@ -125,7 +125,7 @@ class Observer:
         self.wait(lambda: self.reported_s.keys() >= self._expected.parts)
 
     def count_of(self, report: Report) -> int:
-        """Return the counter of a report as it was heard last."""
+        """Return the counter of a report in the last heartbeat."""
         health = self.healths.get(f"{report.service}-1")
         return health.counters.get(report.counter, 0) if health and report.counter else 0
 

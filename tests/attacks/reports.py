@@ -1,26 +1,26 @@
-"""Reports that the attacks must lead to, in heartbeats and by the doctor."""
+"""Expected reports of the attacks, in heartbeats and by the doctor."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class Report:
-    """Report of an attack; one without a check says why there is nothing to report."""
+    """Expected report of an attack, or the reason why nothing is reported."""
 
-    service: str = ""  # whose heartbeat counts it
-    counter: str = ""  # that must rise
-    reason: str = ""  # part of what a process says why it is not ready
-    check: str = ""  # of the doctor that must not be content
-    nothing: str = ""  # why nothing is wrong, so that nothing may be reported
+    service: str = ""  # service whose heartbeat counts the attack
+    counter: str = ""  # counter that rises
+    reason: str = ""  # part of the reason of a process that is not ready
+    check: str = ""  # check of the doctor that finds the fault
+    nothing: str = ""  # reason why nothing is wrong and nothing may be reported
 
     @property
     def parts(self) -> frozenset[str]:
-        """Names of the fields that must be heard of."""
+        """Names of the expected fields."""
         return frozenset(name for name in ("counter", "reason", "check") if getattr(self, name))
 
 
-# Checks of the doctor that must be content where there is nothing to report; others may speak of a
-# machine that is busy
+# Checks of the doctor that must find nothing if there is nothing to report; other checks may
+# report a busy machine
 SILENT = frozenset({"twice", "unannounced", "clocks", "exceptions", "release"})
 
 REPORTS = {

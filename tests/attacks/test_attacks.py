@@ -1,8 +1,8 @@
 """Attacks on a running system over its network, without keys.
 
-Each must leave every process as it is: none replaced, no exception, memory within +50 MB, and
-everyone tracked where they are under the same identity. What is wrong is counted, given as a reason
-in a heartbeat, and found by the doctor.
+After each attack no process is replaced, no exception is raised, memory has grown by less than
+50 MB, and all people are tracked at their positions under the same identity. The fault is counted,
+is the reason in a heartbeat, and is found by the doctor.
 """
 
 import ast
@@ -26,8 +26,8 @@ from tests.integration.system import running
 pytestmark = [pytest.mark.processes, pytest.mark.network]
 
 MEMORY_MB = 50.0
-# On a quiet machine tracks pause for a second, and reports come within three. Other tests run
-# beside this one; what the machine itself adds is measured before each attack.
+# On a quiet machine tracks pause for 1 s, and reports come within 3 s. Other tests run at the same
+# time; the machine's own pauses are measured before each attack.
 PAUSE_S, REPORTED_S, PAUSES = 10.0, 20.0, 15.0
 INVENTS_PEOPLE = ("extreme_values_in_every_field",)  # all listeners receive these, too
 

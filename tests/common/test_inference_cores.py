@@ -126,7 +126,7 @@ def test_one_run_at_a_time_and_the_wait_for_it_is_recorded(cores: InferenceCores
     assert waited.end_ns - waited.start_ns > 0.03e9
     assert ran.start_ns == waited.end_ns
     assert ran.end_ns - ran.start_ns >= 0.01e9
-    # Its own thread ends, and the caller goes on later.
+    # A thread of its own ends, and the caller continues later.
     assert [one.stage for one in after] == (["detector.wake"] if cores else [])
     assert all(one.start_ns == ran.end_ns for one in after)
 
@@ -163,7 +163,7 @@ print(len(made), *(os.sched_getaffinity(int(task)) for task in made))
     found = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=60
     )
-    # That of its runs, and the second one that it asked for.
+    # The thread of the runs, and the second requested thread.
     assert found.stdout.strip() == f"2 {{{core}}} {{{core}}}"
 
 

@@ -21,7 +21,7 @@ from people4d.messages import (
 from people4d.messages.base import MAX_STAMP_NS
 from tests.contract.examples import BY_NAME, DETECTION, FULL, KEYPOINTS, RGB, TRACK
 
-FAR = 9e6  # [m] barely accepted
+FAR = 9e6  # [m] coordinate just within the limit
 LAST_NS = MAX_STAMP_NS
 
 

@@ -1,4 +1,4 @@
-"""Links between pages: the file is there, and so is the heading."""
+"""Links between pages: their file and heading exist."""
 
 import os
 import re

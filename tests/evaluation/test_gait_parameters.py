@@ -80,16 +80,16 @@ def test_interval_of_the_cadence_is_that_of_the_steps_it_is_of() -> None:
 
 
 def test_shares_of_a_stride_add_up() -> None:
-    # One foot swings as soon as the other one has landed: half of the time, at an even speed.
+    # Each foot swings for half of the time, at constant speed, once the other foot has landed.
     found = walk()
     stance, swing = found["stance"].value or 0.0, found["swing"].value or 0.0
-    assert swing == pytest.approx(45.0, abs=3.0)  # of 50, from 10 % of the way on
+    assert swing == pytest.approx(45.0, abs=3.0)  # 50 %, less the first 10 % of the path
     assert stance + swing == pytest.approx(100.0)
     assert found["double support"].value == pytest.approx(2 * (50 - 45.0), abs=4.0)
 
 
 def test_interval_of_a_share_is_within_it() -> None:
-    # Of one stride of each foot, which swing for unlike times: the interval is wider than all.
+    # One stride of each foot, with different swing times: the interval would exceed 0 to 100 %.
     found = walk(2.5, left_swing_s=0.3, right_swing_s=0.7)
     for name in ("stance", "swing"):
         assert (found[name].count, found[name].low, found[name].high) == (2, 0.0, 100.0)
@@ -99,7 +99,7 @@ def test_interval_of_a_share_is_within_it() -> None:
     ("left_s", "right_s", "side"), [(0.525, 0.475, "left"), (0.45, 0.55, "right"), (0.5, 0.5, None)]
 )
 def test_limp_has_its_side(left_s: float, right_s: float, side: str | None) -> None:
-    """10 and 20 %: the foot of the longer step is spared while the other one swings shortly."""
+    """Asymmetries of 10 and 20 %: the limping foot swings longer than the other foot."""
     found = walk(left_swing_s=left_s, right_swing_s=right_s)
     assert limping_side(list(found.values())) == side
     assert found["step time asymmetry"].value == pytest.approx(200 * (left_s - right_s), abs=4.0)

@@ -1,8 +1,9 @@
-"""Fuzzes targets with Atheris (libFuzzer for Python), within limits of memory and time.
+"""Fuzzing of targets with Atheris (libFuzzer for Python), within limits of memory and time.
 
-Each has a process of its own, for libFuzzer ends it; all are forked from one that has imported what
-is to be instrumented. Inputs that raise other errors than allowed are written to a folder, the
-shortest of each kind, and the fuzzing goes on; a crash of the process is written there too.
+Each target has a process of its own, because libFuzzer ends it. All are forked from one process
+that has imported the instrumented modules. Inputs that raise a forbidden error are written to a
+folder, the shortest of each kind, and fuzzing continues. Inputs that crash the process are written,
+too.
 """
 
 import hashlib
@@ -21,10 +22,10 @@ from typing import Any
 from tests import ROOT
 from tests.fuzz.target import Target
 
-HEADROOM_BYTES = 2**30  # of address space, beyond what is used when all is imported
+HEADROOM_BYTES = 2**30  # address space beyond the use after all imports [bytes]
 RSS_MB = 2048
-SLOW_S = 2.0  # [s] of the processor for one input
-# [s] for one input by the wall clock, until the process is ended; it may be stopped meanwhile
+SLOW_S = 2.0  # minimum processor time of a slow input [s]
+# Maximum wall time of one input [s]; the process may be stopped meanwhile
 TIMEOUT_S = 1200
 NICENESS = 3
 SCRATCH = Path("/dev/shm")
@@ -46,7 +47,7 @@ INSTRUMENTED = (
 
 
 def compiled_modules() -> list[str]:
-    """Return the modules whose functions Numba compiles, which it cannot once instrumented."""
+    """Return the modules with functions compiled by Numba, which instrumentation would break."""
     files = (file for folder in INSTRUMENTED for file in (ROOT / folder).rglob("*.py"))
     return [
         ".".join(file.relative_to(ROOT).with_suffix("").parts)
@@ -76,10 +77,10 @@ def fuzz(target: Target, corpus: Path, found: Path, seconds: float) -> float:
         target: The target.
         corpus: Folder of inputs to begin with and to add to.
         found: Folder for findings and the log of libFuzzer (LOG).
-        seconds: Of the processor, so that a busy machine does not cut it short.
+        seconds: Processor time, so that a busy machine does not shorten the fuzzing.
 
     Returns:
-        Seconds of the processor that it took.
+        Used processor time [s].
     """
     corpus.mkdir(parents=True, exist_ok=True)
     found.mkdir(parents=True, exist_ok=True)

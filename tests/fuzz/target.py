@@ -7,14 +7,14 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Target:
-    """A reader of untrusted bytes, which raises nothing but People4dError.
+    """A reader of untrusted bytes, which raises People4dError only.
 
     Args:
-        name: Its name.
-        read: Reads bytes; gets a scratch folder for files.
-        seeds: Makes valid inputs to begin with; gets a folder to make them in.
-        words: Byte strings for the fuzzer to insert.
-        max_bytes: Longest input.
+        name: Name of the reader.
+        read: Function of the bytes and a scratch folder.
+        seeds: Function of a scratch folder that returns valid first inputs.
+        words: Byte strings inserted by the fuzzer.
+        max_bytes: Maximum length of an input.
     """
 
     name: str

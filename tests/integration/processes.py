@@ -81,7 +81,7 @@ def start(
 
 
 def wait_ready(watcher: Watcher, instances: set[str]) -> None:
-    """Wait until processes are ready, or degraded: as ready as they are without their inputs."""
+    """Wait until processes are ready, or degraded for lack of input."""
     waiting = set(instances)
     while waiting:
         health = watcher.wait(Health, lambda h: h.state in ("ready", "degraded"))

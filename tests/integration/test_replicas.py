@@ -50,7 +50,7 @@ class Reids:
         return self._answer(number), time.monotonic() - start_s
 
     def ask_until(self, name: str) -> None:
-        """Send crops until a process answers."""
+        """Send crops until the named replica answers."""
         end_s = time.monotonic() + REPLACED_S
         while self.ask()[0] != name:
             assert time.monotonic() < end_s, f"{name} takes no share"

@@ -25,8 +25,8 @@ class Watch:
     """People as upright cylinders before the camera; arrays are TxK.
 
     Args:
-        in_view: True: the middle is in the image and nearer than 5 m.
-        hidden: Maximum share of the width that one other person occludes.
+        in_view: True if the middle is in the image and nearer than 5 m.
+        hidden: Maximum share of the width occluded by one other person.
     """
 
     in_view: npt.NDArray[np.bool_]

@@ -83,7 +83,7 @@ def pairs(messages: list[Message]) -> list[Pair]:
     truth = [m for m in messages if isinstance(m, Truth)]
     found: list[Pair] = []
     for frame, message in enumerate(m for m in messages if isinstance(m, Tracks)):
-        # Captured every 10 ms: people move little from there to the frame.
+        # The truth has a sample every 10 ms, in which people hardly move.
         people = min(truth, key=lambda t: abs(t.stamp_ns - message.stamp_ns)).people
         matched = match_people(people, message.tracks)
         found += [(frame, people[i], message.tracks[k]) for i, k in matched]

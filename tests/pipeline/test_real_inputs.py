@@ -69,7 +69,7 @@ def test_every_frame_has_detections_and_tracks(crossing: Run) -> None:
 
 
 def test_annotated_people_are_detected(crossing: Run) -> None:
-    """Of 12 people annotated in frames 60, 68 and 76, those half hidden may be missed."""
+    """Half-hidden people among the 12 annotated in frames 60, 68 and 76 may be missed."""
     found = false = 0
     for frame in (60, 68, 76):
         people = crossing.detections[frame - FIRST].detections

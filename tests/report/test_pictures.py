@@ -130,7 +130,7 @@ def test_odd_maps(walks: Trajectories) -> None:
 def test_the_sheet_holds_all_tiles(count: int, rows: int, columns: int) -> None:
     tile = Tile(np.zeros((300, 400, 3), np.uint8), "front  0.00 s")
     page = contact_sheet([tile] * count, Trajectories(), RunStatistics().summary())
-    # Head 60, panel 600; a tile takes 400 + 8 by 300 + 8 px, and 8 px more once.
+    # Heights: header 60 px, panel 600 px. A tile with its gap is 408x308 px; one more gap is 8 px.
     assert page.shape == (60 + 600 + (rows * 308 + 8) * (rows > 0), max(1440, columns * 408 + 8), 3)
     dark = np.count_nonzero(page.max(axis=2) == 0)
     assert dark >= count * 300 * 400 * 0.9  # except the captions

@@ -1,7 +1,7 @@
-"""Messages of people as planners read them: accepted, with the right numbers.
+"""Messages of people read by planners: accepted, with the right numbers.
 
-A robot drives, people come, go, hide and turn; its transforms arrive 40 ms after their stamps, as
-those of a SLAM do, and people 60 ms after the image.
+A robot drives while people come, leave, hide and turn. Its transforms arrive 40 ms after their
+stamps, as from SLAM, and people 60 ms after the image.
 """
 
 import itertools

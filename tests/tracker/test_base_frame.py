@@ -93,9 +93,9 @@ def test_a_person_who_stands_has_no_velocity_before_a_robot_that_drives_and_turn
 
 def test_track_in_the_frame_of_a_turned_base() -> None:
     # The base is 1 m ahead and has turned to the left by 90 degrees: a person at (3, 0) who walks
-    # along x is 2 m to its right, (0, -2), and walks along its -y. The variance of the way along x
-    # becomes that along y; where the base is a guess by 0.1 m and 0.05 rad, 0.01 each way and
-    # (0.05 * 2)^2 = 0.01 at right angles to the way there, along x.
+    # along x is 2 m to its right, (0, -2), and walks along its -y. The variance along x becomes the
+    # variance along y. A base with errors of 0.1 m and 0.05 rad adds 0.01 along both axes, and
+    # (0.05 * 2)^2 = 0.01 at right angles to the line of sight, along x.
     track = builders.track(
         position_m=np.array([3.0, 0.0, 1.0]),
         velocity_mps=np.array([1.0, 0.0, 0.0]),

@@ -306,7 +306,7 @@ def test_standing_people_keep_their_identities_over_a_restart_of_two_seconds(nam
     for k in range(10):
         first.update(frame(k, person(4, -1, embedding=RED), person(4, 1, 1, embedding=BLUE)))
     second = restarted(name, first)
-    # 2 s later, 0.3 m on, in another order. Of equal scores the one to the left began first.
+    # After 2 s both are 0.3 m farther, in another order. At equal scores the left one began first.
     blue, red = person(4.3, 1.0, 0, embedding=BLUE), person(3.7, -1.0, 1, embedding=RED)
     for k in range(29, 35):
         tracks = second.update(frame(k, blue, red))

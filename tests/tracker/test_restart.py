@@ -1,4 +1,4 @@
-"""The tracker node goes on where the process before it was killed."""
+"""A restarted tracker node continues the tracks of the killed process."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -66,7 +66,7 @@ def test_standing_people_keep_identities_without_frames_for_fifteen_seconds() ->
 
 
 def test_people_who_walk_are_where_they_were_going_after_two_seconds() -> None:
-    # Both walk to the right, 0.1 m from frame to frame; 2 s after frame 9 they are 2 m on.
+    # Both people walk to the right by 0.1 m a frame; 2 s after frame 9 they are 2 m farther.
     before = node()
     walking = [m for k in range(10) for m in frames(k, k + 1, shift_m=-1.5 + 0.1 * k)]
     results(before, [TRANSFORM, *walking])

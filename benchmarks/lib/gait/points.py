@@ -1,8 +1,8 @@
 """Points of a body against their ground truth, as in Figures 5.7 to 5.9 of the source.
 
-An error is the distance in space from the estimate to the middle of the head, hand or foot by the
-service's own definition (`limb_references`), in frames in which it is visible; besides, to the
-surface that is visible there, on which points are marked by hand.
+An error is the distance in space from the estimate to the middle of the head, hand or foot, defined
+by `limb_references`, in frames in which it is visible. A second error is the distance to its
+visible surface, on which points are marked by hand.
 """
 
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,7 +1,7 @@
 """Rendered recordings of entire people, with the ground truth of heads, hands and feet.
 
-Recordings and detections are cached with those of `people4d evaluate`. Rendering all takes about a
-quarter of an hour on two cores for each seed.
+Recordings and detections are in the cache of `people4d evaluate`. Rendering takes about 15 minutes
+on two cores for each seed.
 """
 
 from collections.abc import Iterator, Sequence

@@ -233,7 +233,7 @@ def _detections(answers: Sequence[Sequence[Message]]) -> list[Detections]:
 def track(
     method: Method, detections: VariedDetections, order: OrderVariation
 ) -> Iterator[tuple[int, FrameOutput]]:
-    """Yield each frame of an order with its tracks."""
+    """Yield the number and the tracks of each frame, in a playback order."""
     config = msgspec.structs.replace(method.tracker, embedding_wait_s=0.0, reorder_wait_s=0.0)
     node, frames = build_tracker(config), order.frames(len(detections.embeddings))
     for message in detections.start:

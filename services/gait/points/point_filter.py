@@ -29,7 +29,7 @@ ADAPTATION = 0.03  # Adaptation of the reference distance by each measured frame
 ADAPTATION_MAX_M = 0.10  # Maximum total adaptation [m]
 CONTRADICTION2 = 16.0  # Maximum squared Mahalanobis distance of motion from the body's prior
 UNUSUAL2 = 2.0  # Squared distance above which the prior of a followed limb widens
-# Factor and addition [m] of the standard deviation of a predicted point, for errors of the models
+# Factor of a predicted point's standard deviation, and addition [m] to it, for model errors
 SPREAD, SPREAD_M = 1.5, 0.06
 
 
@@ -192,7 +192,7 @@ class PointFilter:
     def noise_m2(self, position_m: F64, besides_m2: F64 | None = None) -> F64:
         """Return the covariance of a measured position, 3x3, largest along the ray.
 
-        `besides_m2` is the noise without depth; by default the noise of a vertex.
+        `besides_m2` is the covariance without depth noise; default: `NOISE_M` in all directions.
         """
         ray = position_m / np.linalg.norm(position_m)
         depth_m2 = (NOISE_PER_M2 * position_m[2] ** 2) ** 2

@@ -183,7 +183,7 @@ def test_transforms_that_tf_repeats_are_static_if_they_never_change(
 
 
 def at_zero(entries: list[Entry]) -> list[Entry]:
-    """Return entries with stamps from 0 s, and times of the bag as they were."""
+    """Return entries with stamps from 0 s and unchanged bag times."""
     first_ns = min(ns for topic, ns, _ in entries if topic != INFO)
     ros = Ros(2)
     return [

@@ -109,7 +109,7 @@ def test_a_pan_tilt_camera_is_where_the_chain_says(
         ("tilt", FRAME),
         ("base_link", "neck"),
     ]
-    for steps in (0, 1, 2.5):  # between samples, too
+    for steps in (0, 1, 2.5):  # 2.5 is between two samples
         got = pose_in(source, "odom", S + round(steps * S / 10))
         np.testing.assert_allclose(got, expected(steps), atol=1e-6)
     moving = [(m.parent, m.child) for m in source if isinstance(m, MovingTransform)]

@@ -42,7 +42,7 @@ def image_of(tags: dict[int, Tag], pose: F64, info: CameraInfo = INFO) -> U8:
     for number, tag in tags.items():
         marker = cv2.aruco.generateImageMarker(family, number, side)
         paper = np.pad(marker, 2 * CELL_PX, constant_values=255)
-        # Corners of the tag in pixels of the paper, of which (0, 0) is the middle of the first.
+        # Corners of the tag in pixels of the paper; (0, 0) is the centre of the first pixel.
         low, high = 2 * CELL_PX - 0.5, 2 * CELL_PX + side - 0.5
         corners = np.array([[low, low], [high, low], [high, high], [low, high]], np.float32)
         pixels = FINE * (project(apply(invert(pose), tag.corners_m), info) + 0.5) - 0.5

@@ -165,7 +165,7 @@ DELAYS = {"camera_offset_front_ms": 0.0, "camera_offset_back_ms": 0.0, "camera_d
             "camera stamps differ, and are corrected: back is 500 ms behind",
             {"tracker": gauges(camera_offset_front_ms=0.0, camera_offset_back_ms=-500.0)},
         ),
-        (  # Delays are those beyond the first camera's: here its own messages are the late ones.
+        (  # Delays are relative to the first camera, whose own messages are late here.
             *("clocks", "warning", "messages of cameras arrive late: front by 300 ms"),
             {"tracker": gauges(**DELAYS, camera_delay_back_ms=-300.0)},
         ),

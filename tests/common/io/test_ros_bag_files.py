@@ -17,8 +17,8 @@ from services.camera.ros.topics import open_bag
 from services.camera.sources import kind_of
 from tests.camera.ros.bags import COLOUR, Ros, frames
 
-# Writes a copy of a database in WAL mode, with the tables and the topics in the file and most
-# messages in the log beside it, and is killed.
+# Recorder that is killed while it copies a database in WAL mode: tables and topics are in the file,
+# most messages in its log file
 KILLED_RECORDER = """
 import os, signal, sqlite3, sys
 source = sqlite3.connect(sys.argv[1])

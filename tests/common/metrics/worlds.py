@@ -11,7 +11,7 @@ Positions: TypeAlias = Mapping[Any, float]  # id -> x in metres
 
 
 def truth(positions: Positions, out: str = "", hidden: str = "") -> GroundTruth:
-    """Put people to x; those named in `out` and `hidden` are out of view and occluded."""
+    """Put people at x; `out` names people out of view, `hidden` occluded people."""
     return GroundTruth(
         ids=tuple(positions),
         positions_m=np.array([(x, 0.0, 0.0) for x in positions.values()]).reshape(-1, 3),

@@ -298,8 +298,8 @@ def test_pending_crops_are_limited_to_the_depth_of_their_queue() -> None:
 
 
 def test_memberships_that_differ_briefly_lose_no_frame() -> None:
-    # b dies after frame 2; a notices at once, c only after frame 5. Each frame from then on is done
-    # by a or c, some perhaps by both.
+    # b dies after frame 2; a notices at once, c only after frame 5. Each later frame is handled by
+    # a or c, some by both.
     names = ["a", "b", "c"]
     assignments = {me: assignment(me, *(n for n in names if n != me)) for me in "ac"}
     done: set[int] = set()

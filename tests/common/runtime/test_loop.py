@@ -137,7 +137,7 @@ class Unsendable(Truth, frozen=True, kw_only=True):
 
 
 def test_an_answer_that_cannot_be_sent_is_counted_and_holds_up_nothing(network: Network) -> None:
-    # It once ended the thread that sent it, and with it all messages after it.
+    # A failure that ends the sending thread would lose all later messages.
     node = Echo()
 
     def hook(message: Message) -> None:

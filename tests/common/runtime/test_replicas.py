@@ -87,14 +87,14 @@ def test_replica_that_is_stuck_leaves_its_work_to_the_others(
 
     group.add("a", Shared(hook))
     group.add("b", Shared())
-    # One of two is a's, which is stuck with it; b does that one, too, and all that follow.
+    # Replica a is stuck with one of two messages; b handles that message, too, and all later ones.
     sent = group.send(2)
     answers = group.answers(2)
     assert stuck.is_set()
     assert sorted(answers) == [("b", number) for number in sent]
     group.send(10)
     assert {name for name, _ in group.answers(10)} == {"b"}
-    # When it goes on, what it was stuck with is answered twice, and it gets its turns back.
+    # When a continues, its message is answered twice, and a gets its share again.
     let_go.set()
     ((name, number),) = group.answers(1)
     assert name == "a"

@@ -30,7 +30,7 @@ pytestmark = [pytest.mark.processes, pytest.mark.timeout(900)]
 PEOPLE4D = (sys.executable, "-m", "deploy.cli")
 TIMEOUT_S = 120.0
 FRAMES = 15
-# Frames are live: on a busy machine any reader misses some of those played at full speed.
+# Frames are live: on a busy machine a reader misses some frames at full speed.
 SLOWLY = ("--rate", "0.4", "--hold", "1")
 
 

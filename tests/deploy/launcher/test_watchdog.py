@@ -243,7 +243,7 @@ def test_processes_that_hang_one_at_a_time_without_calm_are_restarted_without_de
     supervised = Supervised(*names)
     node = WatchdogNode(CONFIG, supervised, "here")
     run(node, 0, 2, *map(health, names))
-    for number, hung in enumerate(names[1:]):  # the next one hangs as soon as the last is heard of
+    for number, hung in enumerate(names[1:]):  # one hangs as soon as the one before is back
         begin_s = 2 + 6 * number
         others = [health(name, p.pid) for name, p in supervised.all.items() if name != hung]
         run(node, begin_s, begin_s + 5, *others)

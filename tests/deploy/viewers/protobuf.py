@@ -1,4 +1,4 @@
-"""Decoder of protobuf by the schema in the file, as programs that do not know people4d have it."""
+"""Decoder of protobuf by the schema in a file, without people4d's own message types."""
 
 from typing import Any
 
@@ -8,7 +8,7 @@ from google.protobuf.message_factory import GetMessageClass
 
 
 def decode(schema_name: str, schema: bytes, data: bytes) -> Any:
-    """Return the message that the schema describes."""
+    """Decode a message by its schema."""
     pool = DescriptorPool()
     for file in FileDescriptorSet.FromString(schema).file:
         pool.AddSerializedFile(file.SerializeToString())

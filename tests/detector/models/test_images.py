@@ -102,7 +102,7 @@ def check_person(person: DetectedPerson, truth: Any, frame: int) -> None:
 
 
 def check_sides(found: npt.NDArray[np.float32], true: F64) -> None:
-    """Left is left: the shoulders lie in the true order, where the body is not seen edge on."""
+    """Check that left and right shoulder are not exchanged, unless the body is seen from a side."""
     width = true[LEFT, 0] - true[RIGHT, 0]
     if abs(width) > 20:
         assert np.sign(found[LEFT, 0] - found[RIGHT, 0]) == np.sign(width)

@@ -118,9 +118,9 @@ def test_input_of_rtmo_has_blue_first_and_people_are_in_pixels_of_the_image() ->
 
 
 def test_crop_of_rtmpose_is_a_quarter_larger_than_the_box() -> None:
-    # The box of 153.6x204.8 round (200.5, 200.5), times 1.25: 192x256, so a pixel of the input is
-    # one of the image, from (104.5, 72.5) on, the centre of the pixel 104, 72. The box of
-    # 192x102.4, times 1.25: 240x128. Its width decides: the scale is 1.25, the crop 240x320.
+    # A box of 153.6x204.8 about (200.5, 200.5), times 1.25, is 192x256: one pixel of the input is
+    # one pixel of the image, and the first centre is (104.5, 72.5). A box of 192x102.4, times 1.25,
+    # is 240x128: its width determines the scale, 1.25, and the crop, 240x320.
     image, corner, scale = crop(IMAGE, np.array([123.7, 98.1, 277.3, 302.9]), (256, 192))
     assert scale == pytest.approx(1.0)
     np.testing.assert_allclose(corner, [104.5, 72.5], atol=1e-4)

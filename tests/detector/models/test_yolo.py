@@ -166,9 +166,10 @@ def test_boxes_round_one_mask_are_one_person() -> None:
 
 @pytest.mark.parametrize(("times", "end"), [(1, 31), (2, 63), (3, 94)])
 def test_mask_ends_where_its_logit_is_zero(times: int, end: int) -> None:
-    # Input 64x64, prototypes 16x16. The logit is +1 at the centre of column 7 (7.5) and -2 at that
-    # of column 8, so 0 at 7.5 + 1/3, in the input 4 times that, 31.33, in an image t times the size
-    # 31.33, 62.67 or 94. A pixel is in if its centre is: the last ones are 30.5, 62.5 and 93.5.
+    # Input 64x64, prototypes 16x16. The logit is +1 at the centre of column 7 (7.5), -2 at the
+    # centre of column 8, and so 0 at 7.5 + 1/3. This is 31.33 in the input, and 31.33, 62.67 or 94
+    # in an image 1, 2 or 3 times as large. A pixel is in the mask if its centre is: the last
+    # centres are 30.5, 62.5 and 93.5.
     # The box spans 12 to 52 and 8 to 56 of the input.
     (person,) = segment(64 * times, 64 * times, Box((32, 32, 40, 48), person=0.9))
     mask = person.mask

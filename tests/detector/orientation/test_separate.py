@@ -266,7 +266,8 @@ def test_yaw_of_a_projected_torso_is_measured(yaw_deg: float, y_m: float) -> Non
     if abs(abs(yaw_deg) - 90) > 15:  # else the shoulders may be 0.1 m or less apart
         assert found.vector is not None
         assert abs(math.degrees(wrap(found.vector.rad - math.radians(yaw_deg)))) < 1.0
-    # The ratio takes the view for one from far away and along the axis. It is steep at its ends.
+    # The ratio assumes a distant camera on the optical axis. Its error is largest near 0 and 180
+    # deg.
     if found.ratio is not None:
         assert abs(math.degrees(wrap(found.ratio.rad - math.radians(yaw_deg)))) < 25.0
 

@@ -48,8 +48,8 @@ def test_shoulders_alone_are_above_the_middle_of_an_upright_body() -> None:
 
 
 def test_one_side_gives_the_middle_if_the_yaw_is_known() -> None:
-    # Facing the camera (yaw 180 deg) the left shoulder and hip lie 0.13 m to the right on average;
-    # of unknown turn they are taken as they are: (1.16 + 1.10) / 2 = 1.13.
+    # If the person faces the camera (yaw 180 deg), left shoulder and hip lie 0.13 m to the right on
+    # average. If the yaw is unknown, their mean is used: (1.16 + 1.10) / 2 = 1.13.
     known = middle([0, 2], math.pi, sigma_m=0.03)
     np.testing.assert_allclose(known, [1.0, 0.5], atol=0.005)
     assert middle([0, 2], None)[0] > 1.05

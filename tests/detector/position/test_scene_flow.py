@@ -121,8 +121,8 @@ def test_points_on_two_torsos_are_not_used() -> None:
 
 
 def test_a_person_behind_another_is_not_measured_on_them() -> None:
-    # The board stands still at 2 m; it covers the left half of a person at 2.2 m, whose points
-    # there would be those of the board.
+    # The board stands still at 2 m and covers the left half of a person at 2.2 m: points in that
+    # half lie on the board.
     rgb, depth_mm = board_images(320, 2.0)
     moved, deep_mm = rgb.copy(), depth_mm.copy()
     moved[120:480, 420:500] = np.repeat(BOARD[:360, 100:180, None], 3, axis=2)

@@ -389,8 +389,8 @@ def test_landing_between_two_steps_is_none() -> None:
 
 
 def test_clear_landing_beside_one_that_was_missed_is_a_step() -> None:
-    # In a turn the right foot lands early, the left one steps in place unseen, and the right
-    # foot goes on: nothing is known between its landings, but both are landings.
+    # In a turn the right foot lands early, the left foot steps in place unseen, and the right foot
+    # lands again: the step between both landings is unknown, but both are landings.
     swings = walk("lrl")
     last = swings[-1]
     stands = float(last.to_m[0])
@@ -437,7 +437,7 @@ def test_uncertain_steps_of_a_stop_change_no_cadence() -> None:
         for k in range(1, 10)
     ]
     assert cadence([*steps, *in_stop]) == pytest.approx(cadence(steps))
-    # They count if there are no others.
+    # Uncertain steps count if there are no other steps.
     assert cadence(in_stop) == pytest.approx(60 / 0.75)
 
 
@@ -503,5 +503,5 @@ def test_first_landing_that_is_late_hardly_changes_the_cadence() -> None:
     expected, found = cadence(steps), cadence(late)
     assert expected is not None
     # The mean of the ten times between landings changes by 0.15 s / (10 x 0.5 s) = 3 %. Of the 55
-    # pairs of landings 10 have the late one, and the median of all times hardly changes.
+    # pairs of landings 10 include the late landing, and the median of all times hardly changes.
     assert found == pytest.approx(expected, rel=0.005)

@@ -116,8 +116,8 @@ def test_removal_leaves_legs_above_the_floor() -> None:
     assert len(rows) == pytest.approx(92, abs=1)
     assert not legs[len(rows) :].any()
     assert not cut[445:470, 280:360].any()  # nothing but floor
-    assert np.array_equal(cut[:300], depth[:300])  # the wall stays
-    assert np.array_equal(cut[:, :270], depth[:, :270])  # and so does all outside of the box
+    assert np.array_equal(cut[:300], depth[:300])  # the wall is unchanged
+    assert np.array_equal(cut[:, :270], depth[:, :270])  # pixels outside the box are unchanged
 
 
 def test_removal_does_not_change_the_input() -> None:

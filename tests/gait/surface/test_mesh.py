@@ -72,8 +72,8 @@ def test_normals_of_a_tilted_plane(normal: tuple[float, float, float]) -> None:
 
 @pytest.mark.usefixtures("published")
 def test_normals_of_a_sphere() -> None:
-    # They point from its centre; at 1 m pixels are 2 mm apart, so the chord of two is 1/100 of the
-    # radius, and the rim is left out, where the 15 mm rule cuts.
+    # Normals point away from the centre. At 1 m pixels are 2 mm apart, so a chord between two is
+    # 1/100 of the radius. The rim is excluded, because the 15 mm rule cuts it.
     mesh = build_mesh(body_of(sphere(), 280, 200), INFO)
     outwards = (mesh.points_m - (0, 0, 1)) / 0.2
     faces = inner(mesh) & (outwards[:, 2] < -0.5)

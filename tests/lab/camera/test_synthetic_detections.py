@@ -180,8 +180,8 @@ def test_rates_are_as_configured() -> None:
             true += is_true
             false += not is_true
             without += is_true and found.position_m is None
-    # 2000 chances at 0.9: standard deviation 13.4 if they were independent; misses last 0.1 s and
-    # so does a frame here, which shares little. 1000 Poisson numbers of 0.2: 14.
+    # 2000 chances at 0.9 have a standard deviation of 13.4 if independent. They almost are: a miss
+    # lasts 0.1 s, one frame here. 1000 Poisson numbers of mean 0.2: 14.
     assert true / (2 * frames) == pytest.approx(0.9, abs=0.03)
     assert false / frames == pytest.approx(0.2, abs=0.06)
     assert without / true == pytest.approx(0.1, abs=0.035)

@@ -92,7 +92,7 @@ def project_floor(x_m: float, y_m: float) -> tuple[int, int]:
 
 
 def test_a_side_that_faces_a_lamp_is_brighter(renderer: Renderer) -> None:
-    # Of a table at 0.6 m, the top sees the ceiling lamps; the side towards the camera hardly.
+    # The ceiling lamps light the top of a table at 0.6 m, and hardly its side towards the camera.
     image = renderer.radiance(Instant([block(3.2, 0.0, 0.6)], pose(pitch_deg=20)))
     top = row_of(3.2, 0.0, 0.6)
     side = row_of(3.05, 0.0, 0.3)

@@ -138,7 +138,7 @@ def test_identities_of_an_area_are_its_number_and_thousands() -> None:
     counter = IdCounter()
     counter.divide(7)
     assert [counter.new(), counter.new()] == [7, 1007]
-    counter.raise_to(5000)  # the first of area 7 from 5000 on
+    counter.raise_to(5000)  # next identity: the first of area 7 above 5000
     assert counter.new() == 5007
     assert counter.is_own(3007)
     assert not counter.is_own(3008)
@@ -154,7 +154,7 @@ def test_person_tracked_by_both_areas_gets_the_older_identity() -> None:
         for name, x in (("a", -1.0), ("b", there_m)):
             frame = detected(k, [person(x)])
             site.feed(name, frame, [RED if name == "a" else BLUE], now_ns)
-    # They are one person: 0 m apart for 2 s, and no one else is near.
+    # Both tracks are one person: 0 m apart for 2 s, with no other person near.
     assert ids(site.last["b"]) == ids(site.last["a"]) == [1]
     assert site.nodes["b"].status().counters["identities_joined"] == 1
 

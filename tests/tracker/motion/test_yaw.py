@@ -100,9 +100,9 @@ def tracks_of(map_from_camera: Any, heading: Any, **fields: Any) -> list[Track]:
     ("turned_deg", "heading", "expected_deg"),
     [
         (0, (0, 0, 1), 0),  # away from a camera that looks along the map's x
-        (0, (-1, 0, 0), 90),  # image-left of it is the map's y
+        (0, (-1, 0, 0), 90),  # its image-left is the map's y
         (90, (0, 0, -1), -90),  # towards a camera that looks along y
-        (90, (-1, 0, 0), 180),  # image-left of that one is -x
+        (90, (-1, 0, 0), 180),  # image-left of a camera that looks along y is -x
         (-135, (1, 0, 0), 135),  # image-right of a camera at -135 is -135 - 90 = -225 = 135
     ],
 )

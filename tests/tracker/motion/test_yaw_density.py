@@ -133,8 +133,8 @@ def test_long_prediction_is_that_of_short_steps() -> None:
 
 
 def test_frames_that_follow_sooner_count_less_but_for_the_angle() -> None:
-    # Errors correlate for 0.2 s. After a third of that the chance of another angle is the cube root
-    # of what it is else, and the angle itself as certain: its sigma by root 3 is that of the root.
+    # Errors are correlated for 0.2 s. After a third of that time the likelihood of another angle is
+    # the cube root of the full likelihood. The peak is as sharp: sigma / root 3, to the power 1/3.
     state = update(None, shown(0.0))
     state[DENSITY] = 1 / BINS
     state[SINCE] = CORRELATION_S / 3

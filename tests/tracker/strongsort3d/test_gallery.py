@@ -28,8 +28,8 @@ def gallery(**people_deg: float) -> Gallery:
 
 
 def test_known_person_is_reidentified() -> None:
-    # 10 degrees from person 1: 1 - cos 10 = 0.0152; 80 degrees from person 2: 0.8264. Of the
-    # weights exp(-0.0152 / 0.07), exp(-0.25 / 0.07) and that of person 2 the first is
+    # 10 degrees from person 1: 1 - cos 10 = 0.0152; 80 degrees from person 2: 0.8264. The share of
+    # the weight exp(-0.0152 / 0.07) in the sum with exp(-0.25 / 0.07) and exp(-0.8264 / 0.07) is
     # 1 / (1 + exp(-3.354) + exp(-11.6)) = 0.9662.
     people = gallery(red=0, blue=90)
     decision = people.decide(embedding(10), [1, 2], 0.25)

@@ -26,9 +26,9 @@ def of(tracks: list[Track], number: int) -> Track:
 
 
 def test_people_behind_detected_ones_are_occluded() -> None:
-    # Strips, half a width of 0.25 m: A at 2 m covers -0.125 to 0.125; B at 4 m and 0.1 m to the
-    # left is -0.0875 to 0.0375, all of it covered; C at 4 m, 0.6 m to the right, is 0.0875 to
-    # 0.2125, of which 0.0375 / 0.125 = 0.3 are covered, less than 0.4; D at 1.5 m is before A.
+    # Intervals with a half width of 0.25 m: A at 2 m covers -0.125 to 0.125. B at 4 m, 0.1 m to the
+    # left, is -0.0875 to 0.0375, all covered. C at 4 m, 0.6 m to the right, is 0.0875 to 0.2125;
+    # its covered share is 0.0375 / 0.125 = 0.3, less than 0.4. D at 1.5 m is in front of A.
     detected, people = np.array([[2, 0, 1.0]]), np.array([[4, 0.1, 1], [4, -0.6, 1], [1.5, 0, 1]])
     assert occluded(people, detected, OPTICAL_FROM_LINK).tolist() == [True, False, False]
     assert occluded(people, detected, None).tolist() == [False, False, False]
@@ -136,8 +136,8 @@ def test_match_of_a_half_hidden_person_counts_in_full() -> None:
 
 
 def test_covered_person_with_the_depth_of_another_keeps_the_track() -> None:
-    # B, at 4 m, is measured 1.2 m nearer once A covers B: beyond the gate of section 5 at 2 %
-    # noise, within that of a covered detection, if appearance speaks for the pair.
+    # B, at 4 m, is measured 1.2 m nearer once A covers B. This is beyond the gate of section 5, and
+    # within the gate of a covered detection, which requires a known cosine distance.
     def last(visibility: bool, blue: tuple[float, ...] | None) -> list[tuple[int, str]]:
         strong = published(visibility=visibility, sigma_measurement_m=0.2)
         sort = build_strongsort3d(published_config(strongsort3d=strong))

@@ -163,8 +163,9 @@ def test_track_cut_off_at_the_edge_is_not_absent_before_its_camera_missed_it(
 
 @pytest.mark.parametrize("y_m", [0.0, 1.0])
 def test_person_hidden_at_the_edge_left(y_m: float) -> None:
-    # RED, at 4 m, is last seen in the middle of the image or at its edge, then hidden by BLUE for
-    # a second. Another person of similar appearance comes out there. In the middle RED is expected.
+    # RED, at 4 m, is last in view in the middle of the image or at its edge, then occluded by BLUE
+    # for 1 s. A person of similar appearance appears there: RED in the middle, another one at the
+    # edge.
     identity = IdentityConfig(enabled=True)
     strong = published(identity=identity, visibility=True)
     sort = build_strongsort3d(published_config(strongsort3d=strong))
@@ -183,7 +184,7 @@ def test_person_hidden_at_the_edge_left(y_m: float) -> None:
 def test_people_apart_continue_after_a_time_without_frames(
     frames: int, embedding: tuple[float, ...] | None
 ) -> None:
-    # Of similar appearance, half a metre on, or without embeddings when frames come again.
+    # Cases: the same appearance or no embeddings after the pause.
     sort = tracker()
     people = [person(3, y, index, embedding=RED) for index, y in enumerate((-1.0, 1.0))]
     stay(sort, 0, 10, *people)

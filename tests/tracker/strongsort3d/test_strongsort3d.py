@@ -164,7 +164,7 @@ def test_embeddings_of_another_model_are_dropped() -> None:
 
 @pytest.mark.parametrize("detected", [True, False])
 def test_people_who_meet_and_turn_back_need_appearance(detected: bool) -> None:
-    # They walk towards each other, meet at y = 0 and go back: by motion they seem to pass.
+    # Two people approach, meet at y = 0 and turn back: motion alone suggests that they pass.
     sort = tracker()
     for number in range(60):
         y = abs(1.5 - 0.05 * number)

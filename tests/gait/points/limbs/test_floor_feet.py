@@ -81,7 +81,8 @@ def test_foot_farther_than_the_body_expects_counts_less() -> None:
     lifted = STANDING + 0.1 * UP
     prior = Normal(lifted, 0.1**2 * np.eye(3))
     one = found(ankle_at(lifted), depth(), prior=prior)["left_foot"]
-    # 1.08 / 0.98 times as far as it is: 0.53 m; half of it is added to the 0.15 m along the ray.
+    # The foot appears 1.08 / 0.98 times as far, 0.53 m too far. Half of this adds to 0.15 m along
+    # the ray.
     ray = one.position_m / np.linalg.norm(one.position_m)
     along_m = float(np.sqrt(ray @ one.noise_m2 @ ray - 0.06**2))
     assert along_m == pytest.approx(np.hypot(0.15, 0.5 * 0.53), abs=0.01)
