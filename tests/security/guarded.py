@@ -89,7 +89,10 @@ class Listener:
     def __init__(self, session: zenoh.Session, key: str) -> None:
         self.received: list[bytes] = []
         self._changed = threading.Condition()
-        self._subscriber = session.declare_subscriber(key, self._receive)
+        # In the session's thread: by default each subscriber has a thread, and there is no order
+        # between the messages of two subscribers.
+        callback = zenoh.handlers.Callback(self._receive, indirect=False)
+        self._subscriber = session.declare_subscriber(key, callback)
 
     def _receive(self, sample: zenoh.Sample) -> None:
         with self._changed:
@@ -110,9 +113,10 @@ class Listener:
 
 
 def settle(session: zenoh.Session) -> None:
-    """Wait until the router has received all that a session sent so far, by a query to it.
+    """Wait until the router has received all that a session sent, by a query to it.
 
-    Queries stay behind messages sent before. All roles may query health.
+    The session's listeners have then received all that the router sent to it before the reply.
+    Queries and replies stay behind messages sent before. All roles may query health.
     """
     for _ in session.get(f"{PREFIX}/health/none/none"):
         raise AssertionError("a process that does not exist replied")
