@@ -189,18 +189,26 @@ def _topics() -> str:
 
 
 def _section(record: type[msgspec.Struct], topic: Topic | None = None) -> str:
-    where = f"Topic **{topic.name}**, version {topic.message.VERSION}.\n\n" if topic else ""
+    version = f", version {topic.message.VERSION}" if topic and topic.message.VERSION > 1 else ""
+    where = f"Topic **{topic.name}**{version}.\n\n" if topic else ""
     summary = (record.__doc__ or "").partition("\n")[0]
     return f"### {record.__name__}\n\n{summary}\n\n{where}{_table(record)}\n"
 
 
 def _table(record: type[msgspec.Struct]) -> str:
     rows = [
-        f"| `{f.name}` | {_escape(f.kind) if f.kind[0] != '[' else f.kind} | {f.presence} | "
-        f"{_escape(f.comment)} |"
+        f"| `{f.name}` | {_type_and_default(f)} | "
+        f"{_escape(f.comment.removesuffix('; absent if unknown'))} |"
         for f in fields_of(record)
     ]
-    return "\n".join(["| field | type | if absent | meaning |", "|---|---|---|---|", *rows])
+    return "\n".join(["| field | type | meaning |", "|---|---|---|", *rows])
+
+
+def _type_and_default(field: FieldDocs) -> str:
+    """Return the type, and the value of an absent field."""
+    default = "" if field.presence == "required" else f", default {field.presence}"
+    kind = field.kind.removesuffix(" or nil") if field.presence == "nil" else field.kind
+    return (kind if kind[0] == "[" else _escape(kind)) + default
 
 
 def _escape(text: str) -> str:
