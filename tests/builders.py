@@ -1,4 +1,4 @@
-"""Messages and their parts for tests, with plain defaults; a test states only relevant fields."""
+"""Messages and their parts for tests, with plain defaults."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -41,7 +41,7 @@ def rgbd_frame(**fields: Any) -> RgbdFrame:
 def static_transform(
     matrix: npt.ArrayLike, child: str = OPTICAL, parent: str = "map", **fields: Any
 ) -> StaticTransform:
-    """Build the pose of a frame, by default of the camera's in the map."""
+    """Build the transform of a frame, by default of the camera in the map."""
     fields = {**HEADER, **fields}
     return StaticTransform(parent=parent, child=child, matrix=np.asarray(matrix), **fields)
 
@@ -49,7 +49,7 @@ def static_transform(
 def moving_transform(
     matrix: npt.ArrayLike, child: str = "head", parent: str = "base_link", **fields: Any
 ) -> MovingTransform:
-    """Build the pose of a frame that moves, by default of the head on the base."""
+    """Build the transform of a moving frame, by default of the head on the base."""
     fields = {**HEADER, **fields}
     return MovingTransform(parent=parent, child=child, matrix=np.asarray(matrix), **fields)
 

@@ -13,8 +13,8 @@ from tests.network import Network
 RERUNS = 2
 NAME_MAX = 100  # maximum length of a value in the name of a test
 SLOWER = ("processes", "network", "render", "slow")  # markers of tests that run first
-# Tests that depend on the scheduler of the kernel, which may stop any process of a busy host for
-# seconds: only these are repeated. The reason names what they measure or wait for.
+# Tests that depend on the scheduler of the kernel, which may stop a process of a busy host for
+# seconds. Only these tests are repeated. The reason names what they measure or wait for.
 SCHEDULED = {
     "tests/attacks/": "pauses of people during an attack",
     "tests/common/ros2/": "discovery between processes by DDS and rmw_zenoh",
@@ -33,7 +33,7 @@ SCHEDULED = {
 
 @pytest.fixture(autouse=True)
 def thread_hook() -> Iterator[None]:
-    """Undo what a test sets for threads that fail: a process ends then, here the tests' own."""
+    """Undo the hook for threads that fail: it ends the process, here the tests' own."""
     before = threading.excepthook
     yield
     threading.excepthook = before

@@ -74,11 +74,11 @@ class Network:
 
 
 class Watcher:
-    """Collects the messages on a bus, to be waited for."""
+    """Collects the messages on a bus, with waits for them."""
 
     def __init__(self, bus: ZenohBus, *kinds: type[Message]) -> None:
         kinds = kinds or tuple(topic.message for topic in TOPICS)
-        # Between topics there is no order, so a wait for one must not skip what came on another.
+        # Topics have no common order, so a wait for one topic must not skip messages of another.
         self._arrived: dict[type[Message], queue.Queue[Any]] = {k: queue.Queue() for k in kinds}
         for kind in kinds:
             subscription = bus.subscribe(BY_MESSAGE[kind])
@@ -104,5 +104,5 @@ class Watcher:
 
     def _receive(self, subscription: Any, kind: type[Message]) -> None:
         for _, payload in subscription:
-            with contextlib.suppress(DecodeError):  # tests send bad bytes too
+            with contextlib.suppress(DecodeError):  # tests also send bad bytes
                 self._arrived[kind].put(decode(payload))

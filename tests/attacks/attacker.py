@@ -1,4 +1,4 @@
-"""An outside attacker: plain Zenoh and MessagePack, nothing of the project.
+"""An outside attacker, with plain Zenoh and MessagePack and nothing of the project.
 
 `python attacker.py ENDPOINT ROBOT ATTACK [NAMES]` runs one attack and exits. Messages are learned
 by listening, changed, and sent. NAMES is how many names are invented.
@@ -100,7 +100,7 @@ def array(values: list[float]) -> Fields:
 
 
 def leaves(fields: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
-    """Yield the paths of all values; of lists only the first element."""
+    """Yield the paths of all values; of a list only the path of the first element."""
     if isinstance(fields, dict):
         for name, value in fields.items():
             yield from leaves(value, (*path, name))
@@ -122,7 +122,7 @@ def changed(fields: Fields, path: tuple[Any, ...], value: Any) -> Fields:
 
 @attack
 def garbage_on_every_topic(attacker: Attacker) -> None:
-    """Random bytes, cut messages, nests, and maps that promise more than they hold."""
+    """Random bytes, cut messages, nested values, and maps shorter than their declared length."""
     chance = random.Random(0)
     _, fields = attacker.hear("detections/*")
     message = msgpack.packb(fields)
@@ -240,7 +240,7 @@ def frames_in_the_name_of_a_camera(attacker: Attacker) -> None:
 
 @attack
 def a_reader_that_stops(attacker: Attacker) -> None:
-    """Subscribe to everything, and stop reading: the process stops itself."""
+    """Subscribe to everything and stop reading; the process stops itself."""
     channel: Any = zenoh.handlers.FifoChannel(1)
     subscriber: Any = attacker.session.declare_subscriber("people4d/**", channel)
     subscriber.recv()
@@ -249,7 +249,7 @@ def a_reader_that_stops(attacker: Attacker) -> None:
 
 @attack
 def embeddings_of_frames_that_do_not_exist(attacker: Attacker) -> None:
-    """A hundred megabytes of embeddings to wait for frames."""
+    """A hundred megabytes of embeddings that wait for frames."""
     vectors = {"dtype": "float32", "shape": [1, 250_000], "data": bytes(1_000_000)}
     _, found = attacker.hear("detections/*")
     for number in range(100):
@@ -293,7 +293,7 @@ def invented_instances(attacker: Attacker) -> None:
 
 @attack
 def as_many_messages_of_one_camera(attacker: Attacker) -> None:
-    """Detections, calibrations and transforms: what their number costs without names."""
+    """Detections, calibrations and transforms in numbers that cost time without new names."""
     send_as_cameras(attacker, ["one_more"] * attacker.names)
 
 
@@ -310,7 +310,7 @@ def invented_frames_of_one_camera(attacker: Attacker) -> None:
 
 @attack
 def invented_cameras_and_frames(attacker: Attacker) -> None:
-    """The same in thousands of names, after which new ones are refused for a while."""
+    """The same messages in thousands of names; new names are refused for a while."""
     send_as_cameras(attacker, (f"c{number}" for number in range(attacker.names)))
 
 
@@ -357,7 +357,7 @@ def invented_replicas(attacker: Attacker) -> None:
 
 @attack
 def answers_to_every_query(attacker: Attacker) -> None:
-    """A server of all queries, the time among them, that sends lies and garbage."""
+    """A server that answers all queries, the time among them, with false values."""
     served = 0
 
     def lie(query: Any) -> None:
@@ -387,7 +387,7 @@ def queries_and_deletions_of_everything(attacker: Attacker) -> None:
 
 @attack
 def a_flood_of_small_messages(attacker: Attacker) -> None:
-    """As many messages as go out in a second, valid ones and garbage by turns."""
+    """As many messages as possible in a second, valid and invalid in turns."""
     key, tracks = attacker.hear("people")
     valid, end_s = msgpack.packb(tracks | {"camera": "other", "tracks": []}), time.monotonic() + 1
     while time.monotonic() < end_s:
@@ -399,7 +399,7 @@ def a_flood_of_small_messages(attacker: Attacker) -> None:
 
 @attack
 def frames_with_thousands_of_people(attacker: Attacker) -> None:
-    """Detections of another camera, of as many people as a message holds, and of far more."""
+    """Detections of another camera, with the maximum number of people, and with far more."""
     for number in range(4):
         _, found = attacker.hear("detections/*")
         person = (found["detections"] or [None])[0]

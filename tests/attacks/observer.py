@@ -33,7 +33,7 @@ TOKENS_S = 0.5  # between two looks for tokens of processes
 
 @dataclass(frozen=True)
 class Snapshot:
-    """A system at one time."""
+    """State of a system at one time."""
 
     pids: dict[str, int]  # process number by instance
     memory_mb: dict[str, float]  # resident, by instance
@@ -48,21 +48,21 @@ class Observer:
     system: System
     # Arrivals of messages with matched people
     arrivals_s: list[float] = field(default_factory=list)
-    healths: dict[str, Health] = field(default_factory=dict)  # the last genuine one, by instance
+    healths: dict[str, Health] = field(default_factory=dict)  # last genuine heartbeat by instance
     evidence: Evidence = field(default_factory=lambda: Evidence(robot=ROBOT))
     # Positions in the last message with matched people
     positions_m: dict[int, F64] = field(default_factory=dict)
     identities: set[int] = field(default_factory=set)  # identities of all people since `begin`
-    calm_s: float = 0.0  # longest pause of people before the attack, by this machine alone
+    calm_s: float = 0.0  # longest pause of people before the attack, caused by the machine
     discontent_before: set[str] = field(default_factory=set)  # the same for checks of the doctor
     # Monotonic time at which each part of the expected report arrived
     reported_s: dict[str, float] = field(default_factory=dict)
     _expected: Report = field(default_factory=Report)
-    _counted: int = 0  # by the expected counter, before the attack
+    _counted: int = 0  # value of the expected counter before the attack
 
     def __post_init__(self) -> None:
         self._client = Client(self.system.connect, ROBOT, WAIT_S)
-        # As a planner listens, which a flood of other messages does not hold up
+        # Subscribed as a planner, so that a flood of other messages does not delay it
         self._planner = Client(self.system.connect, ROBOT, WAIT_S)
         self._arrived = threading.Condition(threading.RLock())
         self._started_s = time.monotonic()
@@ -130,7 +130,7 @@ class Observer:
         return health.counters.get(report.counter, 0) if health and report.counter else 0
 
     def refusals(self) -> int:
-        """Return how many messages all processes refused as bad, since their start."""
+        """Return the number of messages refused as bad by all processes since their start."""
         with self._arrived:
             return sum(
                 count
@@ -172,7 +172,7 @@ class Observer:
                 self.evidence.present = present
 
     def _note_report(self) -> None:
-        """Note which parts of the expected report are there."""
+        """Record the parts of the expected report that have arrived."""
         expected = self._expected
         reasons = "; ".join(health.reason for health in self.healths.values())
         found = {
@@ -219,7 +219,7 @@ def begin_of(process: "subprocess.Popen[bytes]") -> float:
 def attacking(
     observer: Observer, name: str, *arguments: str
 ) -> Iterator["subprocess.Popen[bytes]"]:
-    """Run an attack, in a process that cannot import anything of the project by its folder."""
+    """Run an attack in a process that cannot import the project."""
     command = [sys.executable, "-P", str(ATTACKER), observer.system.connect, ROBOT, name]
     pipe = subprocess.PIPE
     process = subprocess.Popen([*command, *arguments], cwd="/", stdout=pipe, stderr=pipe)

@@ -33,7 +33,7 @@ def estimate(number: int, x_m: float, state: str) -> Result:
 
 
 def test_hidden_person_is_not_compared_with_the_one_before_them() -> None:
-    # Person 1 goes behind person 0, is hidden, and is predicted where person 0 is.
+    # Person 1 walks behind person 0, is hidden, and is predicted at the position of person 0.
     joints_m = np.zeros((2, 2, 17, 3))
     joints_m[..., 0] = np.array(PEOPLE_X_M)[:, None]
     joints_m[..., 2] = 1.0

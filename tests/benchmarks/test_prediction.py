@@ -39,13 +39,14 @@ def pair_walks(folder: Path) -> Path:
 
 
 def test_constant_velocity_and_truth_by_hand(tmp_path: Path) -> None:
-    # At 0, 0.4, 0.8 s: 0, 1, 1 m. From the second on at 2.5 m/s: 1 + 0.4 * 2.5 = 2 instead of 1.
+    # Positions are 0, 1, 1 m at 0, 0.4, 0.8 s. Extrapolation from the second one at 2.5 m/s gives 1
+    # + 0.4 * 2.5 = 2 m in place of 1 m.
     folder = write_walks(tmp_path, [[1, 5, 0.0, 0.0], [11, 5, 1.0, 0.0], [21, 5, 1.0, 0.0]])
     pairs, _ = predict_walks(read_walks(folder), PredictorConfig(step_s=0.4, steps=2))
     assert pairs.truth_m.shape == (2, 2, 2)  # the second and the third annotation
     np.testing.assert_allclose(pairs.truth_m[0, :, 0], [1.0, np.nan])
     np.testing.assert_allclose(pairs.constant_m[0, :, 0], [2.0, 3.0])
-    with pytest.warns(RuntimeWarning, match="Mean of empty slice"):  # nothing is known 0.8 s later
+    with pytest.warns(RuntimeWarning, match="Mean of empty slice"):  # no position 0.8 s later
         assert pairs.constant_errors_m()[0] == pytest.approx(1.0)
 
 

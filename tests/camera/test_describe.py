@@ -90,7 +90,7 @@ def test_recording_without_frames_is_described_as_such(tmp_path: Path) -> None:
 
 
 def test_frames_that_never_pair_are_a_problem(tmp_path: Path) -> None:
-    # Depth is a minute later than colour: 30 of either, and no frame.
+    # Depth is a minute later than colour: 30 images of each, and no frame.
     ros = Ros(2)
     found = describe(ros.write(tmp_path / "a_mcap", frames(ros, shift_ns=60 * 10**9)))
     assert found.problem == "no frame of it can be played (unpaired 6)"

@@ -1,4 +1,4 @@
-"""The camera node, on its own and in the run loop's clothes."""
+"""The camera node, alone and in the run loop."""
 
 import math
 import subprocess
@@ -57,7 +57,7 @@ class Player:
         self.out += self.node.tick(self.now_ns)
 
     def until(self, done: Callable[[], bool], follow: bool = False) -> None:
-        """Tick at every news until done; `follow` lets time pass to whatever is due next."""
+        """Tick at every event until done; `follow` advances the time to the next due event."""
         for _ in range(10_000):
             self.news.clear()
             self.tick()
@@ -102,7 +102,7 @@ def test_calibration_then_frames_then_the_end() -> None:
         assert [frame.sequence for frame in p.frames()] == [0, 1, 2]
         assert [frame.stamp_ns for frame in p.frames()] == [0, 100 * MS, 200 * MS]
         assert not any(frame.lockstep for frame in p.frames())
-        assert all(frame.trace == () for frame in p.frames())  # reading ahead is not on the way
+        assert all(frame.trace == () for frame in p.frames())  # not in the critical path
         assert p.now_ns == 200 * MS
     assert source.closed
 
@@ -110,7 +110,7 @@ def test_calibration_then_frames_then_the_end() -> None:
 def test_recorded_rate_holds_frames_back() -> None:
     with player(with_(speed=2.0), MemorySource([capture(0), capture(100)])) as p:
         p.until(lambda: len(p.frames()) == 1)
-        p.until(lambda: p.node.wake_ns() == 50 * MS)  # the second was read and is not due
+        p.until(lambda: p.node.wake_ns() == 50 * MS)  # the second frame was read and is not due
         p.tick(49)
         assert len(p.frames()) == 1
         p.tick(50)
@@ -118,7 +118,7 @@ def test_recorded_rate_holds_frames_back() -> None:
 
 
 def test_compressed_frames_follow_their_frames_at_their_own_rate() -> None:
-    # Every 200 ms at most: of frames at 0, 100, 200, 300 ms the first and the third.
+    # At most one frame every 200 ms: the first and third of frames at 0, 100, 200, 300 ms.
     source = MemorySource([capture(n) for n in (0, 100, 200, 300)])
     with player(with_(compressed_hz=5.0), source) as p:
         p.play()
@@ -152,7 +152,7 @@ def test_frames_of_a_live_camera_do_not_wait_for_the_start_delay() -> None:
 
 
 def test_the_process_loads_no_library_that_only_some_sources_need() -> None:
-    # A camera that is started again is away for as long as its imports take.
+    # A restarted camera is silent during its imports.
     code = "import sys, services.camera.__main__; print(*sorted(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert not {"scipy", "rosbags", "numba", "onnxruntime"}.intersection(done.stdout.split())
@@ -189,7 +189,7 @@ def test_reading_ahead_is_bounded() -> None:
         p.until(lambda: len(p.frames()) == 1)
         while len(read) < 6:
             p.tick()
-        p.node.close()  # waits for the thread: whatever it was about to read is read now
+        p.node.close()  # waits for the thread to finish the present read
         assert len(read) == 6
 
 
@@ -199,7 +199,7 @@ def test_lockstep_goes_on_without_answers() -> None:
     with player(config, source) as p:
         p.play()
         assert [frame.stamp_ns for frame in p.frames()] == [0, MS, 2 * MS]
-        assert p.now_ns == 6 * SECOND  # three frames given up after two seconds each
+        assert p.now_ns == 6 * SECOND  # three frames without an answer, two seconds each
         assert p.node.status().counters["unanswered"] == 3
         assert p.node.status().reason == "frames get no answer on people"
         p.node.handle(answer(99), p.now_ns)
@@ -374,7 +374,7 @@ def test_a_live_camera_can_not_be_replayed_nor_a_recording_be_live() -> None:
 
 
 def test_a_live_frame_is_traced_from_its_acquisition() -> None:
-    """A stamp of this clock tells it; one of another clock does not, then reading does."""
+    """a stamp on this clock; else by reading"""
     for stamp_ns, on_this_clock in ((time.time_ns() - 5 * MS, True), (0, False)):
         frame = replace(capture(0), stamp_ns=stamp_ns)
         with player(with_(max_frames=1), MemorySource([frame], live=True)) as p:
@@ -424,7 +424,7 @@ def test_configuration_is_checked(settings: dict[str, object]) -> None:
 
 
 def test_frames_of_wrong_size_are_reported_at_the_end() -> None:
-    # The source's calibration says another size than its one capture has.
+    # The calibration of the source has another size than its one frame.
     source = MemorySource([capture(0)])
     source.info = msgspec.structs.replace(source.info, width=source.info.width + 1)
     with player(START, source) as p:
@@ -436,7 +436,7 @@ def test_frames_of_wrong_size_are_reported_at_the_end() -> None:
 def test_hopeless_camera_ends_with_the_reason_and_its_remedy(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    # `up` waited for it until its timeout, and its status was "starting: .".
+    # A missing frame must not hold `up` until its timeout with the status "starting: .".
     node = CameraNode(START, Wrong([], live=True))
     node.tick(0)
     while not node.status().counters:
@@ -451,7 +451,7 @@ def test_hopeless_camera_ends_with_the_reason_and_its_remedy(
     expected = "depth_mm is float32 .*, expected uint16 .* millimetres. .*depth_in_metres = True"
     with pytest.raises(SourceError, match=expected):
         node.close()
-    assert time.monotonic() - begin_s < 1.0  # the thread ends, though no frame passes
+    assert time.monotonic() - begin_s < 1.0  # the thread ends without another frame
 
 
 class Metres(MemorySource):
@@ -471,7 +471,7 @@ def test_declared_metres_are_published_as_millimetres() -> None:
 
 
 class Wrong(MemorySource):
-    """A live camera whose frames never fit."""
+    """A live camera with frames of the wrong size only."""
 
     def __iter__(self) -> Iterator[SourceFrame | Odometry]:
         while True:

@@ -71,7 +71,8 @@ def test_recorded_rate_and_speed() -> None:
     pacing = RecordedPacing(speed=2.0)
     assert pacing.due_ns(7 * SECOND, 100) == 100
     pacing.sent(7 * SECOND, 100)
-    # 50 ms of recording take 25 ms; sent late, the next is still due by the first.
+    # 50 ms of recording take 25 ms. After a late frame the next due time still counts from the
+    # first frame.
     assert pacing.due_ns(7 * SECOND + 50 * MS, 200) == 100 + 25 * MS
     pacing.sent(7 * SECOND + 50 * MS, 100 + 31 * MS)
     assert pacing.due_ns(7 * SECOND + 100 * MS, 100 + 31 * MS) == 100 + 50 * MS
@@ -113,7 +114,7 @@ def test_lockstep_window_and_time_out() -> None:
 
 
 def test_source_slower_than_its_stamps_is_slow_with_both_rates() -> None:
-    # Stamps of 30 Hz arrive at 3 Hz: 15 frames in 5 s instead of 150.
+    # Frames with stamps at 30 Hz arrive at 3 Hz: 15 frames in 5 s instead of 150.
     rate = SourceRate()
     for k in range(16):
         rate.add_frame(k * SECOND // 30, k * SECOND // 3)

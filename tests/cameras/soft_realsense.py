@@ -47,7 +47,7 @@ class SoftRealSense:
         same.rotation, same.translation = [1, 0, 0, 0, 1, 0, 0, 0, 1], [0, 0, 0]
         self._profiles[0].register_extrinsics_to(self._profiles[1], same)
         self._device.create_matcher(rs.matchers.default)
-        # The recorder wraps the device: its sensors pass the frames on.
+        # The recorder wraps the device, whose sensors pass on the frames.
         self._recorder = rs.recorder(str(file), self._device) if file else None
         self._outputs = (self._recorder or self._device).query_sensors()
         self.frames = rs.syncer()
@@ -57,7 +57,7 @@ class SoftRealSense:
         self.colour = self._profiles[1]
 
     def send(self, number: int, value: int, domain: Any) -> None:
-        """Give one pair: depth and colour of a single value."""
+        """Send one pair with a single value of depth and of colour."""
         depth = np.full((HEIGHT, WIDTH), value, np.uint16)
         rgb = np.full((HEIGHT, WIDTH, 3), (value % 256, 2, 3), np.uint8)
         pairs = zip(self._sensors, self._profiles, (depth, rgb), (2, 3), strict=True)

@@ -1,4 +1,4 @@
-"""Names of SDKs in the plug-ins, held against the SDKs: no hardware is needed."""
+"""Names of SDKs in the plug-ins, checked in the installed SDKs without hardware."""
 
 import ast
 import importlib

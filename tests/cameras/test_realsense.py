@@ -51,7 +51,7 @@ def recording(rs: Any, tmp_path: Path) -> Path:
     for number in range(COUNT):
         device.send(number, 2000 + number, rs.timestamp_domain.system_time)
         device.frames.try_wait_for_frames(1000)
-        device.frames.try_wait_for_frames(50)  # no pair comes: the period of the recording
+        device.frames.try_wait_for_frames(50)  # a repeated frame: the period of the recording
     device.stop()
     return path
 
@@ -60,7 +60,7 @@ def test_pairs_have_millimetres_calibration_and_time_of_the_camera(rs: Any) -> N
     device = SoftRealSense(rs)
     camera = RealSenseDevice(rs, device.frames, device.colour)
     frame = None
-    for number in range(5):  # the first frames of the two streams may come apart
+    for number in range(5):  # the first frames of both streams may have different times
         device.send(number, 3000, rs.timestamp_domain.global_time)
         frame = frame or camera.read()
     device.stop()

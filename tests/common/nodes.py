@@ -1,4 +1,4 @@
-"""Small real nodes that tests run."""
+"""Small real nodes for tests."""
 
 import threading
 from collections.abc import Callable, Sequence

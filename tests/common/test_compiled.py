@@ -31,12 +31,13 @@ def test_functions_run_without_a_cache_folder() -> None:
 
 
 def test_change_in_a_called_function_of_another_file_is_compiled(tmp_path: Path) -> None:
-    # Numba alone asks only for the caller's file, and would go on with the old code.
+    # Numba alone checks only the caller's file, and would use the old code.
     head = "from common.compiled import compiled\n"
     called = head + "@compiled\ndef low(x):\n    return x + {}\n"
     caller = head + "from low import low\n@compiled\ndef high(x):\n    return 10 * low(x)\n"
     (tmp_path / "high.py").write_text(caller)
-    # Python's own bytecode cache goes by whole seconds, and both versions may be of one.
+    # Python's own bytecode cache compares whole seconds, and both versions may have the same
+    # second.
     no_cache = {"PYTHONDONTWRITEBYTECODE": "1"}
     path = {"PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
     results = []

@@ -75,7 +75,7 @@ def test_an_empty_variable_counts_as_not_set(file: Path) -> None:
         ("name=plain words", "name", "plain words"),
         ("name='quoted'", "name", "quoted"),
         ("name=a=b", "name", "a=b"),
-        # Text that happens to read as a number or a date stays the text it is.
+        # Text that looks like a number or a date remains text.
         ("name=0", "name", "0"),
         ("name=1.0", "name", "1.0"),
         ("frame=2026-01-31", "frame", "2026-01-31"),
@@ -96,7 +96,7 @@ def test_a_table_in_one_setting_and_one_field_of_it_in_another() -> None:
     [
         ("min_hit=3", "configuration of tracker has no field 'min_hit'. Did you mean min_hits?"),
         ("zzz=3", "has no field 'zzz'. Its fields are min_hits, name, frame, fast, weights, gate."),
-        # A misspelt field of a table was once taken as silence.
+        # A misspelt field of a table must be an error.
         ("gate.distance=3", "tracker.gate has no field 'distance'. Did you mean distance_m?"),
         ("min_hits=3.5", "configuration of tracker.min_hits: expected `int`, got `float`"),
         ("min_hits=many", "configuration of tracker.min_hits: expected `int`, got `str`"),

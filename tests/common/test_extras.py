@@ -1,4 +1,4 @@
-"""Extras: declared as in the distribution, and missed before any work, in one spelling."""
+"""Extras: declared in the distribution, checked before any work, with one error message."""
 
 import sys
 import tomllib
@@ -53,7 +53,7 @@ def test_missing_extra_is_an_error_with_its_installation(
 def test_command_misses_its_extra_before_any_work(
     extra: str, command: list[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    # quantize once rendered frames for two minutes first; view once reported the missing router.
+    # A missing extra must be reported before frames are rendered, and before a missing router.
     monkeypatch.setitem(sys.modules, extras.MODULES[extra][0], None)
     monkeypatch.setenv("PEOPLE4D_STATE", str(tmp_path))
     monkeypatch.setenv("PEOPLE4D_CONNECT", "tcp/127.0.0.1:1")

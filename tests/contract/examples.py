@@ -415,7 +415,7 @@ FULL: tuple[Message, ...] = (
     ),
 )
 
-# What the wire may hold where nothing is known: nil, no people, arrays of no length.
+# Valid values on the wire for unknown data: nil, no people, arrays of length 0.
 SPARSE: tuple[Message, ...] = (
     CameraInfo(
         stamp_ns=-1,

@@ -254,7 +254,7 @@ def test_more_viewers_than_allowed_are_refused(page: Page) -> None:
 
 
 def closes_with(receive: Callable[[], Any]) -> int:
-    """Return the code with which a stream ends."""
+    """Return the close code of a stream."""
     while (message := receive())["type"] == "websocket.send":
         pass
     code: int = message["code"]

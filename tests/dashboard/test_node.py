@@ -27,7 +27,7 @@ WAIT_S = 20.0
 
 
 class RunningNode:
-    """A node that is fed by hand, its page, and what it subscribes to."""
+    """A node fed by the test, its page, and its subscriptions."""
 
     def __init__(self, **settings: Any) -> None:
         self.node: DashboardNode = build(DashboardConfig(port=0, **settings))
@@ -136,7 +136,7 @@ def test_skeletons_of_shown_frames_are_sent_with_what_is_predicted(run: RunningN
     header: dict[str, Any] = {"sequence": 3, "frame_id": "map", "camera": feed.info.camera}
     with run.connect() as socket:
         run.wait_for("Skeletons")
-        run.feed(Skeletons(stamp_ns=7, people=(), **header))  # of no frame that is shown
+        run.feed(Skeletons(stamp_ns=7, people=(), **header))  # belongs to no shown frame
         run.feed(*feed.frame(3, 10**9), Skeletons(stamp_ns=10**9, people=(person,), **header))
         skeletons = receive(socket, "skeletons")
     assert skeletons["predicted"] == {1: [15, 16]}

@@ -120,7 +120,7 @@ def test_hosts_require_keys(file: Path) -> None:
     for service in services(file).values():
         assert service["environment"]["PEOPLE4D_KEYS"] == "/keys"
         assert "keys:/keys:ro" in service["volumes"]
-        assert service["network_mode"] == "host"  # pictures stay on it by the interface they take
+        assert service["network_mode"] == "host"  # images stay on the host by their interface
 
 
 @pytest.mark.parametrize(
@@ -171,7 +171,7 @@ def test_image_runs_without_root() -> None:
     stages = "\n".join(f"{name} {rest}" for name, rest in instructions()).split("FROM ")
     (service,) = (stage for stage in stages if " AS service" in stage)
     (user,) = re.findall(r"^USER (\S+)", service, re.MULTILINE)
-    assert user.isdecimal()  # by number, so that Kubernetes and others can see that it is not root
+    assert user.isdecimal()  # a number, so that Kubernetes recognises that it is not root
     assert user != "0"
 
 

@@ -235,7 +235,7 @@ def test_opentelemetry_spans_match_hand_worked_values() -> None:
 
 
 class Collector(BaseHTTPRequestHandler):
-    """Takes what OTLP sends over HTTP, and keeps the paths."""
+    """Receives OTLP over HTTP, and stores the paths."""
 
     paths: ClassVar[list[str]] = []
 

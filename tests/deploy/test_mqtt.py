@@ -38,7 +38,7 @@ AWAY = Zone(name="away", corners_m=SQUARE_M + 10)
 
 
 class Broker:
-    """A process of mosquitto, and a client that keeps what it publishes."""
+    """A process of mosquitto, and a client that stores its messages."""
 
     def __init__(self, folder: Path, port: int, *lines: str) -> None:
         assert MOSQUITTO

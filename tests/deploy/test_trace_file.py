@@ -44,7 +44,7 @@ def events(*messages: Message) -> list[Event]:
 
 
 def check(found: list[Event]) -> None:
-    """Check fields, that slices of one lane lie in or after each other, and that arrows land."""
+    """Check the fields, the nesting of slices in a lane, and the ends of arrows."""
     for event in found:
         for field, kind in {**COMMON, **PHASES[event["ph"]]}.items():
             assert isinstance(event[field], kind), (field, event)
@@ -122,12 +122,12 @@ def test_frame_that_never_reached_the_tracker_is_written_in_part() -> None:
 
 
 def test_overlapping_frames_of_a_process_have_separate_lanes() -> None:
-    # Of four frames each 20 ms apart detector-1 has the first and third, 33 ms each: one lane.
-    # The camera and the tracker are done with one before the next arrives.
+    # Detector-1 has the first and third of four frames 20 ms apart, 33 ms each: one lane. Camera
+    # and tracker finish a frame before the next one arrives.
     found = events(*healths(), *(tracks(number) for number in range(4)))
     lanes = {e["tid"] for e in found if e["name"] == "frame 2" and e["ph"] == "X"}
     assert lanes == {1}
-    # Of frames 0 and 2 told as if both were done at once by one process there are two.
+    # If one process handles frames 0 and 2 at once, there are two lanes.
     twice = [msgspec.structs.replace(tracks(0), sequence=n) for n in (0, 1)]
     tids = {e["tid"] for e in events(*healths(), *twice) if e["name"] == "inference"}
     assert tids == {1, 2}
@@ -138,7 +138,7 @@ def test_contradicting_clocks_are_marked() -> None:
         healths()[1], gauges={"clock_offset_ms": 260.0, "clock_error_ms": 0.5}
     )
     (mark,) = [e for e in events(healths()[0], wrong, tracks(0)) if e["ph"] == "i"]
-    # The tracker had it 3 ms after it was sent; with a clock 10 ms off 7 ms before.
+    # The tracker received it 3 ms after it was sent; with a clock 10 ms off, 7 ms before.
     assert mark["name"] == "transport -7.000 ms: clocks disagree"
     assert mark["args"]["ms"] == -7.0
 

@@ -1,4 +1,4 @@
-"""A small system as its messages tell of it: two hosts, a camera, two detectors, a tracker."""
+"""Messages of a small system: two hosts, a camera, two detectors, a tracker."""
 
 import msgspec
 
@@ -94,6 +94,6 @@ def healths() -> list[Health]:
 
 
 def arrival(message: Message, after_ms: float = 0.0) -> Arrival:
-    """Let a message arrive on host "nuc"; frames are done after 45 ms of their own 20 ms steps."""
+    """Deliver a message to host "nuc"; frames are finished after 45 ms and come every 20 ms."""
     received_ns = BEGIN_NS + round(after_ms * MS)
     return Arrival(message, received_ns, received_ns + MS)

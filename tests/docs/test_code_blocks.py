@@ -74,7 +74,7 @@ def publishing(network: Network) -> Iterator[str]:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Working folder with what the pages assume: the demo, and a recording of one's own."""
+    """Working folder with the files that the pages assume: the demo, and a user's recording."""
     folder = tmp_path_factory.mktemp("docs")
     (folder / "deploy").symlink_to(ROOT / "deploy")
     images = 0
@@ -235,7 +235,7 @@ def parse(command: Command) -> None:
 
 
 def settings_of(arguments: tuple[str, ...] | list[str]) -> Iterator[str]:
-    """Yield the settings that --set makes."""
+    """Yield the settings given by --set."""
     for flag, value in itertools.pairwise(arguments):
         if flag == "--set":
             yield value

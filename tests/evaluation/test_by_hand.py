@@ -80,7 +80,7 @@ def test_a_person_out_of_view_is_no_miss(tmp_path: Path) -> None:
 
 
 def test_a_person_not_captured_is_neither_miss_nor_false_alarm(tmp_path: Path) -> None:
-    # Motion capture loses bea from frame 5 to 14; her track continues.
+    # Motion capture loses bea from frame 5 to 14, but her track continues.
     truths = [
         builders.truth(k, ann=(3.0, 0.5), **({} if 5 <= k < 15 else {"bea": (3.0, -0.5)}))
         for k in range(20)

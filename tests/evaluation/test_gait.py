@@ -39,7 +39,7 @@ def test_all_people_are_detected_and_tracked(tmp_path: Path) -> None:
     assert status == 0, output
     rows = rows_of(out / "gait.csv")
     assert tuple(rows[0]) == POINT_FIELDS
-    # Three people are there from the first frame on; tracks are confirmed in the second one.
+    # Three people are in view from the first frame; tracks are confirmed in the second frame.
     assert len({row["person"] for row in rows}) == 3
     assert {row["point"] for row in rows} == NAMES
     head = [row for row in rows if row["point"] == "head"]
@@ -63,7 +63,7 @@ def test_box_is_tracked_by_colour(tmp_path: Path) -> None:
     rows = rows_of(out / "gait.csv")
     assert {row["person"] for row in rows} == {"1"}
     assert len({row["time_s"] for row in rows}) == 4
-    # They stand 4.4 m before the camera, half a metre to its left.
+    # The people stand 4.4 m in front of the camera, half a metre to its left.
     (head, *_) = (row for row in rows if row["point"] == "head")
     assert float(head["x_m"]) == pytest.approx(4.37, abs=0.3)
     assert not (out / "gait.webm").exists()

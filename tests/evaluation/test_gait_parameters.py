@@ -61,7 +61,7 @@ def test_mean_length_is_that_of_the_measures_and_weighted_by_confidence() -> Non
     assert one.value == pytest.approx(gait_measures(steps).stride_length_m)
     certain = replace(steps[-1], stride=replace(unsure, confidence=1.0))
     other = {p.name: p for p in gait_parameters([*steps[:-1], certain])}
-    # The stride that is off widens the interval less, the less it counts.
+    # A deviating stride of lower weight widens the interval less.
     low, high = other["stride length"].low, other["stride length"].high
     assert None not in (one.low, one.high, low, high)
     assert (one.high or 0) - (one.low or 0) < (high or 0) - (low or 0)

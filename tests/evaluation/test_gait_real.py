@@ -15,7 +15,7 @@ from services.gait.estimator import GaitFrame, GaitResult
 
 AROUND_PX = 4
 SAME_M = 0.10
-FRAME_S = 1.5  # for detector, tracker and points; a tenth of it on an idle machine
+FRAME_S = 1.5  # limit for detector, tracker and points; an idle machine needs a tenth of it
 
 Box = tuple[float, float, float, float]
 Results = list[tuple[CameraInfo, GaitFrame, Sequence[GaitResult]]]
@@ -75,7 +75,7 @@ def test_person_standing_before_a_robot_by_box(shared: Path) -> None:
     assert not {"left_foot", "right_foot"} & points.keys()
     assert points["head"].position_m[0] == pytest.approx(2.0, abs=0.2)
     assert max(off_m(info, frame, result)) <= SAME_M
-    # By eye the right hand holds a telephone 105 rows under the middle of the head, 1.95 m away, at
-    # a focal length of about 550: 0.37 m lower.
+    # In the image the right hand holds a telephone 105 rows below the middle of the head, 1.95 m
+    # away, at a focal length of about 550 px: 0.37 m lower.
     below_m = points["head"].position_m[2] - points["right_hand"].position_m[2]
     assert below_m == pytest.approx(0.37, abs=0.1)

@@ -36,8 +36,9 @@ def one(x_m: float, y_m: float, yaw_rad: float) -> Track:
 
 
 def test_drift_of_position_and_yaw_is_removed() -> None:
-    # The robot believes to be at (1, 0), facing x; it is at (2, 1), facing y. A person tracked at
-    # (4, 0) is 3 m before it: truly at (2, 4). What goes along x goes along y.
+    # Odometry puts the robot at (1, 0), facing x; in truth it is at (2, 1), facing y. A person
+    # tracked at (4, 0) is 3 m ahead of it, so in truth at (2, 4). Motion along x is in truth along
+    # y.
     drift = OdometryDrift(
         [fixed("base_link", CAMERA, LINK_FROM_OPTICAL), odometry(0, 1.0, 0.0)], "map", CAMERA
     )

@@ -41,7 +41,7 @@ class SummaryOutput:
 
 
 def walker(name: str, frame: float, x_m: float, vy_mps: float) -> TruthPerson:
-    """A person walking sideways, from y = -1 m on."""
+    """A person walking sideways, starting at y = -1 m."""
     return TruthPerson(
         id=name,
         position_m=np.array([x_m, -1.0 + vy_mps * frame / 10, 0.0]),

@@ -20,14 +20,14 @@ SQUARE = np.array([[0.0, 0], [2, 0], [2, 2], [0, 2]])
 
 
 def start(folder: Path, **settings: Any) -> tuple[EventsNode, list[Any]]:
-    """Start the service in a state folder; return it and what it publishes at first."""
+    """Start the service in a state folder; return it and its first messages."""
     node = build(EventsConfig(**settings))
     node.attach(LoopCallbacks(state_folder=folder, robot="robby"))
     return node, list(node.tick(0))
 
 
 def see(node: EventsNode, second: float, x: float = 1.0, marked: bool = True) -> list[Any]:
-    """Return what follows when person 1 is tracked; marked: and has been published."""
+    """Return the answer to tracks of person 1; marked: and has been published."""
     person = track(position_m=np.array([x, 1.0, 1.0]))
     found = list(node.handle(tracks(person, stamp_ns=round(second * 1e9)), 0))
     if marked:

@@ -1,4 +1,4 @@
-"""Events as a process: killed between two recordings, each is there once, in order."""
+"""Events as a process killed between two recordings: each event appears once, in order."""
 
 import csv
 import io

@@ -1,4 +1,4 @@
-"""Readers of what pages and nodes of ROS 2 send, and of files of the state folder."""
+"""Readers of input from pages, from nodes of ROS 2, and of files of the state folder."""
 
 import contextlib
 import json
@@ -98,7 +98,7 @@ def _stream_seeds(_: Path) -> Sequence[bytes]:
 def _zones_request(data: bytes, _: Path) -> None:
     try:
         zone_edit(msgspec.json.decode(data, type=ZonesRequest))
-    except (msgspec.DecodeError, ValueError):  # as the page answers it
+    except (msgspec.DecodeError, ValueError):  # as in the page's reply
         return
 
 

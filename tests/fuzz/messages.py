@@ -135,7 +135,7 @@ def _ros_seeds(_: Path) -> Sequence[bytes]:
 
 
 def _motion(data: bytes, _: Path) -> None:
-    """Decode motion of a robot and convert it as the camera does."""
+    """Decode motion of a robot and convert it like the camera."""
     motion = MOTIONS[data[0] % len(MOTIONS) if data else 0]
     topic = motion.topics[data[1] % len(motion.topics) if len(data) > 1 else 0]
     for message in motion.convert(topic.decode(data[2:]), ("base", "camera")):

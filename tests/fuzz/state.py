@@ -1,4 +1,4 @@
-"""Readers of what other processes left or reply: checkpoints, plans, compose files, the time."""
+"""Readers of files and replies of other processes: checkpoints, plans, compose files, the time."""
 
 import struct
 from collections.abc import Callable, Sequence

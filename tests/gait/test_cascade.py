@@ -48,7 +48,8 @@ def states(estimate: GaitEstimate) -> set[str]:
 
 
 def test_points_that_start_without_a_detection_are_predicted() -> None:
-    # Keypoints of no confidence start nothing; the next frame has none, but ends of limbs.
+    # Keypoints without confidence start no points; the next frame has no keypoints but ends of
+    # limbs.
     cascade, (rgb, depth_mm) = Cascade(CascadeConfig(), INFO), images()
     detected = PersonObservation(1, BOX, np.zeros((17, 3), np.float32), DEPTH_M)
     cascade.update_people(0, rgb, depth_mm, [detected])

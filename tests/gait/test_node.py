@@ -144,7 +144,7 @@ def test_points_are_in_the_frame_of_the_tracks() -> None:
 
 
 def test_newest_pending_frame_is_processed_live() -> None:
-    """Live, a slow node must not fall behind."""
+    """In live mode a slow node must not fall behind."""
     node = calibrated()
     assert not feed(
         node, [*synchronised(1, lockstep=False), *synchronised(2, lockstep=False)], now_ns=0
@@ -176,7 +176,7 @@ def test_frames_without_tracks_are_dropped() -> None:
     node = calibrated(GaitConfig(frames=4))
     feed(node, [frame(k) for k in range(10)])
     assert node.status().counters["frames_unused"] == 6
-    # 5 is gone, 6 is still there.
+    # frame 5 was evicted, frame 6 is still stored
     assert not feed(node, synchronised(5)[1:])
     assert len(feed(node, synchronised(6)[1:])) == 1
 
@@ -287,7 +287,7 @@ def test_invalid_configuration_is_refused(fields: dict[str, int]) -> None:
 
 
 def test_warm_up_leaves_nothing_to_compile() -> None:
-    """A process that compiles with a frame in hand seems to hang."""
+    """A process that compiles during a frame would seem to hang."""
     warm_up(GaitConfig())
     before = compiled_functions()
     node = calibrated()
@@ -298,7 +298,7 @@ def test_warm_up_leaves_nothing_to_compile() -> None:
 
 
 def compiled_functions() -> dict[str, int]:
-    """Return for how many kinds of arguments each function is compiled by now."""
+    """Return the number of compiled argument types of each function."""
     return {
         f"{module}.{name}": len(function.signatures)
         for module, results in tuple(sys.modules.items())

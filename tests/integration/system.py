@@ -1,4 +1,4 @@
-"""The whole system as people4d up starts it, on the shipped recording, to be broken by tests."""
+"""A complete system on the shipped recording, started by people4d up, for tests that break it."""
 
 import os
 import signal
@@ -25,7 +25,7 @@ START_TIMEOUT_S = 110.0
 
 
 class System:
-    """A running system and what is heard of it through its router.
+    """A running system and its messages through its router.
 
     Args:
         state: Its folder.
@@ -50,7 +50,7 @@ class System:
         return {name: p.pid for name, p in self._supervisor.processes().items()}
 
     def signal(self, service: str, number: signal.Signals) -> int:
-        """Send a signal to a service and return the process number that it went to."""
+        """Send a signal to a service; return its process number."""
         pid = self.pid(service)
         os.kill(pid, number)
         return pid
@@ -114,5 +114,5 @@ def predicted(tracks: Tracks) -> bool:
 
 
 def works_again(service: str, pid: int) -> Callable[[Health], bool]:
-    """Return a predicate: a heartbeat of the service, working, from another process."""
+    """Return a predicate: a heartbeat of the service, healthy, from another process."""
     return lambda h: h.service == service and works(h) and h.pid != pid

@@ -101,7 +101,7 @@ def test_walker_has_one_identity_and_people_of_other_areas_outlive_a_tracker(
         # One key expression matches all areas of a site, and no area of another site.
         assert heard_keys == {f"people4d/v1/{area}/people" for area in (a, b)}
         red, blue = (next(t.id for t in both.tracks if t.id % 1000 == n) for n in (1, 2))
-        # Red leaves area a; area b receives the person and detects it 0.5 m farther on.
+        # Red leaves area a; area b receives the person and detects it 0.5 m farther.
         feeds[0].watcher.wait(AreaPeople, lambda m: red in {p.id for p in m.people})
         feeds[0].people = []
         heard = feeds[1].watcher.wait(Health, lambda h: h.service == "tracker")

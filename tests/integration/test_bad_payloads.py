@@ -1,4 +1,4 @@
-"""No bytes on any topic end a process, and what is good is handled after them."""
+"""Bad bytes on any topic end no process, and good messages after them are handled."""
 
 import random
 import threading
@@ -23,7 +23,7 @@ from tests.services import SERVICES, node_of
 pytestmark = pytest.mark.network
 
 OF_NAME = {topic.name: topic for topic in TOPICS}
-BLOCK = zenoh.CongestionControl.BLOCK  # a busy machine drops what may be dropped
+BLOCK = zenoh.CongestionControl.BLOCK  # a busy machine drops messages that may be dropped
 
 
 class All(Echo):
@@ -98,6 +98,6 @@ def send_all(
         for (topic, name), payload in zip(streams, payloads, strict=True):
             key = topic.key_of(BY_NAME[topic.message.__name__], name)
             outside.put(key, payload, congestion_control=BLOCK)
-        # One at a time: of frames the newest wins, bad ones too.
+        # One at a time: the newest frame replaces waiting ones, bad frames included.
         health = watcher.wait_for_counters(**{f"bad_{topic.name}": number for topic in topics})
     return health

@@ -140,7 +140,7 @@ def test_killed_detector_is_replaced_while_predictions_continue(working: System)
 
 def test_tracks_continue_by_motion_without_reid(working: System) -> None:
     watcher = working.watch(Tracks, Health)
-    # A killed one is back too soon to be missed; a stopped one when the watchdog replaces it.
+    # A killed process is back too soon to be missed; a stopped one once the watchdog replaces it.
     killed = working.signal("reid", signal.SIGSTOP)
     reason = "no embeddings arrive: tracks are matched by motion alone"
     # On a busy machine the reason may also say that the service is too slow.

@@ -40,7 +40,7 @@ def arrivals(
 ) -> list[tuple[Arrival, int]]:
     """Messages of a run, each with the wall clock when it was read [ns]."""
     received, frames, robot = list[tuple[Arrival, int]](), 0, network.robot()
-    serve_time(network.open(robot))  # as the process of a router does
+    serve_time(network.open(robot))  # as in the process of a router
     with Client(network.endpoint, robot) as client:
         arriving = client.arrivals(*KINDS, timeout_s=20)
         with pipeline(network, robot, SERVICES, str(tmp_path_factory.mktemp("state"))):

@@ -89,7 +89,7 @@ def test_work_is_divided_among_replicas_and_taken_over_on_failure(reids: Reids) 
     assert by == {"reid-1": 10, "reid-2": 10}
     assert set(reids.answers.values()) == {1}  # no duplicate replies
 
-    # One replica hangs: the other takes over its work after a silence.
+    # One replica hangs: the other takes over its work after 1.2 s without a heartbeat.
     os.kill(reids.processes["reid-2"].pid, signal.SIGSTOP)
     answers = [reids.ask() for _ in range(10)]
     assert {name for name, _ in answers} == {"reid-1"}
@@ -121,7 +121,7 @@ def test_work_is_divided_among_replicas_and_taken_over_on_failure(reids: Reids) 
 
 
 def test_two_detectors_give_the_same_tracks_as_one(network: Network) -> None:
-    # Velocities are relative to the frame before that the same detector had.
+    # Velocities are relative to the previous frame of the same detector.
     by_frame = "velocity=false"
     one, two, apart = (
         tracks_of(network, count, *settings)

@@ -53,7 +53,7 @@ def open_session(network: Network) -> zenoh.Session:
 
 
 def test_hung_listener_does_not_delay_the_others(network: Network) -> None:
-    """The router once waited five seconds for it, and all that it passes on waited with it."""
+    """The router must not wait for this listener, since all its messages would wait, too."""
     hanging = subprocess.Popen(
         [sys.executable, "-c", LISTENER, network.endpoint], stdout=subprocess.PIPE, text=True
     )

@@ -1,4 +1,4 @@
-"""Services together in one process and apart: the same people, the same care."""
+"""Services together in one process and apart: the same people, the same handling of faults."""
 
 import os
 import signal

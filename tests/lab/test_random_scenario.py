@@ -1,4 +1,4 @@
-"""Random scenes: a function of their options, with the density asked for."""
+"""Random scenes: a function of their options, with the requested density."""
 
 from pathlib import Path
 

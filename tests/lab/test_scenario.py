@@ -83,7 +83,7 @@ def test_error_in_scenario_names_file_and_field(tmp_path: Path, text: str, error
     message = refusal(tmp_path, HEAD + text)
     assert error in message
     assert message.startswith(f"scenario {tmp_path / 'mine.toml'}: ")
-    assert str(FOLDER) in message  # where to look how it is done
+    assert str(FOLDER) in message  # folder of examples
 
 
 def test_unknown_scenario_is_refused_with_the_known_ones() -> None:
@@ -140,7 +140,7 @@ def test_people_of_thesis_scenarios_leave_the_view_and_return(name: str) -> None
     steps = np.diff(in_view.astype(int), axis=0)
     assert np.count_nonzero(steps < 0) >= 3
     assert np.count_nonzero(steps > 0) >= 3
-    assert in_view.mean() > 0.75  # but most of the time they are there
+    assert in_view.mean() > 0.75  # but the person is there most of the time
 
 
 @pytest.mark.slow

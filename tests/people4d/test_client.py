@@ -25,7 +25,7 @@ pytestmark = pytest.mark.network
 
 @pytest.fixture
 def publishing(network: Network) -> Iterator[str]:
-    """Name of a robot that publishes tracks and health again and again."""
+    """Name of a robot that publishes tracks and health repeatedly."""
     robot, stop = network.robot(), threading.Event()
     bus = network.open(robot)
 
@@ -65,7 +65,7 @@ def test_the_iteration_ends_when_nothing_comes(network: Network, publishing: str
 
 
 def test_messages_between_the_call_and_the_loop_are_not_lost(network: Network) -> None:
-    # The subscription was once made by a thread, some time after the loop began.
+    # The subscription must exist before the loop begins.
     robot = network.robot()
     bus = network.open(robot)
     with Client(network.endpoint, robot) as client:
@@ -83,7 +83,7 @@ def test_messages_between_the_call_and_the_loop_are_not_lost(network: Network) -
 def test_silence_is_logged_once_with_the_services_found(
     caplog: pytest.LogCaptureFixture, services: tuple[str, ...], found: str
 ) -> None:
-    network = Network()  # of its own: other tests announce robots
+    network = Network()  # a robot of this test: other tests announce robots
     try:
         for service in services:
             network.open("mine").announce(service, f"{service}-1")
@@ -160,7 +160,7 @@ def test_absent_router_is_reported_with_its_endpoint(monkeypatch: pytest.MonkeyP
 def test_an_endpoint_does_not_hide_the_file_with_the_credentials(
     network: Network, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    # $PEOPLE4D_ZENOH was once forgotten as soon as an endpoint was given.
+    # $PEOPLE4D_ZENOH must count, too, if an endpoint is given.
     monkeypatch.setenv("PEOPLE4D_ZENOH", str(tmp_path / "absent.json5"))
     with pytest.raises(ConfigError, match=r"absent\.json5"):
         Client(network.endpoint)
@@ -180,7 +180,7 @@ def test_thread_that_fails_to_receive_ends_the_iteration_with_an_error(
     ):
         next(client.messages(Tracks))
     for thread in threading.enumerate():
-        if thread.name == "people":  # it ends after it told its error
+        if thread.name == "people":  # it ends after it printed its error
             thread.join(WAIT_S)
 
 

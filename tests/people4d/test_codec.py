@@ -166,7 +166,7 @@ def test_a_small_payload_does_not_grow_into_millions_of_maps() -> None:
 @pytest.mark.parametrize("depth", [50, 500, 1000, 5000])
 @pytest.mark.parametrize("field", ["message", "version", "trace", "people", "foo"])
 def test_deep_nesting_is_refused(field: str, depth: int) -> None:
-    # Formatting the nested value for the error once ended the process with RecursionError.
+    # A nested value in the error message must not end the process with RecursionError.
     deep = b"\x91" * depth + b"\xc0"
     fields = {name: value for name, value in TRUTH.items() if name != field}
     start = bytes([0x80 + len(fields) + 1])
@@ -194,7 +194,7 @@ def test_decoded_arrays_cannot_be_written_to() -> None:
 
 
 def test_numpy_scalars_are_encoded_as_plain_numbers() -> None:
-    # A plug-in that counts with numpy must not find its messages refused.
+    # Integers of numpy, as from a plug-in, must be accepted.
     odometry = msgspec.structs.replace(
         BY_NAME["Odometry"], sequence=np.int64(4), x_m=np.float32(1.5), y_m=np.float64(2.5)
     )
@@ -235,6 +235,6 @@ sys.exit(crashed)
 
 
 def test_first_messages_in_several_threads_do_not_crash_the_process() -> None:
-    # msgspec examined the types in several threads at once: about 5 of these 120 ended by SIGSEGV.
+    # If msgspec examines the types in several threads at once, about 5 of these 120 end by SIGSEGV.
     done = subprocess.run([sys.executable, "-c", FIRST_DECODE], check=False, timeout=100)
     assert done.returncode == 0

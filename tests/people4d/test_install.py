@@ -191,7 +191,7 @@ def test_release_notes_and_citation_are_of_the_released_version() -> None:
 
 
 def test_image_is_built_from_the_files_of_the_wheel() -> None:
-    # Packages that moved were once missing from the image.
+    # Packages of all folders must be in the image.
     allowed = (ROOT / "deploy" / "Dockerfile.dockerignore").read_text().splitlines()
     copied = " ".join(re.findall("^COPY (.*)", (ROOT / "deploy" / "Dockerfile").read_text(), re.M))
     for name in (*PACKAGES, *FILES):
@@ -208,7 +208,7 @@ def test_types_are_declared(planner: Path) -> None:
 def test_pipeline_in_a_program_needs_the_wheels_alone(robot: Path, tmp_path: Path) -> None:
     shutil.copy(ROOT / "examples" / "in_process" / "arrays.py", tmp_path)
     (tmp_path / "deploy" / "demo").mkdir(parents=True)
-    # Without the metadata of its simulation, whose depth sensor would be compiled first.
+    # Without the metadata of its simulation, which would compile the depth sensor first.
     with RecordingWriter(tmp_path / "deploy" / "demo" / DEMO.name) as writer:
         for log_ns, message in islice(open_recording(DEMO).messages(), 300):
             writer.write(message, log_ns)

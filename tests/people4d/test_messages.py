@@ -27,7 +27,7 @@ BAD_FIELDS: list[tuple[str, dict[str, Any], str]] = [
         "frame_id: expected 1 to 64 characters from A-Z a-z 0-9 _ . -, the first neither . nor -, "
         "got 'a/b'",
     ),
-    # Escape sequences once reached the terminal of people4d ps.
+    # Escape sequences must not reach the terminal of people4d ps.
     ("Health", {"reason": "all\x1b[2Jwell"}, "reason: expected printable text, got"),
     ("Health", {"counters": {"a\nb": 1}}, "counters: expected printable text"),
     ("CameraInfo", {"fx": float("nan")}, "fx: expected 1 to 100000.0, got nan"),

@@ -1,4 +1,4 @@
-"""Cost of a frame in each node, counted so that no noise of the machine changes it.
+"""Cost of a frame in each node, by counts that are independent of the machine's noise.
 
 Each node gets what it got in a run over the shipped recording. Cost is counted in calls of Python
 functions, calls of compiled functions of NumPy and OpenCV, executed lines of this project, and
@@ -43,7 +43,7 @@ Costs = dict[str, dict[str, float]]  # cost of one frame by kind and file
 
 
 class Counting:
-    """Counts by kind and file what runs in this thread while the context is entered."""
+    """Counts calls and lines of this thread by kind and file while the context is entered."""
 
     def __init__(self) -> None:
         self.counts: dict[str, Counter[str]] = {kind: Counter() for kind in KINDS}
@@ -158,7 +158,7 @@ def bus(steps: Sequence[Sequence[Message]]) -> Costs:
 
 
 def excess(costs: Mapping[str, Costs], budgets: Mapping[str, Costs]) -> Iterator[str]:
-    """Yield where a cost is over its budget, with the places that grew most."""
+    """Yield the costs over budget, with the files that grew most."""
     for name, of_name in costs.items():
         for kind, now in of_name.items():
             before = budgets[name][kind]
@@ -171,7 +171,7 @@ def excess(costs: Mapping[str, Costs], budgets: Mapping[str, Costs]) -> Iterator
 
 
 def write_budgets() -> None:
-    """Write the costs of now as the budgets."""
+    """Write the current costs as the budgets."""
     lines = [
         f'  "{node}": {{\n'
         + ",\n".join(f'    "{kind}": {json.dumps(of)}' for kind, of in costs.items())

@@ -95,7 +95,7 @@ def apart_m(track: Track, person: TruthPerson) -> float:
 
 
 def settled(pairs: Sequence[Pair]) -> list[Pair]:
-    """Pairs from half a second on: a track begins at rest and takes time to learn a speed."""
+    """Pairs after the first half second: a track begins at rest and needs time for its speed."""
     return [pair for pair in pairs if pair[2].age > 8]
 
 
@@ -115,7 +115,7 @@ def test_three_people_have_three_constant_identities(pairs: list[Pair]) -> None:
     identities = {(person.id, track.id) for _, person, track in pairs}
     assert len(identities) == 3
     assert len({name for name, _ in identities}) == len({number for _, number in identities}) == 3
-    # All are in view all along; a track begins at the third frame and outlasts being hidden.
+    # All people are in view all the time; a track begins at the third frame and survives occlusion.
     assert len(pairs) >= 3 * (FRAMES - 5)
 
 
@@ -163,7 +163,7 @@ def test_yaw_is_that_of_the_chest(pairs: list[Pair]) -> None:
 
 
 def test_same_recording_gives_the_same_tracks(messages: list[Message]) -> None:
-    """Byte for byte, but for the times in the trace; a third of the recording is enough to tell."""
+    """Byte for byte, except the times in the trace; a third of the recording suffices."""
     again = answers(run(max_frames=25))
     assert len(again) == 25
     assert again == answers(messages)[:25]

@@ -18,7 +18,8 @@ FILE = "services/detector/node.py"
 
 @pytest.mark.slow
 def test_frame_costs_no_more_than_its_budget_in_any_node() -> None:
-    # More on purpose? python -m tests.pipeline.frame_cost writes the budgets; say why.
+    # After an intended increase, python -m tests.pipeline.frame_cost writes the budgets; explain
+    # it.
     assert list(excess(measure(), json.loads(BUDGETS.read_text()))) == []
 
 
@@ -33,7 +34,7 @@ def test_loop_in_a_node_is_over_the_budget_and_its_file_named() -> None:
     before = {"detector": cost(steps, handle)}
     assert list(excess(before, before)) == []
     scope["loops"] = 104
-    # Two lines a round, and the one that ends the loop.
+    # Two lines a round, and the final one of the loop.
     assert list(excess({"detector": cost(steps, handle)}, before)) == [
         f"detector: 209 lines a frame, budget 201: {FILE} +8"
     ]

@@ -53,7 +53,7 @@ def test_distance_of_the_man_in_front_is_that_of_the_depth_image(shared: Path, m
         config = CameraConfig(source=str(bag), playback="lockstep", window=1, start_delay_s=0.0)
         found = run(config, model, shared)
         (frame,), (detections,) = found.frames, found.detections
-        # The bag has the depth read by hand.
+        # The bag has the manually read depth.
         assert {(u, v): frame.depth_mm[v, u] for u, v in by_hand_mm} == by_hand_mm
         ((_, index),) = match(list(by_hand_mm)[1:2], detections.detections)
         position_m = detections.detections[index].position_m
@@ -80,7 +80,7 @@ def test_annotated_people_are_detected(crossing: Run) -> None:
 
 
 def test_positions_lie_over_the_floor_inside_the_room(crossing: Run) -> None:
-    """Depth is registered to colour, and the mount is right: else they would float or sink."""
+    """Depth is registered to colour and the mount is correct: otherwise people float or sink."""
     (transform,) = crossing.transforms
     positions = [d.position_m for m in crossing.detections for d in m.detections]
     known = [p for p in positions if p is not None]

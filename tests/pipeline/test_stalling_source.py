@@ -1,4 +1,4 @@
-"""A source that stalls without its stamps: what is predicted meanwhile must not age any state."""
+"""A source that stalls while its stamps do not: predictions meanwhile must not age any state."""
 
 from collections.abc import Sequence
 

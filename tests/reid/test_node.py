@@ -55,7 +55,7 @@ def test_tiny_crops_are_counted_and_left_out() -> None:
 
 
 class Fragile:
-    """An embedder that cannot stand the crop of detection 9."""
+    """An embedder that fails on the crop of detection 9."""
 
     name = "fragile"
     dimension = 2

@@ -99,7 +99,7 @@ def test_limits_are_in_the_text_and_on_the_page() -> None:
 
 
 def test_latency_in_lockstep_is_no_headline() -> None:
-    # Frames wait for one another there: it was 147 ms where a live camera has 7.
+    # In lock-step frames wait for one another: 147 ms, where a live camera has 7 ms.
     statistics = RunStatistics()
     statistics.add(msgspec.structs.replace(frame(0), lockstep=True), 0)
     assert statistics.summary().lockstep

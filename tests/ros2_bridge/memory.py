@@ -27,7 +27,7 @@ class MemoryTopic:
 
 
 class MemoryTransport(Ros2Transport):
-    """Holds what is published, and delivers what a test sends."""
+    """Stores published messages, and delivers messages of a test."""
 
     def __init__(self, config: Ros2Config | None = None) -> None:
         super().__init__()
@@ -48,7 +48,7 @@ class MemoryTransport(Ros2Transport):
         self.closed = True
 
     def messages(self, topic: str) -> list[Any]:
-        """Return what was published on a topic, as its readers get it."""
+        """Return the messages published on a topic, as decoded by its readers."""
         sent = self.topics[topic]
         return [types.decode(sent.kind, payload) for payload in sent.payloads]
 

@@ -81,7 +81,7 @@ def tracks(step: int) -> Tracks:
 
 
 def drive(config: Ros2BridgeConfig, topic: str, delay: int = PEOPLE_DELAY) -> Iterator[Read]:
-    """Yield what a reader takes from a topic while the robot drives."""
+    """Yield the messages that a reader takes from a topic while the robot drives."""
     clock_ns = START_NS
     transport = MemoryTransport(config.ros2)
     node = Ros2BridgeNode(config, transport, lambda: clock_ns)
@@ -108,7 +108,7 @@ def drive(config: Ros2BridgeConfig, topic: str, delay: int = PEOPLE_DELAY) -> It
 
 
 def refusals(reads: Iterator[Read], read: Any) -> tuple[int, int]:
-    """Return how many messages were refused, and of how many."""
+    """Return the numbers of refused messages and of all messages."""
     count, total = 0, 0
     for one in reads:
         total += 1
@@ -155,7 +155,7 @@ def test_social_costmap_refuses_nothing() -> None:
 
 
 def test_social_costmap_finds_transforms_that_are_late() -> None:
-    """Without waiting for them, a lookup at the stamp of people in time fails."""
+    """Without waiting for transforms, a lookup at the stamp of people fails."""
     unaware = Ros2BridgeConfig(publish=("people",))
     refused, total = refusals(drive(unaware, "/people", delay=2), costmap)
     assert refused > total / 2

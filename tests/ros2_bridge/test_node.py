@@ -1,4 +1,4 @@
-"""The bridge: each of our messages as its readers in ROS get it."""
+"""The bridge: each message as decoded by its readers in ROS."""
 
 import math
 from typing import Any, get_args

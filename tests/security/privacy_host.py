@@ -48,7 +48,7 @@ def camera(endpoint: str) -> None:
 
 
 def listen(endpoint: str, count: int) -> None:
-    """Subscribe to everything with no rules of its own, and print bytes by key."""
+    """Subscribe to everything without rules, and print bytes by key."""
     import zenoh  # noqa: PLC0415 (only here)
 
     heard: Counter[str] = Counter()

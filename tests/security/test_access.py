@@ -37,7 +37,7 @@ PUBLISHERS = {
     "target_commands": "planner",
     "truth": "gt_bridge",
     "score": "gt_bridge",
-    "health": "tracker",  # the example is the tracker's, and no process may publish another's
+    "health": "tracker",  # the example is the tracker's health; no other process may publish it
 }
 SECOND_PUBLISHERS = {"odometry": "visual_odometry", "people": "site", "target_commands": "operator"}
 PLANNER_READS = {
@@ -111,7 +111,7 @@ def test_topic_passes_only_from_its_publisher_to_its_readers(
 
 
 def test_health_of_a_peer_reaches_subscribers_of_all_health(network: Guarded) -> None:
-    """A peer once did not receive the subscription, and so published nothing."""
+    """A peer must receive the subscription before it publishes."""
     planner = Listener(network.session("planner"), f"{PREFIX}/health/*/*")
     watchdog = network.bus("watchdog", "peer")
     health = msgspec.structs.replace(EXAMPLES["Health"], service="watchdog")

@@ -1,4 +1,4 @@
-"""Intruders: each of their attempts fails, and the others receive nothing of it."""
+"""Intruders: each attempt fails, and no other client receives a message of it."""
 
 import contextlib
 import json
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.network
 
 TRACKS = f"{PREFIX}/people"
 FRAMES = f"{PREFIX}/raw/front/rgbd"
-REFUSED_S = 0.5  # for a connection that must not open; one that does takes 20 ms
+REFUSED_S = 0.5  # wait for a connection that must not open; a valid one takes 20 ms
 
 
 @pytest.fixture(scope="module")
@@ -56,13 +56,13 @@ def as_planner(network: Guarded) -> zenoh.Config:
 
 
 def test_right_credentials_are_accepted(network: Guarded, passwords: Guarded) -> None:
-    # The changes of the tests below are the only reason for their refusal.
+    # The changes below are the only reason for the refusal.
     for guard in (network, passwords):
         ZenohBus(as_planner(guard), ROBOT, WAIT_S).close()
 
 
 def test_client_without_a_certificate_is_refused(network: Guarded) -> None:
-    # With mTLS on, a client without one does not even try.
+    # With mTLS, a client without a certificate does not even connect.
     nothing = {"enable_mtls": False, "connect_certificate": None, "connect_private_key": None}
     refused(tls(as_planner(network), **nothing))
 
@@ -214,7 +214,7 @@ def test_state_of_the_router_cannot_be_read(network: Guarded) -> None:
         session = network.session(role)
         answers = session.get("@/**", timeout=REFUSED_S)
         routers = {str(a.ok.key_expr).split("/")[1] for a in answers if a.ok}
-        assert routers <= {str(session.info.zid())}  # its own state it may read
+        assert routers <= {str(session.info.zid())}  # its own state is readable
 
 
 def test_frames_do_not_leave_the_host(tmp_path: Path) -> None:
@@ -231,7 +231,7 @@ def test_frames_do_not_leave_the_host(tmp_path: Path) -> None:
 
 
 def test_replayed_connection_publishes_nothing(network: Guarded) -> None:
-    """A recording of the tracker's connection is worth nothing later."""
+    """A recording of the tracker's connection is useless later."""
     with Tap(network.port) as tap:
         environment = network.environment() | {"PEOPLE4D_CONNECT": f"tls/127.0.0.1:{tap.port}"}
         tracker = ZenohBus(read_config(None, "client", environment, "tracker"), ROBOT, WAIT_S)

@@ -1,4 +1,4 @@
-"""Privacy: another host hears people and not one byte of an image."""
+"""Privacy: another host receives people and not one byte of an image."""
 
 import json
 import os

@@ -35,7 +35,7 @@ from tests.skeleton.walker import (
 
 
 def walk(walker: Walker, count: int, hidden_from: int = 1000, **hidden: Any) -> list[Skeletons]:
-    """Return the skeletons of a walk, with hidden joints from a frame on."""
+    """Return the skeletons of a walk; joints are hidden after a number of frames."""
     node = ready()
     return [
         answer(node, walker.frame(n, **(hidden if n >= hidden_from else {})), walker.people(n))

@@ -84,7 +84,7 @@ class Scene:
 
 
 def followed(appearance: float = RED, **others: Person) -> Scene:
-    """Return a scene in which person 1 is locked at (3, 0), others beside it."""
+    """Return a scene with person 1 locked at (3, 0), and other people next to it."""
     scene = Scene()
     people = {1: (3.0, 0.0, appearance)} | {int(name[1:]): at for name, at in others.items()}
     scene.frame(people)

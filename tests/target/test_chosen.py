@@ -1,4 +1,4 @@
-"""The chosen person is kept, found again, and never exchanged for another one."""
+"""The chosen person is kept, re-identified, and never confused with another person."""
 
 import pytest
 
@@ -69,14 +69,14 @@ def test_alike_person_with_a_new_track_is_not_locked() -> None:
 
 
 def test_returning_person_is_locked_while_the_alike_one_stays_in_view() -> None:
-    # The track of the other one has never been interrupted.
+    # The track of the other person was never interrupted.
     scene = followed(p2=(5, 2, RED))
     scene.frames(30, {2: (5, 2, RED)})
     assert scene.frames(10, {2: (5, 2, RED), 7: (3, 0, RED)}).id == 7
 
 
 def test_tracks_that_exchange_their_people_do_not_move_the_lock() -> None:
-    """After a meeting track 1 goes on with the other person, and 2 with the chosen one."""
+    """After a meeting track 1 continues with the other person, and track 2 with the chosen one."""
     scene = followed(p2=(5, 2, BLUE))
     scene.frames(3, {1: (3, 0, RED), 2: (3.4, 0, BLUE)})
     after = [scene.frame({1: (3, 0, BLUE), 2: (5, 2, RED)}) for _ in range(20)]

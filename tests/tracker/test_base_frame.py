@@ -1,4 +1,4 @@
-"""Tracks in the frame of a base that moves: as in the map, seen from there."""
+"""Tracks in the frame of a moving base equal transformed tracks in the map."""
 
 import math
 

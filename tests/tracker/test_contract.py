@@ -178,7 +178,7 @@ def test_a_gap_of_two_seconds_keeps_a_standing_person(name: str) -> None:
 
 
 def test_a_walking_person_is_found_again_after_three_seconds_without_detector() -> None:
-    # 1 m/s sideways for 2 s, then nothing for 3 s: the prediction and its uncertainty carry on.
+    # 1 m/s sideways for 2 s, then no detections for 3 s: prediction and uncertainty continue.
     tracker = make("strongsort3d")
     for number in range(20):
         tracker.update(frame(number, person(4, -2.5 + 0.1 * number)))

@@ -54,7 +54,7 @@ def tracker_node(**fields: Any) -> TrackerNode:
 
 
 def errors_m(results: Sequence[Tracks], camera: str, ahead_ms: float = 0.0) -> F64:
-    """Errors of the answers to the frames of a camera at their own times, from 16 s on."""
+    """Errors of the answers to a camera's frames at their own times, after 16 s."""
     errors = []
     for answer in results:
         t_s = (answer.stamp_ns - START_NS - ahead_ms * MS) / 1e9

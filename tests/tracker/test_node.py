@@ -166,7 +166,7 @@ def test_a_dead_reid_delays_only_the_first_frames() -> None:
     )
     assert status.counters["embedding_timeouts"] == 3
     assert status.counters["without_embeddings"] == 4
-    # One embedding, though late, and frames wait again.
+    # One late embedding arrives, and frames wait again.
     assert target.handle(embeddings_of(detected(3)), now) == []
     assert target.status().counters["late_embeddings"] == 1
     assert target.handle(detected(4), now + 100 * MS) == []
@@ -312,7 +312,7 @@ def test_predictions_go_on_for_half_a_second_while_no_detections_come() -> None:
     steps = np.diff([p.position_m[1] for p in people])
     np.testing.assert_allclose(steps, people[0].velocity_mps[1] * 0.1, atol=1e-9)
     assert np.all(np.diff([p.covariance[0, 0] for p in people]) > 0)
-    assert results[-1].tracks == ()  # one empty message tells that nothing is known
+    assert results[-1].tracks == ()  # one empty message: people are unknown
     assert target.status().counters["people_unknown"] == 1
 
 
@@ -404,7 +404,7 @@ def test_lockstep_loses_no_frame(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["sort3d", "strongsort3d"])
 def test_wild_input_is_answered_or_counted(name: str) -> None:
-    # Huge numbers, missing positions, clocks that jump, two cameras, embeddings that do not fit.
+    # Huge numbers, missing positions, jumping clocks, two cameras, embeddings of other frames.
     rng = np.random.default_rng(5)
     target, now_ns, sent, answers = node(tracker=name), 0, 0, list[Tracks]()
     for number in range(600):

@@ -52,8 +52,8 @@ def test_turning_keeps_the_size_of_a_covariance() -> None:
 
 
 def test_extrapolated_base_adds_covariance_to_positions() -> None:
-    # The camera looks along x, the person is 4 m before it: a turn by 0.05 rad moves them 0.2 m
-    # along y, on top of 0.1 m of the base each way.
+    # The camera looks along x, the person is 4 m in front of it: a turn by 0.05 rad moves the
+    # person 0.2 m along y, in addition to 0.1 m of the base in each direction.
     matrix = pose_covariance(
         np.array([4.0, 0.0, 0.0]), TransformEstimate(LINK_FROM_OPTICAL, 0.1, 0.05)
     )
@@ -110,11 +110,11 @@ def test_velocity_before_a_fixed_camera_turns_with_it() -> None:
 
 
 def test_person_who_stands_before_a_camera_that_moves_has_no_velocity() -> None:
-    # It drove 0.1 m and turned by 2 degrees: seen from it the person moved the other way.
+    # The base drove 0.1 m and turned by 2 degrees: relative to it the person moved the other way.
     link = transform_from([0.1, 0.0, 0.0], rotation_from_rpy(0.0, 0.0, np.radians(2.0)))
     before, now = LINK_FROM_OPTICAL, link @ LINK_FROM_OPTICAL
     position_m = apply(invert(now), np.array([4.0, 0.0, 0.0]))
-    # What it sees is the surface before the person's axis.
+    # The camera measures the surface in front of the person's axis.
     surface_m = position_m * (1 - SURFACE_M / np.linalg.norm(position_m))
     velocity_mps = (surface_m - apply(invert(before) @ now, surface_m)) / 0.1
     assert np.linalg.norm(velocity_mps) > 1.0
@@ -123,8 +123,8 @@ def test_person_who_stands_before_a_camera_that_moves_has_no_velocity() -> None:
     (one,) = observe(found, None, poses[0], Counter(), poses[1]).measurements
     assert one.velocity is not None
     np.testing.assert_allclose(one.velocity.mps, 0.0, atol=1e-9)
-    # A tenth is uncertain of what the camera adds, 1 m/s along and 3.88 m * 2 degrees in
-    # 0.1 s aside.
+    # A tenth of the camera's own motion is its standard deviation: 1 m/s along and 3.88 m * 2
+    # degrees in 0.1 s across.
     added_m2ps2 = np.trace(one.velocity.covariance_m2ps2) - 0.06 - 3 * VELOCITY_SIGMA_MPS**2
     assert added_m2ps2 == pytest.approx(0.1**2 * (1.0**2 + 1.35**2), rel=0.05)
 

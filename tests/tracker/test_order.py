@@ -106,7 +106,7 @@ def test_new_replica_is_waited_for_before_its_first_message() -> None:
 
 
 def test_the_frame_of_a_dead_detector_is_waited_for_and_done_by_another() -> None:
-    # b did 2 while a lived; a died with 1, and b takes it over.
+    # b did 2 while a lived; a died with frame 1, and b takes it over.
     target = begun("a", "b", reorder_wait_s=4.0)
     assert order(target, [by("b", at(2))]) == []
     assert order(target, [by("b", at(1), "b")], 1000 * MS) == [1, 2]

@@ -25,7 +25,7 @@ def frames(first: int, last: int, shift_m: float = 0.0) -> list[Message]:
 
 
 def results(target: TrackerNode, messages: Sequence[Message]) -> list[Tracks]:
-    """Return all answers; a frame that others may yet precede does not wait for them."""
+    """Return all answers, without the wait for earlier frames."""
     return [*feed(target, messages), *tracks(target.flush(0))]
 
 
@@ -43,7 +43,7 @@ def test_people_who_did_not_move_far_keep_their_identities_over_two_seconds() ->
     for message in shown:
         assert [(p.id, p.state) for p in message.tracks] == [(1, "confirmed"), (2, "confirmed")]
     left, right = (p.position_m[1] for p in shown[-1].tracks)
-    assert left > right  # 1 is the one at x = -0.8 in the image, to the left
+    assert left > right  # person 1 is at x = -0.8 in the image, to the left
 
 
 def test_standing_people_keep_identities_over_fifteen_seconds() -> None:
@@ -81,7 +81,7 @@ def test_camera_pose_is_restored_until_transforms_come() -> None:
     after = restarted(before)
     first = results(after, frames(10, 11))
     assert after.status().state == "ready"
-    # The same transform again changes nothing; another one begins new identities.
+    # The same transform again changes nothing; a different transform begins new identities.
     (same,) = results(after, [TRANSFORM, *frames(11, 12)])
     assert [p.id for p in first[-1].tracks] == [p.id for p in same.tracks] == [1, 2]
     moved = np.array(TRANSFORM.matrix)

@@ -99,7 +99,7 @@ def test_points_beyond_the_range_give_rotation_without_translation() -> None:
 
 
 def test_a_known_motion_gives_depth() -> None:
-    """0.2 m ahead with half of the depths known: errors of the other depths are some percent."""
+    """0.2 m ahead with half of the depths known: errors of the others are a few percent."""
     known, motion = points(60), base(0.2, 0.05, 0.05)
     inverse = 1 / known[:, 2]
     thought, sigmas = inverse.copy(), np.full(60, 1e-4)

@@ -197,7 +197,7 @@ def test_without_texture_or_depth_there_is_no_motion(
 
 
 def test_short_darkness_is_bridged() -> None:
-    """Three dark frames have no pose; then the pose is as accurate as before."""
+    """Three dark frames have no pose; later poses are as accurate as earlier ones."""
     one, counters = odometer()
     follow(one, [base()] * 3)
     for number in (3, 4, 5):

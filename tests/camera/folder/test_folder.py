@@ -39,7 +39,7 @@ def captures(source: FolderSource) -> list[SourceFrame]:
 
 
 def test_pairs_by_number_not_by_name(tmp_path: Path) -> None:
-    # As text frame_10 precedes frame_2.
+    # In text order frame_10 precedes frame_2.
     put(numbered(tmp_path) / "rgb/frame_99.png", 0, depth=False)
     source = FolderSource(tmp_path, FolderOptions(fps=10))
     found = captures(source)
@@ -61,7 +61,8 @@ def test_patterns_of_ones_own(tmp_path: Path) -> None:
 
 
 def test_tum_lists(tmp_path: Path) -> None:
-    # 5000 units in a metre: 10000 is 2 m. Depth is 10 ms late once and 30 ms late, that is alone.
+    # 5000 units are 1 m, so 10000 is 2 m. One depth image is 10 ms late; another is 30 ms late and
+    # has no partner.
     put(tmp_path / "rgb/a.png", 1, depth=False)
     put(tmp_path / "rgb/b.png", 2, depth=False)
     put(tmp_path / "depth/a.png", 10_000, depth=True)
@@ -73,7 +74,7 @@ def test_tum_lists(tmp_path: Path) -> None:
     (tmp_path / "camera.toml").write_text("[colour]\nfx=10.0\nfy=10.0\ncx=4.0\ncy=3.0\n")
     source = FolderSource(tmp_path, FolderOptions())
     (capture,) = captures(source)
-    assert capture.stamp_ns == 1305031102175304031  # a float would have lost the last digits
+    assert capture.stamp_ns == 1305031102175304031  # a float would lose the last digits
     assert (capture.depth_mm == 2000).all()
     assert source.counters["unpaired"] == 2
     (tmp_path / "rgb.txt").write_text("now rgb/a.png\n")
@@ -191,8 +192,8 @@ def test_lab(shared: Path) -> None:
 
 @pytest.mark.slow
 def test_registered_depth_edges_meet_colour_edges(shared: Path) -> None:
-    # Unregistered, the outlines of people in depth are 9 px off; registered, at most 1 px. Sum of
-    # the colour gradient across depth outlines, by horizontal shift: its peak tells the offset.
+    # Without registration the outlines of people in depth are 9 px off, with registration at most 1
+    # px. The shift at the peak of the colour gradient across depth outlines is the offset.
     options = FolderOptions(fps=10, depth_offset_px=(9, 3))
     source = FolderSource(shared / "data/rgbd/filinha", options)
     assert len(source.pairs) == 108
@@ -204,7 +205,7 @@ def test_registered_depth_edges_meet_colour_edges(shared: Path) -> None:
         gradient = np.minimum(np.abs(cv2.Sobel(grey, cv2.CV_32F, 1, 0)), 200)
         depth = scipy.io.loadmat(pair.depth)["depth_array"]
         metres = cv2.medianBlur(source.registration(depth), 3) / 1000.0
-        for side in (-1, 1):  # the body is near; six pixels farther out the wall is far
+        for side in (-1, 1):  # the body is near; the wall six pixels farther out is far
             outside, next_to = np.roll(metres, side * 6, 1), np.roll(metres, side, 1)
             outline = (metres > 0) & (outside > metres + 0.4)
             outline &= ~((next_to > 0) & (next_to < metres + 0.4))
@@ -274,7 +275,7 @@ def test_pipe_or_huge_image_is_counted_as_bad(tmp_path: Path) -> None:
 
 
 def test_a_calibration_with_aliases_is_refused(tmp_path: Path) -> None:
-    # Each line says all of the line before ten times: a kilobyte would be a list of 10^9 numbers.
+    # Each line repeats the line before ten times: a kilobyte would be a list of 10^9 numbers.
     lines = ["a0: &a0 [1,1,1,1,1,1,1,1,1,1]"]
     lines += [f"a{k}: &a{k} [{','.join([f'*a{k - 1}'] * 10)}]" for k in range(1, 9)]
     (tmp_path / "camera_info.yaml").write_text("\n".join([*lines, "camera_matrix: {data: *a8}"]))

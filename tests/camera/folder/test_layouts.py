@@ -48,7 +48,8 @@ def test_orientation_tag_does_not_turn_colour_against_depth(
 @pytest.mark.parametrize(
     ("names", "times_ns"),
     [
-        # TUM: by the fraction alone the order would differ, and equal fractions would be one frame.
+        # TUM: sorted by the fraction alone the order would differ, and equal fractions would
+        # collide.
         (("1305031102.9", "1305031103.1", "1305031104.1"), (102_900, 103_100, 104_100)),
         (("1305031102_900000000", "1305031103_100000000"), (102_900, 103_100)),
         (("c_1305031102.900000", "c_1305031103.100000"), (102_900, 103_100)),

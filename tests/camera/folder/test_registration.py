@@ -46,20 +46,20 @@ def test_identity_changes_nothing() -> None:
 
 
 def test_nearer_surface_wins() -> None:
-    # At 1 m the shift is 60 * 0.1 / 1 = 6 px, at 3 m 2 px: pixel u = 20 at 1 m lands on 26, where
-    # u = 24 at 3 m lands too.
+    # At 1 m the shift is 60 * 0.1 / 1 = 6 px, at 3 m 2 px: pixel u = 20 at 1 m maps to 26, as does
+    # u = 24 at 3 m.
     depth = plane(3000)
     depth[:, 20] = 1000
     moved = Registration(info(), info(), transform_from((0.1, 0, 0), np.eye(3)))(depth)
     assert (moved[:, 26] == 1000).all()
-    assert (moved[:, 22] == 0).all()  # where u = 20 would have been, were it the wall
+    assert (moved[:, 22] == 0).all()  # u = 20 would map here at the depth of the wall
 
 
 def test_larger_colour_image_has_no_gaps() -> None:
     colour = info(width=128, height=96, fx=120.0)
     moved = Registration(info(), colour, IDENTITY)(plane(1500))
     assert (moved[:94, :126] == 1500).all()
-    # Nor does a surface grow over its edge by more than the gap.
+    # A surface grows over its edge by no more than the gap.
     depth = plane(0)
     depth[10:20, 10:20] = 1500
     v, u = np.nonzero(Registration(info(), colour, IDENTITY)(depth))

@@ -66,7 +66,7 @@ class Driver:
 
 @contextmanager
 def repeated(publish: Callable[[int], object]) -> Iterator[None]:
-    """Publish again and again, with the number of the round, until the end."""
+    """Publish repeatedly, with the number of the round, until the end."""
     ended = threading.Event()
 
     def work() -> None:

@@ -45,7 +45,7 @@ def test_loops_and_transforms_that_are_none_do_no_harm() -> None:
         ("c", "d", (0, 0, 0), (0, 0, 0, 0)),
         ("c", "e", (math.nan, 0, 0), NO_TURN),
     )
-    assert odd.find("a", "b") is not None  # either way round: what matters is that it ends
+    assert odd.find("a", "b") is not None  # the direction does not matter: the search ends
     assert odd.find("x", "b") is None
     assert odd.find("c", "d") is None
     assert odd.find("c", "e") is None

@@ -1,4 +1,4 @@
-"""CameraInfo as drivers write it."""
+"""CameraInfo as written by drivers."""
 
 import dataclasses
 from typing import Any

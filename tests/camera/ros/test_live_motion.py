@@ -140,8 +140,8 @@ def test_settings_that_cannot_be() -> None:
 
 
 def test_only_what_the_camera_hangs_on_is_passed_on() -> None:
-    # camera <- tilt <- pan <- base_link <- odom <- map; the arm is no business of the camera's, and
-    # odometry tells odom <- base_link.
+    # camera <- tilt <- pan <- base_link <- odom <- map; the arm is not used, and odometry gives
+    # odom <- base_link.
     motion = LiveMotion(ALL)
     by_key = {topic.key: topic for topic in motion.topics}
     assert motion.silent == ["odom", "tf", "tf_static"]
@@ -166,7 +166,7 @@ def test_only_what_the_camera_hangs_on_is_passed_on() -> None:
     assert isinstance(fixed, StaticTransform)
     assert motion.silent == []
     assert motion.counters["other_transforms"] == 2
-    # Together they give the pose of the camera.
+    # Both transforms together give the pose of the camera.
     known = TransformBuffer()
     for message in (base, *messages, fixed):
         assert isinstance(message, Odometry | MovingTransform | StaticTransform)
@@ -198,7 +198,7 @@ def test_wheels_that_are_joints_make_odometry() -> None:
 
 
 class OneFrame(MemorySource):
-    """A camera that saw something once, and then nothing until it is closed."""
+    """A camera that has sent frames, and then nothing until it is closed."""
 
     def __init__(self) -> None:
         super().__init__([capture(1)], live=True)

@@ -34,7 +34,7 @@ NO_TURN = (0.0, 0.0, 0.0, 1.0)
 
 
 def quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
-    """By hand, for turns about one axis."""
+    """Worked transforms for turns about one axis."""
     halves = (math.sin(a / 2) for a in (roll, pitch, yaw))
     return (*halves, math.cos((roll + pitch + yaw) / 2))  # type: ignore[return-value]
 
@@ -74,7 +74,7 @@ def pan_tilt(ros: Ros, with_odometry: bool = True) -> list[Entry]:
 
 
 def pose_in(source: RosbagSource, target: str, stamp_ns: int) -> F64:
-    """Return where the camera is by all that the source tells."""
+    """Return the pose of the camera by all transforms of the source."""
     known = TransformBuffer()
     for message in source.transforms:
         known.add_transform(message)
@@ -87,7 +87,7 @@ def pose_in(source: RosbagSource, target: str, stamp_ns: int) -> F64:
 
 
 def expected(steps: float) -> F64:
-    """The same by hand: odom, base, neck, pan, tilt, camera."""
+    """The same, worked by hand: odom, base, neck, pan, tilt, camera."""
     base = transform_from((0.5 * steps, 0, 0), np.eye(3))
     neck = transform_from((0, 0, 1), np.eye(3))
     pan = transform_from((0, 0, 0.1), rotation_from_rpy(0, 0, 0.2 * steps))
@@ -118,7 +118,7 @@ def test_a_pan_tilt_camera_is_where_the_chain_says(
 
 
 def test_camera_with_a_tf_path_to_map_is_mounted_in_map(tmp_path: Path) -> None:
-    # The world lies 5 m behind odom's origin, as localisation says.
+    # The origin of map lies 5 m behind the origin of odom, by localisation.
     ros = Ros(2)
     entries = pan_tilt(ros)
     for k in range(4):
@@ -173,7 +173,7 @@ def test_transforms_that_are_none_are_left_out() -> None:
     assert (edge.parent, edge.child, edge.stamp_ns) == ("a", "b", 7)
     assert edge.matrix[:3, 3].tolist() == [1, 2, 3]
     (nameless,) = edges_of(tf(ros, 7, ("", "b", (1, 2, 3), NO_TURN)))
-    assert nameless.moving(7, 0).parent  # a name that a key can have
+    assert nameless.moving(7, 0).parent  # a valid part of a key
     far = dataclasses.replace(edge, matrix=2 * edge.matrix)
     with pytest.raises(DecodeError, match="transform: matrix"):
         far.moving(7, 0)

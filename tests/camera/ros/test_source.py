@@ -114,7 +114,7 @@ def test_depth_of_another_camera_is_registered_by_the_bags_own_transforms(tmp_pa
         (topic, 2, ros.image(plane, "16UC1", 10**9, frame=depth_frame)),
     ]
     path = written(tmp_path, entries)
-    # Both cameras happen to have one calibration here, which else is taken as a sign of alignment.
+    # Both cameras have one calibration here, which otherwise is a sign of alignment.
     (capture,) = captures(RosbagSource(path, RosbagOptions(depth_aligned=False)))
     assert capture.depth_mm[0].tolist() == [1000] * 6 + [0] * 2
     (aligned,) = captures(RosbagSource(path, RosbagOptions(depth_aligned=True)))
@@ -208,7 +208,7 @@ def test_cut_and_damaged_bags_end_in_one_sentence(tmp_path: Path, version: int, 
 
 
 def play_or_refuse(path: Path) -> None:
-    """A damaged bag gives frames of the right kind or a SourceError, and nothing else."""
+    """A damaged bag gives valid frames or a SourceError."""
     problem = ""
     try:
         for capture in captures(RosbagSource(path, RosbagOptions())):

@@ -1,4 +1,4 @@
-"""AprilTags in images: poses of cameras in the map, and what cannot be known by them."""
+"""AprilTags in images: poses of cameras in the map, and refusals of ambiguous tags."""
 
 from pathlib import Path
 

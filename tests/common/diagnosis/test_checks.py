@@ -68,7 +68,7 @@ class Heard:
         self.tracks: tuple[Track, ...] = (TRACK,)
 
     def count(self, instance: str, **counts: int) -> None:
-        """Let counters rise by so much while the doctor listens."""
+        """Raise counters by these numbers while the doctor listens."""
         first, last = self.counters[instance]
         for name, count in counts.items():
             last[name] = first.get(name, 0) + count
@@ -156,7 +156,7 @@ DELAYS = {"camera_offset_front_ms": 0.0, "camera_offset_back_ms": 0.0, "camera_d
             "...: 0.9: tracker-1; 1.0: here, router-1, detector-1; an older one: camera-1",
             {"tracker": {"release": "0.9"}, "camera": {"release": ""}},
         ),
-        (  # 200 ms ahead of the reference, sure to 3 ms
+        (  # 200 ms ahead of the reference, with an error of 3 ms
             *("clocks", "problem", "host clocks differ: nuc is 200 ms ahead"),
             {"camera": {"host": "nuc", **gauges(clock_offset_ms=200.0, clock_error_ms=3.0)}},
         ),
@@ -226,7 +226,7 @@ DELAYS = {"camera_offset_front_ms": 0.0, "camera_offset_back_ms": 0.0, "camera_d
             *("depth", "problem", "...all zero in 30 of 30 frames..."),
             {"detector": {"no_depth": 30, "frames": 30}},
         ),
-        (  # a heartbeat between the two counts
+        (  # a heartbeat between both counts
             *("depth", "problem", "...all zero in 30 of 30 frames..."),
             {"detector": {"no_depth": 30, "frames": 29}},
         ),
@@ -265,7 +265,7 @@ def test_fault_is_reported_by_its_check_alone(
         {"camera": gauges(clock_offset_ms=200.0, clock_error_ms=180.0)},  # within the error bound
         {"tracker": gauges(**DELAYS, camera_delay_back_ms=140.0)},
         {"ros2_bridge": gauges(stamps_behind_s=0.2)},
-        {"detector": {"no_depth": 2, "frames": 30}},  # a frame now and then is no fault
+        {"detector": {"no_depth": 2, "frames": 30}},  # an occasional frame is no fault
     ],
 )
 def test_small_values_are_no_fault(heard: Heard, changes: Changes) -> None:
@@ -337,7 +337,7 @@ def test_messages_of_another_version_are_reported(heard: Heard) -> None:
 
 
 def test_clocks_apart_without_a_reference_are_a_problem(heard: Heard) -> None:
-    heard.late_ns = -2 * S  # they arrive two seconds before they were sent
+    heard.late_ns = -2 * S  # the messages arrive two seconds before they were sent
     assert heard.found("clocks").what == "host clocks differ: robot is 2000 ms ahead"
 
 

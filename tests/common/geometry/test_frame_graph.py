@@ -47,8 +47,9 @@ def test_a_frame_in_itself_and_frames_that_are_not_linked() -> None:
 
 
 def test_mocap_that_measured_the_camera_is_found_through_it() -> None:
-    # The camera service tells map <- optical; motion capture measured the camera's body, 2 m along
-    # its own x. In the map the camera is at (1, 0, 1.5), so mocap's origin is at (-1, 0, 1.5).
+    # The camera service publishes map <- optical; motion capture measured the camera's body, 2 m
+    # along its own x. In the map the camera is at (1, 0, 1.5), so the origin of mocap is at (-1, 0,
+    # 1.5).
     frames = graph(
         transform("map", "camera_optical_frame", shift(1.0, 0.0, 1.5) @ LINK_FROM_OPTICAL),
         transform("mocap", "camera_link", shift(2.0)),
@@ -85,7 +86,7 @@ def test_paths_asked_for_in_between_change_nothing() -> None:
             if parent == child:
                 continue
             asked.link(parent, child, np.eye(4))
-            fresh.link(parent, child, np.eye(4))  # asked at the end only
+            fresh.link(parent, child, np.eye(4))  # requested at the end only
             for source in names:
                 asked.path("map", source)
         for target, source in itertools.permutations(names, 2):

@@ -1,4 +1,4 @@
-"""Covariances of odometry, by hand: what a base's motion adds, and what no covariance is."""
+"""Covariances of odometry, worked by hand: added motion, and invalid covariances."""
 
 import math
 

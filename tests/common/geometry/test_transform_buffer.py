@@ -100,7 +100,7 @@ def test_camera_on_a_pan_tilt_head_on_a_driving_base() -> None:
     assert estimate is not None
     point = apply(estimate.matrix, [0.0, 0.0, 2.0])
     assert point == pytest.approx(np.array([0.2 + math.sqrt(2), math.sqrt(2), 1.0]))
-    # A head that tilts down by 30 degrees: 2 m before it is 1 m below it.
+    # A head tilted down by 30 degrees: a point 2 m ahead of it is 1 m below it.
     made.add_transform(head(300, turned(90, 30)))
     made.add_transform(odometry(300, 0.4))
     estimate = made.lookup("odom", CAMERA, 300_000_000)

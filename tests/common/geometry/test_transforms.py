@@ -54,7 +54,7 @@ def test_distortion_by_hand() -> None:
 
 @pytest.mark.parametrize("lens", LENSES)
 def test_deproject_undoes_project_over_the_full_image(lens: str) -> None:
-    # OpenCV's usual five iterations left 0.07 px at the corner of the wide lens.
+    # OpenCV's usual five iterations leave 0.07 px at the corner of the wide lens.
     model, coefficients = LENSES[lens]
     info = msgspec.structs.replace(
         INFO, fx=520.0, fy=520.0, distortion_model=model, distortion=coefficients
@@ -111,7 +111,7 @@ def test_wrap_adds_full_turns(angle: float) -> None:
 
 
 def test_wrap_just_beyond_pi_stays_inside_the_interval() -> None:
-    # The remainder of -4e-16 by 2 pi rounded up to 2 pi, and wrap gave -pi, which is outside.
+    # The remainder of -4e-16 by 2 pi rounds up to 2 pi, which must not give -pi: that is outside.
     assert -math.pi < wrap(math.nextafter(math.pi, 4.0)) <= math.pi
 
 

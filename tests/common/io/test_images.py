@@ -1,4 +1,4 @@
-"""JPEG and PNG of frames: exact depth, close colour, and files that are not what they should be."""
+"""JPEG and PNG of frames: exact depth, close colour, and invalid files."""
 
 import struct
 import zlib
@@ -43,7 +43,7 @@ def pair(rgb_jpeg: bytes, depth_png: bytes) -> CompressedRgbdFrame:
 
 
 def test_depth_without_noise_is_smaller_as_differences_and_as_exact() -> None:
-    # A slope: each row differs from the one above by 10 mm, a ramp of its own by nothing.
+    # A slope: each row is 10 mm farther than the row above.
     slope = (1000 + 10 * np.arange(48)[:, None] + np.arange(64) ** 2 % 97).astype(np.uint16)
     plain, smooth = encode_png16(slope), encode_png16(slope, smooth=True)
     assert len(smooth) < 0.7 * len(plain)

@@ -112,7 +112,7 @@ def test_what_is_no_archive_is_refused(data: bytes, tmp_path: Path) -> None:
 
 
 def test_more_packed_bytes_than_there_are_are_not_asked_for(tmp_path: Path) -> None:
-    # Found by fuzzing: the size of what is packed was allocated before it was read.
+    # An array must be read before memory of its declared size is allocated.
     path = npz(tmp_path / "a.npz", header((1,)) + bytes(8), zipfile.ZIP_STORED)
     size = struct.pack("<I", len(header((1,))) + 8)
     data = path.read_bytes()

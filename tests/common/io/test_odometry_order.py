@@ -44,7 +44,8 @@ def test_without_odometry_nothing_is_held() -> None:
 
 
 def test_when_odometry_ends_frames_go_on_after_half_a_second() -> None:
-    # Frames every 100 ms after the only odometry at 0: up to 400 ms each may yet have odometry.
+    # Frames come every 100 ms after the only odometry at 0; up to 400 ms a frame may still get
+    # odometry.
     waiting = order(odometry(0), *(Frame(ms(t)) for t in range(100, 800, 100)), odometry(900))
     assert waiting == ["odometry 0", *(f"shot {t}" for t in range(100, 800, 100)), "odometry 900"]
     items: list[Odometry | Frame] = [odometry(0), *(Frame(ms(t)) for t in (100, 400, 500))]

@@ -1,4 +1,4 @@
-"""Recordings: what is written is read, in order, whatever became of the file."""
+"""Recordings: messages are read as written and in order, also from damaged files."""
 
 import struct
 from collections.abc import Callable
@@ -52,7 +52,7 @@ def write_mcap(
     profile: str = "people4d",
     compression: CompressionType = CompressionType.NONE,
 ) -> Path:
-    """A file in the form of other MCAP tools: in chunks."""
+    """A chunked file, the form of other MCAP tools."""
     with path.open("wb") as file:
         writer = Writer(file, compression=compression, chunk_size=200)
         writer.start(profile, "another tool")
@@ -174,7 +174,7 @@ def test_a_file_with_chunks_is_read(tmp_path: Path) -> None:
 def test_every_cut_is_readable_up_to_the_cut(tmp_path: Path) -> None:
     path = write(tmp_path / "x.mcap", *((k * S, odometry(k)) for k in range(5)))
     data = path.read_bytes()
-    size = len(encode(odometry(3)))  # of the fourth message, whose bytes lie between 3 and 4
+    size = len(encode(odometry(3)))  # the fourth message, whose bytes lie between 3 and 4
     counts = []
     for length in range(len(data)):
         path.write_bytes(data[:length])
@@ -182,7 +182,7 @@ def test_every_cut_is_readable_up_to_the_cut(tmp_path: Path) -> None:
             counts.append(len(seconds(path)))
         except SourceError:
             counts.append(-1)  # cut inside magic or header: nothing to read
-    assert counts == sorted(counts)  # more of the file never means fewer messages
+    assert counts == sorted(counts)  # a longer part of the file holds at least as many messages
     assert set(counts) == {-1, 0, 1, 2, 3, 4, 5}
     assert counts.count(3) == size + 9 + 22  # record header 9 bytes, message header 22
 
@@ -215,7 +215,7 @@ def test_messages_that_do_not_decode_are_counted(tmp_path: Path) -> None:
     payloads = [encode(odometry(0)), b"junk", b"", encode(transform()), encode(odometry(4))]
     recording = open_recording(write_mcap(tmp_path / "x.mcap", payloads))
     assert [t // S for t, _ in recording.messages(Odometry)] == [0, 4]
-    assert recording.bad_messages == 3  # a transform does not belong on this topic either
+    assert recording.bad_messages == 3  # a transform does not belong on this topic
 
 
 def test_a_huge_message_is_skipped_unread(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""ROS bags that are not trusted: they cost no more than a bag does, and bring no code."""
+"""Untrusted ROS bags: bounded cost, no code from the file."""
 
 import bz2
 import sqlite3
@@ -242,7 +242,7 @@ def test_yaml_says_no_more_than_it_holds(data: str, message: str, tmp_path: Path
 
 
 def test_no_code_is_made_from_the_definitions_of_a_bag(tmp_path: Path) -> None:
-    # An array of what has no bytes: two numbers on disk, and four billion objects in memory.
+    # An array of an empty type: two numbers on disk, and four billion objects in memory.
     path = write1(tmp_path / "a.bag")
     data = path.read_bytes()
     assert b"string data" in data

@@ -1,4 +1,4 @@
-"""Files of bags in odd places, and what recorders that were killed leave."""
+"""Files of bags in odd places, and files left by killed recorders."""
 
 import shlex
 import shutil
@@ -79,7 +79,7 @@ def test_journal_of_a_killed_recorder_is_refused(tmp_path: Path) -> None:
     ros = Ros(2)
     database = ros.write(tmp_path / "bag", frames(ros)) / "bag.db3"
     journal = database.with_name("bag.db3-journal")
-    journal.write_bytes(bytes(512))  # an ended one in journal_mode=PERSIST
+    journal.write_bytes(bytes(512))  # a completed one in journal_mode=PERSIST
     assert images(database) == 3
     journal.write_bytes(b"\xd9\xd5\x05\xf9\x20\xa1\x63\xd7" + bytes(504))
     with pytest.raises(SourceError, match=r"bag.db3-journal holds messages"):

@@ -1,4 +1,4 @@
-"""Ask TrackEval and motmetrics for the figures that test_parity.py compares with.
+"""Compute the figures of test_parity.py by TrackEval and motmetrics.
 
 They are no dependency of this project: they bring pandas and matplotlib, and motmetrics warns of
 what NumPy removed. In an environment of their own, from the root of the repository:

@@ -69,10 +69,10 @@ def test_out_of_view_is_no_miss() -> None:
 
 
 def test_a_pair_persists_though_another_track_is_nearer() -> None:
-    # Track 2 at 0.1 m is nearer than track 1 at 0.3 m, which had A in the frame before.
+    # Track 2 at 0.1 m is nearer than track 1 at 0.3 m, but track 1 had A in the previous frame.
     both = ({"A": 0}, {1: 0.3, 2: 0.1})
     assert count(sequence(({"A": 0}, {1: 0}), both)).id_switches == 0
-    # Without a pair to keep the nearer one wins; its similarity is 1 - 0.1 / 1.
+    # Without an earlier pair the nearer track matches; its similarity is 1 - 0.1 / 1.
     assert count(sequence(both)).motp == pytest.approx(0.9)
 
 

@@ -72,7 +72,7 @@ def test_a_return_under_another_track_or_none() -> None:
 
 
 def test_the_track_of_most_frames_of_the_visit_counts() -> None:
-    # Back under 2 for one frame, then known again as 1: re-identified, with one switch each way.
+    # Back under 2 for one frame, then re-identified as 1, with one switch each way.
     recording = sequence(
         ({"A": 0}, {1: 0}), *[GONE] * 4, ({"A": 0}, {2: 0}), *[({"A": 0}, {1: 0})] * 2
     )
@@ -81,7 +81,7 @@ def test_the_track_of_most_frames_of_the_visit_counts() -> None:
 
 
 def test_each_visit_counts_as_a_return_of_its_own() -> None:
-    # 1, away, 2, away, 2: the first return fails, the second is known.
+    # 1, away, 2, away, 2: the first return fails, the second is re-identified.
     recording = sequence(
         ({"A": 0}, {1: 0}), *[GONE] * 4, ({"A": 0}, {2: 0}), *[GONE] * 4, ({"A": 0}, {2: 0})
     )

@@ -81,9 +81,9 @@ def test_motmetrics_identity(name: str, matching: Matching) -> None:
 
 
 def test_motmetrics_clear(name: str, matching: Matching) -> None:
-    # motmetrics keeps a person's last track for ever, also after frames without a match and though
-    # the track has been another person's since; TrackEval, and we, keep pairs of the previous frame
-    # only. Given its pairs we count what it counts.
+    # motmetrics keeps the last track of a person forever, even if the track has been another
+    # person's since. TrackEval and this project keep pairs of the previous frame only. Given the
+    # pairs of motmetrics, the counts are equal.
     matching = persistent(matching)
     counts, theirs = count_clear(matching), REFERENCE[name]["motmetrics"]
     assert counts.matches == theirs["num_detections"]

@@ -1,4 +1,4 @@
-"""Clients of ROS 2 topics that others wrote: zenoh-ros2-sdk, pamoja-ros2 and Zenoh itself."""
+"""Third-party clients of ROS 2 topics: zenoh-ros2-sdk, pamoja-ros2 and Zenoh itself."""
 
 import threading
 import time
@@ -46,7 +46,7 @@ def inside(kind: str) -> list[str]:
 def _type_name(kind: str, node: Nodetype, detail: Any) -> str:
     if node is not Nodetype.NAME:
         return str(detail[0])
-    # As the authors write them; the SDK reads no array of a name with slashes.
+    # Types in the authors' form; the SDK reads no array of a name with slashes.
     package, _, short = str(detail).split("/")
     return short if kind.startswith(f"{package}/") else f"{package}/{short}"
 
@@ -111,7 +111,7 @@ class Received:
 
 
 def until(condition: Callable[[], object], do: Callable[[], object] = lambda: None) -> None:
-    """Wait for a condition, and do something again and again meanwhile."""
+    """Wait for a condition, and repeat an action meanwhile."""
     end, waiting = time.monotonic() + WAIT_S, threading.Event()
     while not condition():
         assert time.monotonic() < end, "it never happened"

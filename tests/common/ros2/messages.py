@@ -46,7 +46,7 @@ def _value(node: Nodetype, detail: Any, numbers: random.Random) -> Any:
     if kind.startswith("float"):
         number = numbers.uniform(-1e3, 1e3)
         return float(np.float32(number)) if kind == "float32" else number
-    if kind == "byte":  # rosbags takes it as signed, the IDL of ROS as unsigned
+    if kind == "byte":  # rosbags reads it as signed, the IDL of ROS as unsigned
         return numbers.randint(0, 127)
     limits = np.iinfo(np.uint8 if kind == "char" else kind)
     return numbers.randint(int(limits.min), int(limits.max))

@@ -32,7 +32,7 @@ from tests.common.ros2.messages import filled, plain
 
 pytestmark = [pytest.mark.network, pytest.mark.slow]
 
-DOMAIN = 1 + os.getpid() % 90  # not one of a ROS 2 system on this machine, most likely
+DOMAIN = 1 + os.getpid() % 90  # domain most likely unused by ROS 2 systems on this machine
 NAMESPACE = f"/t{os.getpid()}"
 RELIABLE = Qos(
     Policy.Reliability.Reliable(duration(seconds=1)),

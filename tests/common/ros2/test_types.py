@@ -7,7 +7,7 @@ from common.ros2 import types
 from people4d.codec import MAX_BYTES
 from people4d.errors import ConfigError, DecodeError
 
-# As ROS 2 Jazzy gives them.
+# Hashes of ROS 2 Jazzy.
 HASHES = {
     "std_msgs/msg/String": "df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
     "geometry_msgs/msg/Twist": "9c45bf16fe0983d80e3cfe750d6835843d265a9a6c46bd2e609fcddde6fb8d2a",

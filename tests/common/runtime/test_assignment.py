@@ -84,7 +84,7 @@ def test_invented_replicas_leave_a_third_of_the_frames_and_are_excluded_in_turn(
         if one.is_ours(frame(number), now_s):
             ours.append(number)
         one.reassign(now_s)
-    # Of three in turns one is real; all 15 are tried within 15 / 2 * 3 s and a frame each.
+    # One of three replicas in turns is real; all 15 are tried within 15 / 2 * 3 s and a frame each.
     assert max(b - a for a, b in itertools.pairwise(ours)) <= 1 + TRIED_MAX
     assert ours[-200:] == list(range(400, 600))
 
@@ -274,17 +274,17 @@ def test_frames_of_a_silent_replica_are_taken_over_after_its_timeout() -> None:
 
 def test_of_frames_that_may_be_skipped_only_the_newest_is_taken_over() -> None:
     taken = []
-    for frames in (6, 7):  # of two in turns, the last frame is once ours, once the other's
+    for frames in (6, 7):  # Two replicas take turns, so the last frame is ours in one case only
         one = assignment("a", "b")
         (mine,) = divide([one], range(frames))
         taken.append(numbers(one.remove_replica("b", 1.0)))
-        # A frame older than our own last is useless: the tracker has gone past it.
+        # A frame older than our last frame is useless: the tracker has passed it.
         assert taken[-1] == ([] if mine[-1] == frames - 1 else [frames - 1])
     assert sorted(map(len, taken)) == [0, 1]
 
 
 def test_replica_that_joins_leaves_earlier_frames_to_the_others() -> None:
-    # The new one has never received them.
+    # The new replica has never received these frames.
     one = assignment("a")
     (mine,) = divide([one], range(4), lockstep=True)
     assert mine == [0, 1, 2, 3]

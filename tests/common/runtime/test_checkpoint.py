@@ -45,7 +45,7 @@ class Numbering(Echo, StatefulNode):
 
 
 class Process:
-    """A process that runs a node as the loop does."""
+    """A process that runs a node like the loop of a service."""
 
     def __init__(self, folder: Path, instance: str = "tracker-1") -> None:
         self.node, self.activity = Numbering(), Activity()
@@ -57,7 +57,7 @@ class Process:
 
 
 def test_number_is_saved_as_soon_as_a_message_is_handled(tmp_path: Path) -> None:
-    # Nothing is closed: the first process was killed right after handle returned.
+    # No cleanup runs: the first process is killed right after handle returned.
     Process(tmp_path / "made").handle(0)
     again = Process(tmp_path / "made").node
     assert (again.next, again.saved) == (2, b"")
@@ -126,7 +126,7 @@ def test_process_killed_while_it_writes_leaves_the_earlier_state(tmp_path: Path,
     for state in (b"first, which is long", b"second", b"third"):
         store.write_state(state)
     assert CheckpointStore(tmp_path, "tracker-1").read().state == b"third"
-    # The third checkpoint replaces the first: only its beginning was written.
+    # The third checkpoint replaces the first; only its beginning was written.
     file = tmp_path / "tracker-1.state1.checkpoint"
     content = file.read_bytes()
     file.write_bytes(content[:cut] + b"\0" * (len(content) - cut))

@@ -54,7 +54,7 @@ def test_newest_frame_of_each_camera_waits() -> None:
 
 
 def test_lockstep_frames_are_not_dropped() -> None:
-    # At most two frames are unanswered, and both find room.
+    # At most two frames are unanswered, and the queue has room for both.
     inbox = Inbox()
     for sequence in (1, 2):
         put(inbox, FRAMES, sequence, lockstep=True)
@@ -103,7 +103,7 @@ def test_messages_of_a_key_stay_in_order_while_the_wall_clock_is_set_back(
 
 
 def calls_of(work: Callable[[], object]) -> int:
-    """Count the calls of functions, a measure of cost that no busy machine changes."""
+    """Count function calls, a measure of cost independent of the machine's load."""
     count = 0
 
     def note(*_: object) -> None:
@@ -144,7 +144,8 @@ def test_tickets_count_what_was_taken_out() -> None:
 
 
 def test_gaps_are_counted_by_sequence() -> None:
-    # 4 -> 7 lost 5 and 6; a repeated 7 lost none; 7 -> 0 is a restarted camera; 0 -> 2 lost 1.
+    # From 4 to 7, messages 5 and 6 are lost; a repeated 7 loses none; from 7 to 0 the camera was
+    # restarted; from 0 to 2, message 1 is lost.
     inbox = Inbox()
     for sequence in (4, 7, 7, 0, 2):
         put(inbox, FRAMES, sequence)
@@ -169,7 +170,7 @@ def test_gaps_of_tracks_are_counted_by_camera() -> None:
 
 
 def test_counters_of_the_largest_gaps_can_be_encoded() -> None:
-    # Counters of 64 bits once overflowed after two such messages, which silenced the heartbeat.
+    # Counters of 64 bits must not overflow after two such messages and silence the heartbeat.
     inbox = Inbox()
     for sequence in (0, 2**53 - 1) * 100:
         put(inbox, FRAMES, sequence)

@@ -1,4 +1,4 @@
-"""Services that share a process: joined in memory, seen from outside as if apart."""
+"""Services that share a process: messages in memory, the same behaviour seen from outside."""
 
 import contextlib
 import threading
@@ -175,7 +175,7 @@ def test_a_latched_message_comes_once_to_a_service_beside_it(network: Network) -
     bus.publish(info)
     bus.publish(detections(1))  # another topic, so it may overtake earlier messages
     outside = Watcher(network.open(bus.robot), type(info))
-    outside.wait(type(info))  # a late joiner of another process has it, too
+    outside.wait(type(info))  # a late joiner in another process gets the message, too
     loop.stop()
     thread.join(WAIT_S)
     bus.close()
@@ -268,7 +268,7 @@ def test_services_are_named_one_by_one() -> None:
 def test_only_apart_an_output_goes_out_before_the_rest_of_the_answer(
     network: Network, exchange: Exchange | None
 ) -> None:
-    # In one process its receiver and the sender would contend for the interpreter.
+    # In one process receiver and sender would compete for the interpreter.
     found: list[bool] = []
 
     class Attached(Source):

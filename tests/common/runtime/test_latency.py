@@ -98,7 +98,7 @@ times = st.integers(-(10**12), 10**12)
     offset_ns=st.integers(-(10**9), 10**9),
 )
 def test_segments_add_up_to_the_end_to_end_latency(spans: list[Span], offset_ns: int) -> None:
-    """No time is lost or counted twice, even if clocks go backwards."""
+    """No time is lost or counted twice, even if clocks jump back."""
     for clocks in ({}, {"x": HostOffset(offset_ns, 1.0), "y": HostOffset(0.0, 1.0)}):
         path, total = segments(spans, clocks), end_to_end(spans, clocks)
         assert total is not None

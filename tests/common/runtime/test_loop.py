@@ -120,7 +120,7 @@ def test_an_error_in_the_node_is_counted_and_holds_up_nothing(
 def test_an_error_in_every_message_degrades_the_process_and_is_logged_once(
     network: Network, caplog: pytest.LogCaptureFixture
 ) -> None:
-    # A detector that failed on every frame was called ready.
+    # A detector that fails on every frame must not be ready.
     with running(network, Echo()) as run:
         run.send(*(detections(sequence, "bad") for sequence in range(12)))
         health = run.watcher.wait_for_counters(errors=12)

@@ -11,7 +11,7 @@ from tests.services import SERVICES, node_of
 
 @pytest.mark.parametrize("service", [*SERVICES, "watchdog"])
 def test_node_has_no_public_name_that_its_base_class_lacks(service: str, tmp_path: Path) -> None:
-    # A misspelt hook would silently never be called.
+    # A misspelt hook would never be called, without an error.
     kind: type[Node] = WatchdogNode
     if service != "watchdog":
         node = node_of(service, tmp_path)

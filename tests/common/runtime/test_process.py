@@ -1,4 +1,4 @@
-"""Flags of every service, and what happens once it has loaded."""
+"""Flags of every service, and its behaviour after loading."""
 
 import gc
 import os

@@ -1,4 +1,4 @@
-"""Turnstile between two threads: no frame is taken that a newer one may still replace."""
+"""Turnstile between two threads: a frame is not taken while a newer one may replace it."""
 
 import threading
 from collections.abc import Sequence
@@ -50,7 +50,7 @@ def test_frames_wait_in_the_inbox_while_the_heavy_part_runs(network: Network) ->
         run.send(*(frame(k, lockstep=False) for k in (2, 3, 4)))
         run.watcher.wait_for_counters(received_frames=4, dropped_frames=2)
         assert node.handled == [1]
-        # The other thread begins with the newest while the first is still at its light part.
+        # The second thread begins with the newest frame during the light part of the first.
         node.begun.clear()
         node.heavy_done.set()
         assert node.begun.wait(WAIT_S)

@@ -34,18 +34,18 @@ def test_four_stamps_by_hand() -> None:
     exchange = TimeExchange(1000 * MS, 904 * MS, 905 * MS, 1007 * MS)
     # ((1000 - 904) + (1007 - 905)) / 2 = (96 + 102) / 2 = 99 ms; (7 - 1) / 2 = 3 ms
     assert (exchange.offset_ns, exchange.error_ns) == (99 * MS, 3 * MS)
-    # A second later, and in the 1 ms between, the clocks may have parted by 100.1 us; stamps are
-    # in nanoseconds.
+    # After 1 s, and the 1 ms between, the clocks may differ by another 100.1 us; stamps are in
+    # nanoseconds.
     assert exchange.at(2007 * MS).error_ns == 3 * MS + DRIFT * 1001 * MS + 1 == 3_100_101
 
 
 def test_quickest_reply_gives_the_offset_until_it_is_old() -> None:
     clock_filter = ClockFilter()
     assert clock_filter.offset(0) is None
-    clock_filter.add_exchange(TimeExchange(0, 0, 0, 2 * MS))  # 1 ms, give or take 1 ms
+    clock_filter.add_exchange(TimeExchange(0, 0, 0, 2 * MS))  # 1 ms with an error of 1 ms
     clock_filter.add_exchange(
         TimeExchange(1 * S, 1 * S, 1 * S, 1 * S + 4 * MS)
-    )  # 2 ms, give or take 2 ms
+    )  # 2 ms with an error of 2 ms
     now = clock_filter.offset(2 * S)  # 1 ms + 200 us, or 2 ms + 100 us
     assert now is not None
     assert now.offset_ns == 1 * MS

@@ -1,4 +1,4 @@
-"""Messages handed over inside a process are what a receiver would decode."""
+"""Messages handed over inside a process equal decoded messages."""
 
 from typing import Any
 
@@ -17,7 +17,7 @@ FRAME = BY_NAME["RgbdFrame"]
 
 
 def differences(one: Any, other: Any, path: str) -> list[str]:
-    """Return where two values differ, in type, in what they hold or in what may be written."""
+    """Return the paths at which two values differ in type, content or writability."""
     if type(one) is not type(other):
         return [f"{path}: {type(one).__name__} and {type(other).__name__}"]
     if isinstance(one, msgspec.Struct):

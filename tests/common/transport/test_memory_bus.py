@@ -66,7 +66,7 @@ def test_time_passes_only_in_advance() -> None:
 
 
 def test_messages_pass_the_codec() -> None:
-    # A node gets read-only arrays of its own, as it would from another process.
+    # A node gets its own read-only arrays, as from another process.
     received: list[Message] = []
     message = detections(1)
     MemoryBus([Echo(received.append)]).publish(message)

@@ -38,7 +38,7 @@ def owners_of(**tokens: str) -> KeyOwners:
 
 
 def read(owners: KeyOwners, session: str, message: Message) -> str:
-    """Return what becomes of a message: "read", "refused" or "skipped"."""
+    """Return the fate of a message: "read", "refused" or "skipped"."""
     payloads = owners.receive(KEY, session, encode(message))
     if not payloads:
         return "skipped"
@@ -122,7 +122,7 @@ def test_invented_keys_are_forgotten() -> None:
 
 
 class Reader:
-    """Values of a field of the messages that one session reads."""
+    """Values of a field in the messages that one session reads."""
 
     def __init__(self, bus: ZenohBus, kind: type[Message], value: Callable[[Any], float]) -> None:
         self.queue, self._value = MessageQueue(), value
@@ -135,7 +135,7 @@ class Reader:
         return self._value(arrival.message)
 
     def wait_for_refusal(self, topic: str, forge: Callable[[], None]) -> None:
-        """Forge again and again until it is refused."""
+        """Forge repeatedly until the message is refused."""
         for _ in range(int(WAIT_S / 0.05)):
             forge()
             if self.queue.counters[f"foreign_{topic}"]:
@@ -164,7 +164,7 @@ def test_forged_calibration_is_refused_until_its_camera_ends(network: Network, m
     restarted = announced(network, robot, "camera")
     restarted.publish(camera_info(fx=601.0))
     values = [400.0]
-    while values[-1] == 400.0:  # read between the two cameras, if at all
+    while values[-1] == 400.0:  # read between the two cameras, or not at all
         values.append(reader.wait())
     assert values[-1] == 601.0
     reader.wait_for_refusal("camera_info", lambda: other.publish(camera_info(fx=400.0)))

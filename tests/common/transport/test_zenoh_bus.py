@@ -28,7 +28,7 @@ def numbered(name: str, sequence: int) -> Message:
 
 
 def publish_until(arrived: threading.Event, bus: ZenohBus, message: Message) -> float:
-    """Publish a message again and again until it arrived; return how long that took [s]."""
+    """Publish a message repeatedly until it arrives; return the time that this took [s]."""
     start = time.monotonic()
     while not arrived.wait(0.05):
         assert time.monotonic() - start < WAIT_S, "it never arrived"
@@ -70,7 +70,7 @@ def test_a_late_subscriber_gets_the_last_of_each_key(network: Network, mode: str
 
 
 def test_late_publisher_is_received_at_once(network: Network) -> None:
-    # Its session is not linked yet when it publishes; the message must not be lost for that.
+    # Its session is not linked yet when it publishes; the message must still arrive.
     robot = network.robot()
     watcher = Watcher(network.open(robot, "peer"), CameraInfo)
     network.open(robot, "peer").publish(EXAMPLES["CameraInfo"])
@@ -84,7 +84,7 @@ def test_busy_subscriber_gets_the_newest_frames(network: Network) -> None:
     publish_until(arrival(detector, "odometry"), camera, EXAMPLES["Odometry"])
     for sequence in range(20):
         camera.publish(numbered("RgbdFrame", sequence))
-    # It is the last message on the same link, so the frames have arrived.
+    # This message is the last one on the same link, so the frames have arrived.
     camera.publish(EXAMPLES["Truth"])
     marks.wait(Truth)
     waiting = iter(frames)
@@ -173,7 +173,7 @@ def test_an_instance_is_announced_until_its_session_ends(network: Network) -> No
         _subscriber = session.liveliness().declare_subscriber(
             f"people4d/v1/{robot}/alive/**",
             lambda sample: (joined if sample.kind == zenoh.SampleKind.PUT else left).set(),
-            history=True,  # the token may be there before the subscription is
+            history=True,  # the token may exist before the subscription
         )
         bus.announce("detector", "detector-1")
         assert joined.wait(WAIT_S)
@@ -222,7 +222,7 @@ def test_the_environment_wins_over_the_file() -> None:
     router = read_config(None, "router", both)
     assert endpoints(router, "listen") == ["tcp/0.0.0.0:3"]
     assert "tcp/10.0.0.1:1" not in str(router.get_json("connect/endpoints"))
-    # A client on the router's host once tried to take its port.
+    # A client on the router's host must not take the router's port.
     client = read_config(None, "client", both)
     assert "tcp/0.0.0.0:3" not in str(client.get_json("listen/endpoints"))
 

@@ -1,4 +1,4 @@
-"""Chromium for tests of the page, and what they read from it."""
+"""Chromium for tests of the page, and readings from the page."""
 
 import os
 import shutil
@@ -20,7 +20,7 @@ MARKS = [
 ]
 REQUIRE = "PEOPLE4D_REQUIRE_CHROMIUM"  # set where a missing Chromium must fail the tests
 WAIT_S = 100.0
-# All is drawn by the processor, 3D by SwiftShader; root can have no sandbox. No name is looked up.
+# The processor draws everything, 3D by SwiftShader; root has no sandbox. No name is looked up.
 FLAGS = (
     "--no-sandbox",
     "--disable-gpu",
@@ -79,7 +79,7 @@ def click(page: Page, canvas: str, at_px: tuple[float, float]) -> None:
 
 
 def pixels(page: Page, part: str) -> U8:
-    """Return the pixels of a part of the page as it is shown (HxWx3, blue first)."""
+    """Return the pixels of a part of the page on the screen (HxWx3, blue first)."""
     box = page.locator(part).bounding_box()
     assert box is not None
     data = np.frombuffer(page.screenshot(clip=box), np.uint8)

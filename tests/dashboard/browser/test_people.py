@@ -30,7 +30,7 @@ MARGIN_PX = 12  # between boxes that do not touch
 WHITE, INK = (255, 255, 255), (24, 32, 42)
 
 
-# Live scenes that are still on their way are newer than the pause; the answer to it is not.
+# Live scenes in transit are newer than the pause; the answer to the pause is not.
 PAUSED = """async () => {
   const { on, store } = await import("/js/store.js");
   const atMs = store.atMs;

@@ -61,7 +61,7 @@ def test_a_person_who_returns_later_is_covered_anew() -> None:
     for k in (0, 1, 40, 41):
         detected[k] = [at(100), at(300)]
     counts = [len(r) for r in cover_frames(detected, times_s)]
-    assert counts[20] == 0  # more than two seconds: not the same stay
+    assert counts[20] == 0  # more than two seconds: another stay
     assert counts[0] == counts[40] == 2
     assert counts[3] == counts[38] == 2
 

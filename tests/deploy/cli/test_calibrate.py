@@ -183,7 +183,7 @@ def test_live_walk_that_shows_nothing_ends_after_its_time() -> None:
 def test_progress_shows_where_each_camera_found_people() -> None:
     session = CalibrationSession(set(), "", 1.0)
     assert session.summary() == "no camera yet"
-    # The camera stands at (-3, -3) and looks at the middle; the person stays left of that and far.
+    # The camera stands at (-3, -3) and looks at the middle; the person stays far away, to its left.
     for arrival in arrivals(square("a"), [lambda _: (-0.6, 0.9)]):
         session.add(arrival.message, arrival.received_ns)
     assert "a 200 of 200  #.. ... ..." in session.summary()

@@ -63,7 +63,7 @@ def test_rows_match_hand_worked_values(tmp_path: Path) -> None:
 
 def test_truth_at_the_stamps_of_the_tracks(tmp_path: Path) -> None:
     run(example(tmp_path), tmp_path / "x.csv", "--at-tracks")
-    anna, seven = rows_of(tmp_path / "x.csv")  # ben is not there at 1020 ms, so not known between
+    anna, seven = rows_of(tmp_path / "x.csv")  # ben is absent at 1020 ms, so unknown between
     assert (anna["kind"], anna["stamp_ns"]) == ("truth", seven["stamp_ns"])
     assert float(anna["x_m"]) == 1.25  # half-way from 1.0 to 1.5
 

@@ -76,7 +76,7 @@ def test_late_joiner_gets_the_totals(network: Network) -> None:
     robot, done = network.robot(), threading.Event()
     bus = network.open(robot)
 
-    def publish() -> None:  # as the bridge does, one message for each frame
+    def publish() -> None:  # one message for each frame, as from the bridge
         while not done.wait(0.05):
             bus.publish(FULL)
 

@@ -91,7 +91,7 @@ def test_health_is_shown_beside_the_stages() -> None:
     assert detector.ages_ms == {"frames": 12}
     assert detector.losses == {"dropped_frames": 10}  # left_frames are a replica's
     assert (detector.cpu_percent, detector.memory_mb) == (83, 128)
-    assert list(processes)[:2] == ["camera-1", "detector-1"]  # in the order of the path
+    assert list(processes)[:2] == ["camera-1", "detector-1"]  # processes in processing order
     assert (processes["reid-1"].state, processes["reid-1"].stages) == ("degraded", [])
 
 

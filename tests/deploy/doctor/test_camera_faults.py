@@ -1,4 +1,4 @@
-"""Cameras of a tracker that are dead, covered and knocked: ps and doctor name them."""
+"""Cameras of a tracker that are dead, covered or displaced: ps and doctor name them."""
 
 import threading
 

@@ -65,7 +65,7 @@ class Filming(Node):
 
 
 class SlowModel(FixedModel):
-    """Takes as long as five frames."""
+    """A model that takes as long as five frames."""
 
     def detect(self, rgb: U8) -> list[DetectedPerson]:
         threading.Event().wait(5 * PERIOD_NS / 1e9)
@@ -108,7 +108,7 @@ class System:
             thread.start()
 
     def examine(self, check: str, robot: str = "") -> Diagnostic:
-        """Listen until a check says something but good; it takes a moment to start."""
+        """Listen until a check is not ok; it takes a moment to start."""
         with Client(self.network.endpoint, robot or self.robot, WAIT_S) as client:
             for _ in range(int(WAIT_S / LISTEN_S)):
                 diagnostics = examine(listen(client, LISTEN_S))
@@ -143,9 +143,9 @@ def test_good_system_wrong_robot_and_other_release(network: Network) -> None:
                     break
         assert {f.level for f in diagnostics} == {"ok"}, diagnostics
         assert "of up to 1 people" in next(f.what for f in diagnostics if f.check == "output")
-        # Asked under another name, the doctor knows the right one.
+        # Asked for another name, the doctor names the running robot.
         assert system.examine("robot", "other").hint == f"Add --robot {system.robot}."
-        # Detections of another release: their topic has no owner, whose messages alone are read.
+        # Detections of another release have a topic without an owner, so they are read.
         good = BY_NAME["Detections"]
         version = bytes([Detections.VERSION])
         other = encode(good).replace(b"\xa7version" + version, b"\xa7version\x7f")
@@ -188,7 +188,7 @@ def test_good_system_wrong_robot_and_other_release(network: Network) -> None:
 def test_each_fault_at_the_detector_is_found(
     network: Network, check: str, camera: Filming, model: FixedModel | None, says: str
 ) -> None:
-    nodes = ("camera-1", replace(camera)), ("detector-1", detector(model))  # a camera of each try
+    nodes = ("camera-1", replace(camera)), ("detector-1", detector(model))  # one camera an attempt
     with running(network, *nodes) as system:
         assert says in system.examine(check).what
 

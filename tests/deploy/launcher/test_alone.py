@@ -62,7 +62,7 @@ def service(name: str, environment: Mapping[str, str], *arguments: str) -> Itera
 
 @contextmanager
 def ending(process: subprocess.Popen[Any]) -> Iterator[None]:
-    """Kill a process that has not ended after the block: leaving its own waits for it."""
+    """Kill a process that has not ended: leaving its own context waits for it."""
     try:
         yield
     finally:
@@ -70,7 +70,7 @@ def ending(process: subprocess.Popen[Any]) -> Iterator[None]:
 
 
 def people4d(environment: Mapping[str, str], *arguments: str) -> str:
-    """Run a command in this process, which spares the start of another."""
+    """Run a command in this process, without the start of another one."""
     result = CliRunner().invoke(app, arguments, env=environment)
     assert result.exit_code == 0, result.stderr
     return result.stdout
@@ -119,7 +119,7 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_detector_and_tracker_run_alone(
     demo: Path, tmp_path: Path, environment: Mapping[str, str]
 ) -> None:
-    # A service ends before the recording does, and handles what it has received.
+    # A service ends before the recording, and handles the received messages.
     detected, tracked = (tmp_path / f"{name}.mcap" for name in ("seen", "tracked"))
 
     with ExitStack() as stack:
@@ -149,7 +149,7 @@ def test_camera_runs_alone(demo: Path, tmp_path: Path, environment: Mapping[str,
     played = tmp_path / "played.mcap"
     with ExitStack() as stack:
         stack.enter_context(recording(played, "frames", environment))
-        # Slowly: on a busy machine the recorder, like any reader, misses frames.
+        # At a low rate: on a busy machine the recorder misses frames, like any reader.
         settings = ("--set", f'source="{demo}"', "--set", "speed=0.3")
         camera = [*PEOPLE4D, "run", "camera", *settings]
         subprocess.run(camera, env=environment, timeout=TIMEOUT_S, check=True)

@@ -62,7 +62,7 @@ def wait_for(condition: Callable[[], bool]) -> None:
 
 
 def is_gone(process: psutil.Process) -> bool:
-    # A zombie has ended; it only waits for its parent, which may be this test.
+    # A zombie has ended; only its parent, possibly this test, has not read its exit status.
     return not process.is_running() or process.status() == psutil.STATUS_ZOMBIE
 
 
@@ -77,14 +77,14 @@ def test_services_start_in_order_restart_and_stop(state: State) -> None:
     with pytest.raises(People4dError, match=r"runs already.*people4d down"):
         launcher(state, TOY).start("robot", "", TIMEOUT_S)
 
-    # RUNNING first: supervisord backs off from what ends within its first second.
+    # RUNNING first: supervisord restarts a process that ends within its first second.
     wait_for(lambda: toy.processes()["first-1"].state == "RUNNING")
     killed = toy.processes()["first-1"].pid
     assert psutil.Process(killed).environ()["PEOPLE4D_INSTANCE"] == "first-1"
     os.kill(killed, signal.SIGKILL)
     wait_for(lambda: toy.processes()["first-1"].pid not in (0, killed))
 
-    # A process just forked does not yet carry the mark of this run.
+    # A newly forked process does not carry the mark of this run yet.
     wait_for(lambda: len(state.leftovers()) == 6)  # supervisord, first, twice second and its sleep
     alive = state.leftovers()
     assert stop(state)

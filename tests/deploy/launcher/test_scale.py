@@ -49,7 +49,7 @@ def running(folder: Path) -> Iterator[State]:
 
 @pytest.fixture(scope="module")
 def state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[State]:
-    """A system that each test leaves as it was: a process of each service."""
+    """A system with one process of each service, unchanged by each test."""
     with running(tmp_path_factory.mktemp("state")) as state:
         yield state
 

@@ -77,7 +77,7 @@ def test_forged_heartbeats_of_another_process_number_change_nothing(machine: Mac
         machine.watch.add_heartbeat(health(f"invented-{number}"), machine.now_s)
         assert machine.run(0.5) == {}
     assert len(machine.watch._heard) < 50
-    assert machine.watch.unannounced == 200  # the invented ones, each at one look
+    assert machine.watch.unannounced == 200  # each invented process appears once
     machine.hanging.add("tracker-1")  # nor do they hide a hung process
     for number in range(10):
         machine.watch.add_heartbeat(health("tracker-1", 7000 + number), machine.now_s)
@@ -230,7 +230,7 @@ def test_a_process_that_hangs_after_calm_is_restarted_at_once() -> None:
     supervised = Supervised(*names)
     node = WatchdogNode(CONFIG, supervised, "here")
     run(node, 0, 2, *map(health, names))
-    for number, hung in enumerate(names[1:]):  # each hangs, is started again, and all are well
+    for number, hung in enumerate(names[1:]):  # each hangs and is restarted
         begin_s = 2 + 12 * number
         others = [health(name, p.pid) for name, p in supervised.all.items() if name != hung]
         run(node, begin_s, begin_s + 6, *others)

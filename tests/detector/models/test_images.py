@@ -63,7 +63,7 @@ def test_man_in_front_is_found_once_in_every_bag(shared: Path, name: str) -> Non
     for bag in bags:
         found = boxes(model(name, shared).detect(bag_image(bag)))
         tall = found[found[:, 3] - found[:, 1] > 350]
-        # He stands in the middle, head at the top, and reaches down to the lower edge.
+        # The person stands in the middle, head at the top, down to the lower edge.
         middle = tall[(tall[:, 0] < 320) & (tall[:, 2] > 320)]
         assert len(middle) == 1
         assert middle[0, 1] < 80

@@ -92,7 +92,7 @@ def test_kind_is_found_and_people_have_its_outputs(
     model = load(tmp_path, outputs, size)
     assert model.name == f"{kind}:n"
     people = model.detect(IMAGE)
-    if kind != "rtmpose":  # the shipped model finds no person to look at in noise
+    if kind != "rtmpose":  # the shipped model finds no person in noise
         assert people
     for person in people:
         assert (person.keypoints is not None) == (kind in ("yolov8-pose", "rtmo"))

@@ -19,7 +19,7 @@ from services.detector.models.movenet_heads import (
 from tests.detector.array_session import ArraySession
 
 OFF = -20.0  # logit of nothing there
-ON = 4.0  # logit of a sure thing: sigmoid 0.982
+ON = 4.0  # logit of a confident value: sigmoid 0.982
 
 
 def empty_heads(height: int = 64, width: int = 80) -> dict[str, F32]:
@@ -155,7 +155,7 @@ def test_no_people_and_flat_heads() -> None:
 
 
 def local_heads(cells: int = 8) -> tuple[Heads, Heads]:
-    """Return random heads of a grid, computed where they are read and computed everywhere."""
+    """Return random heads of a grid, computed at the read cells and at all cells."""
     random = np.random.default_rng(5)
 
     def draw(*shape: int) -> F32:

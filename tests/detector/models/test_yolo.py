@@ -151,9 +151,9 @@ def test_two_people_and_a_dog() -> None:
 
 
 def test_boxes_round_one_mask_are_one_person() -> None:
-    # A body whose legs are half hidden gives a long and a short box. Columns 4 to 28 of both are
-    # mask; rows 8 to 56 and 8 to 32: IoU 24 / 48 = 0.5 < 0.6, but the whole smaller mask is shared.
-    # Of the third, rows 48 to 64 (its box is cut at the image), 8 of 16 rows are shared: another.
+    # A body with half-hidden legs gives a long and a short box. Columns 4 to 28 of both are mask;
+    # rows 8 to 56 and 8 to 32: IoU 24 / 48 = 0.5 < 0.6, but the smaller mask is entirely shared.
+    # Rows 48 to 64 of the third box (cut at the image) share 8 of 16 rows: another person.
     people = segment(
         64,
         64,

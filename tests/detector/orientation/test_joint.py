@@ -90,7 +90,7 @@ def test_expected_distance_along() -> None:
     # 0.87 - 0.24 * 0.14645 = 0.83485. Hidden is exp(-(0.22627 / 0.145)^2) = 0.08759.
     # 0.83485 * 0.22627 * 0.91241 = 0.17236.
     assert at(expected_along("shoulders"), 135) == pytest.approx(0.17236, abs=1e-4)
-    # In profile the nearer arm is all that is seen; from the front both are at the same depth.
+    # In profile only the nearer arm is visible; from the front both arms are at the same depth.
     for angle_deg in (-180, -90, 0, 90):
         assert at(expected_along("hips"), angle_deg) == pytest.approx(0.0, abs=1e-9)
 

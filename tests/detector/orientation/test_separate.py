@@ -99,10 +99,10 @@ def test_vector_of_the_shoulders(right: tuple[float, float, float], expected_deg
     found = vector_yaw(points(l_shoulder=left, r_shoulder=right))
     assert found is not None
     assert math.degrees(found.rad) == pytest.approx(expected_deg)
-    # The hips turn the other way: they do not count while there are shoulders.
+    # The hips point the other way: they are ignored while shoulders are known.
     hips = points(l_hip=right, r_hip=left, l_shoulder=left, r_shoulder=right)
     assert vector_yaw(hips) == found
-    # Without one shoulder, the hips tell: d is turned round.
+    # If a shoulder is unknown, the hips give the yaw: d is reversed.
     hips[L_SHOULDER] = np.nan
     turned = vector_yaw(hips)
     assert turned is not None
@@ -149,7 +149,7 @@ def test_ratios(shoulders_px: float, hips_px: float, expected_deg: float) -> Non
     pixels = torso(shoulders_px, hips_px, 100.0)
     pixels[[L_HIP, R_HIP], 1] = 200.0
     if math.isnan(hips_px):
-        pixels[R_HIP] = np.nan  # the left side still tells the height
+        pixels[R_HIP] = np.nan  # the left side still gives the height
         pixels[L_HIP, 0] = 300.0
     assert torso_height(pixels) == 100.0
     found = ratio_angle(pixels, torso_height(pixels))

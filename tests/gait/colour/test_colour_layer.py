@@ -20,7 +20,7 @@ WALL = np.random.default_rng(0).integers(90, 160, (30, 40, 3)).repeat(16, 0).rep
 
 
 def boxes_at(frame: int, people: int = 1) -> F64:
-    """They walk to the right at 2.5 px a frame, one below the other and a little apart."""
+    """Two people walk to the right at 2.5 px a frame, one below the other and a little apart."""
     x = 60.0 + 2.5 * frame + 40.0 * np.arange(people)
     y = 70.0 + 130.0 * np.arange(people)
     return np.column_stack([x - WIDTH / 2, y - HEIGHT / 2, x + WIDTH / 2, y + HEIGHT / 2])
@@ -100,7 +100,7 @@ def success_before_a_shelf(**fields: Any) -> float:
 @pytest.mark.slow
 def test_shelf_of_the_same_colours_does_not_attract_the_box() -> None:
     assert success_before_a_shelf() >= 0.95
-    # A histogram of all of a box does not distinguish them.
+    # A histogram of the entire box does not distinguish them.
     assert success_before_a_shelf(**PUBLISHED) < 0.7
 
 

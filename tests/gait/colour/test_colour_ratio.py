@@ -24,8 +24,8 @@ def scene() -> tuple[U8, F64]:
 
 
 def test_ratios_by_hand() -> None:
-    # Half of the person is red, and a hundredth of what is about them: 0.5003 / 0.0103 = 48.6, but
-    # no pixel says more than 10. Green: 0.5003 / 0.9903. What is in neither: 1.
+    # Half of the person is red, and a hundredth of the surroundings: the ratio 0.5003 / 0.0103 =
+    # 48.6 is limited to 10. Green: 0.5003 / 0.9903. A colour in neither: 1.
     person, background = np.zeros((1, 3)), np.array([0.01, 0.99, 0.0])
     person[0, :2] = 0.5
     assert ColourModel(person, background).ratios[0] == pytest.approx([10.0, 0.5003 / 0.9903, 1.0])

@@ -47,7 +47,7 @@ def test_hand_before_its_expected_position_is_hidden_unless_its_keypoint_is_ther
 def test_with_keypoints_a_hand_is_measured_only_where_the_body_expects_hands(
     had_keypoints: bool,
 ) -> None:
-    # No heading yet, or no detection in this frame: there is no expectation.
+    # Without a heading, or without a detection in this frame, there is no expectation.
     body = arm()
     point = hand_on(body)
     acceptance = Acceptance(INFO)

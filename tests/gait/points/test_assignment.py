@@ -31,7 +31,7 @@ def test_each_point_is_assigned_the_nearest_extremity() -> None:
 
 
 def test_an_extremity_is_assigned_once() -> None:
-    # Both are near the extremity; the nearer gets it, 2 against 8 cm.
+    # Both points are near the extremity; the nearer point gets it, 2 against 8 cm.
     points = [hand("left_hand", 0.1), hand("right_hand", 0.0)]
     found = assign_points(points, [extremity(0, 0.08)], {})
     assert {name: one.basin for name, one in found.items()} == {"left_hand": 0}
@@ -65,7 +65,7 @@ def test_lost_or_unconnected_point_is_not_assigned() -> None:
 
 @pytest.mark.parametrize("without_keypoints", [True, False])
 def test_hand_without_keypoints_is_followed_off_its_hip(without_keypoints: bool) -> None:
-    # Before the torso the way along the body leads over the shoulder, and no prior expects it.
+    # In front of the torso the path along the body crosses the shoulder, and no prior expects it.
     point = hand("left_hand", 0.0)
     point.without_keypoints = without_keypoints
     point.prior = Normal(np.array([0.5, 0.0, 2.0]), 0.1**2 * np.eye(3))

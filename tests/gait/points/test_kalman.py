@@ -9,7 +9,7 @@ NOISE_M2 = 0.01 * np.eye(3)
 
 
 def still() -> PointKalmanFilter:
-    """At the origin to 0.1 m, and of a velocity that is known to 1 m/s; no acceleration."""
+    """At the origin with sigma 0.1 m, velocity with sigma 1 m/s, no acceleration."""
     return PointKalmanFilter(np.zeros(3), NOISE_M2, 1.0, 0.0)
 
 
@@ -60,7 +60,7 @@ def test_prediction_is_that_of_the_matrices() -> None:
 
 
 def test_covariances_stay_symmetric() -> None:
-    # What rounding left of asymmetry once grew until points were nowhere.
+    # Asymmetry from rounding must not grow until positions are wrong.
     motion = PointKalmanFilter(np.array([0.3, 0.7, 3.0]), NOISE_M2, 1.5, 12.0)
     noise_m2 = np.array([[2.5, -0.5, -3.1], [-0.5, 3.5, 7.5], [-3.1, 7.5, 46.0]]) * 1e-4
     for _ in range(1000):

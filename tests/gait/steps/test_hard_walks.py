@@ -48,7 +48,7 @@ def test_feet_drawn_back_on_sitting_down_are_no_steps() -> None:
 
 
 def test_person_half_in_view_for_minutes() -> None:
-    # Only the left foot is in the image: it has steps or none, but never wrong measures.
+    # Only the left foot is in the image: it has correct measures or none.
     times_s = np.arange(0, 120, 1 / 15)
     left, _ = feet(times_s)
     meter = StepMeter(CONFIG, UP)

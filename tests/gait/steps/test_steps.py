@@ -102,8 +102,8 @@ def test_noise_and_gaps_change_measures_little(seed: int) -> None:
 
 
 def test_missed_footprint_gives_no_long_step() -> None:
-    # The right foot lands at 0.5, 1.5, ... s; where it stands from 2.5 to 3.0 s nothing sees
-    # it. Its step there is not known; steps of the left foot have half a stride as length.
+    # The right foot lands at 0.5, 1.5, ... s and is not visible where it stands from 2.5 to 3.0 s.
+    # This step is unknown; steps of the left foot have half a stride as length.
     times_s = np.arange(0, 6, 1 / 30)
     left, right = feet(times_s)
     visible = (times_s < 2.3) | (times_s > 3.2)
@@ -123,7 +123,7 @@ def test_one_foot_alone_gives_no_measures() -> None:
 
 
 def test_turn_round_gives_no_false_stride() -> None:
-    # Six steps along x, a second of standing, and the same steps back: no step joins both ways.
+    # Six steps along x, a second of standing, and the same steps back: no step spans the turn.
     there_s = np.arange(0, 3.5, 1 / 30)
     left, right = feet(there_s)
     stand = np.repeat([[left[-1]], [right[-1]]], 30, axis=1)
@@ -131,7 +131,7 @@ def test_turn_round_gives_no_false_stride() -> None:
     right = np.concatenate([right, stand[1], right[::-1]])
     times_s = np.arange(len(left)) / 30
     steps = found_steps(left, right, times_s)
-    # The last step before the rest is cut off by it, 8 cm before its end.
+    # The rest cuts off the last step before it, 8 cm before its end.
     lengths_m = sorted(step.length_m for step in steps)
     assert lengths_m == pytest.approx([0.52, *[0.6] * (len(steps) - 1)], abs=0.02)
     found = gait_measures(steps)
@@ -275,8 +275,8 @@ def test_few_samples_give_no_steps(count: int) -> None:
 
 
 def test_step_of_an_occluded_foot_is_between_two_of_the_other() -> None:
-    # From 2.2 to 4.1 s nothing sees the left foot. The right one lands at 2.5 and 3.5 s: the left
-    # one must have landed between them, at 3.0 s as in every second.
+    # From 2.2 to 4.1 s the left foot is not visible. The right foot lands at 2.5 and 3.5 s, so the
+    # left foot must have landed between them, at 3.0 s.
     times_s = np.arange(0, 7, 1 / 30)
     left, right = feet(times_s)
     visible = (times_s < 2.2) | (times_s > 4.1)
@@ -368,9 +368,9 @@ def walk(feet_: str, period_s: float = 0.6) -> list[Swing]:
     ("landings", "expected"),
     [
         ("lrlrlr", "lrlrlr"),
-        ("lrrrlr", "lrlrlr"),  # one foot at the time of the other has the wrong name
+        ("lrrrlr", "lrlrlr"),  # one foot under the name of the other foot
         ("lrl.lr", "lrllr"),  # one step not observed
-        ("llllll", "llllll"),  # one foot alone in view, at the pace of steps: each is a stride
+        ("llllll", "llllll"),  # one foot alone in view, with step times: each landing is a stride
     ],
 )
 def test_feet_take_turns(landings: str, expected: str) -> None:
@@ -380,7 +380,7 @@ def test_feet_take_turns(landings: str, expected: str) -> None:
 
 
 def test_landing_between_two_steps_is_none() -> None:
-    # A point that jumps gives a landing 0.25 s after another, and takes nothing from the cadence.
+    # A jumping point gives a landing 0.25 s after another one, which does not change the cadence.
     swings = walk("lrlrlr")
     swings.insert(3, replace(landed("left", swings[2].landed_s + 0.25), confidence=0.4))
     found = find_landings(swings)
@@ -420,7 +420,7 @@ def test_foot_that_stood_between_two_landings_took_no_unseen_steps() -> None:
 
 
 def test_no_step_is_assumed_where_a_person_hardly_moves_on() -> None:
-    # A stop: the left foot lands again, the other one is not visible.
+    # A stop: the left foot lands again, the right foot is not visible.
     swings = walk("lrl")
     last = swings[-1]
     for ahead_m, steps in ((1.2, 2), (0.4, 0)):

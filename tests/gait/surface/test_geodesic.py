@@ -124,7 +124,7 @@ DISTANCE_M = geodesic_m(FORK, 0)
 def test_each_branch_has_an_extremum_with_its_length_as_persistence() -> None:
     extrema = geodesic_extrema(FORK, DISTANCE_M, 0.06)
     assert extrema.vertices.tolist() == [5, 7]  # the farthest first
-    # The longer one lasts down to the source, 0.2 + 0.3; the other to the fork, 0.16.
+    # The longer branch lasts down to the source, 0.2 + 0.3; the shorter one to the fork, 0.16.
     assert extrema.persistence_m == pytest.approx([0.5, 0.16])
 
 
@@ -140,7 +140,7 @@ def test_branch_below_persistence_belongs_to_the_other() -> None:
 
 
 def test_ring_has_one_extremum_opposite_to_the_source() -> None:
-    # Both ways round meet there: one extremum, not two.
+    # Both directions meet at one point: one extremum, not two.
     angles = np.arange(8) * np.pi / 4
     ring = mesh_of(
         np.column_stack([np.cos(angles), np.sin(angles), np.full(8, 3.0)]),

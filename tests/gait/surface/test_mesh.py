@@ -26,7 +26,7 @@ def sphere(away_m: float = 1.0, radius_m: float = 0.2) -> F64:
 
 
 def inner(mesh: BodyMesh) -> Mask:
-    """Tell which vertices have all eight neighbours."""
+    """Flag the vertices with all eight neighbours."""
     return np.asarray(np.diff(mesh.indptr) == 8)
 
 
@@ -107,7 +107,7 @@ def test_normal_of_a_single_vertex_points_to_the_sensor() -> None:
 
 
 def test_depth_is_averaged_on_its_own_surface_only() -> None:
-    # Noise of 10 mm over 13 x 13 pixels: 10 mm / 13, and neither wall draws the other near.
+    # Noise of 10 mm over 13 x 13 pixels: 10 mm / 13; neither wall moves towards the other.
     random = np.random.default_rng(2)
     depth = np.where(U < 320, 2.0, 2.3) + random.normal(0, 0.01, U.shape)
     mesh = build_mesh(body_of(depth, 280, 200), INFO)

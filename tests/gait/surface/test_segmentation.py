@@ -97,7 +97,7 @@ def test_seed_depth_selects_the_component() -> None:
 def test_seed_without_component_leaves_the_largest_within_reach() -> None:
     body = segment_body(room(), BOX, 2.8)
     assert body is not None
-    assert body.mask.sum() == 40 * 10  # the wall is 1.2 m behind, no arm is as long
+    assert body.mask.sum() == 40 * 10  # the wall is 1.2 m behind, farther than any arm
     assert segment_body(room(), BOX, 9.0) is None
 
 

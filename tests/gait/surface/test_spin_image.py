@@ -170,7 +170,7 @@ def test_similarity_by_hand() -> None:
 
 @pytest.mark.usefixtures("few_bins")
 def test_only_bins_filled_in_both_count() -> None:
-    # The sixth bin is filled in the image only: R is as before, lambda now 6 / 2.
+    # The sixth bin is filled in the image only: R is unchanged, lambda now 6 / 2.
     image = row(1, 2, 3, 4, 5)
     image[3, 3] = 40
     found = similarity(image[None], row(1, 2, 3, 5, 4))

@@ -191,7 +191,7 @@ def test_mot_text_that_would_cost_too_much_is_refused(tmp_path: Path) -> None:
     info.write_text(SEQINFO.replace("25", "1e-300"))
     with pytest.raises(SourceError, match="has a rate of 1e-300 Hz"):
         read(path)
-    # Ten values that each say the one before ten times.
+    # Ten values, each ten times the one before.
     more = "".join(f"a{k}={f'%(a{k - 1})s' * 10}\n" for k in range(1, 10))
     info.write_text(SEQINFO + "a0=x\n" + more + "b=%(a9)s\n")
     assert len(read(path)) == 1

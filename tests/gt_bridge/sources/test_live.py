@@ -65,7 +65,7 @@ class Live:
 
 
 def people(stamp_ns: int) -> Truth:
-    """Return truth as it is received, from CDR."""
+    """Return truth decoded from CDR."""
     header = {"stamp": {"nanosec": stamp_ns}, "frame_id": "map"}
     cdr = types.encode(PEOPLE, {"header": header, "people": [PERSON]})
     return stamped_truth(types.decode(PEOPLE, cdr))
@@ -102,7 +102,7 @@ def test_live_truth_that_comes_late_is_counted() -> None:
     assert len(live.capture(truth(5000))) == 1
     assert live.capture(truth(4990), truth(5000)) == []
     assert live.node.status().counters["late_truth"] == 2
-    assert len(live.capture(truth(1000))) == 1  # from well before: the capture restarted
+    assert len(live.capture(truth(1000))) == 1  # much earlier stamps: the capture restarted
 
 
 def test_the_chain_from_mocap_over_the_camera_to_the_map() -> None:

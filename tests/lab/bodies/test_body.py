@@ -19,7 +19,7 @@ from people4d.messages import F64
 
 ASSETS = Path(lab.__file__).parent / "assets"
 EVERYBODY = pytest.mark.parametrize("name", cast_names())
-# What a segment turns about, and where its own end is.
+# Joint that a segment turns about, and position of its end.
 JOINT_OF = {
     "chest": "waist",
     "upper_arm": "shoulder",
@@ -57,7 +57,7 @@ def striding() -> BodyPose:
 
 
 def forward_kinematics(skeleton: Skeleton, pose: BodyPose) -> dict[str, F64]:
-    """Return where the joint of each segment is, from the skeleton's points alone."""
+    """Return the joint of each segment, from the skeleton's points alone."""
     rotations = map_from_segments(pose)
     rest = {"pelvis": np.zeros(3)}
     positions = {"pelvis": pose.map_from_pelvis[:3, 3]}

@@ -31,7 +31,7 @@ def test_straight_drive_begins_at_speed_and_stops() -> None:
     assert path.twist(0.0) == (0.5, 0)
     assert path.pose(2.0) == pytest.approx((1.0, 0, 0))
     assert path.pose(-1.0) == pytest.approx((-0.5, 0, 0))
-    # The ramp to a stand takes from the last second what it gives to the next: 4 s * 0.5 m/s.
+    # The ramp to a stand takes as much from the last second as it adds to the next: 4 s * 0.5 m/s.
     assert path.pose(10.0) == pytest.approx((2.0, 0, 0))
     assert path.twist(10.0) == pytest.approx((0, 0))
     # Ramp: pi/2 * 0.5 / 0.5 = 1.571 s, centred on 4 s; half of the speed is left in its middle.

@@ -88,7 +88,7 @@ def test_roll_turns_the_image(walk: Scenario) -> None:
         World(structs.replace(walk, camera=structs.replace(walk.camera, roll_deg=roll)))
         for roll in (0.0, 20.0)
     )
-    # The right side goes down, so that what is up in the map leans to the left in the image.
+    # The right side goes down, so the map's up direction leans to the left in the image.
     up = [of.optical_from_map(0.0)[:3, :3] @ (0, 0, 1) for of in (level, rolled)]
     assert math.atan2(up[0][0], -up[0][1]) == pytest.approx(0.0, abs=1e-9)
     assert math.degrees(math.atan2(up[1][0], -up[1][1])) == pytest.approx(-20.0, abs=0.5)

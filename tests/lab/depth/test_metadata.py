@@ -1,4 +1,4 @@
-"""Clean depth in a recording, and the sensor's errors on the way out of it."""
+"""Clean depth in a recording, and the sensor's errors during playback."""
 
 import json
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""The depth sensor: the law of its noise, shadows where geometry puts them, nothing invented."""
+"""The depth sensor: law of its noise, shadows by geometry, no invented readings."""
 
 import msgspec
 import numpy as np
@@ -156,7 +156,7 @@ def test_edges_are_ragged_and_holed() -> None:
     assert len(borders) > 2
     assert min(borders) >= 74
     assert max(borders) <= 86
-    assert set(np.unique(ragged)) == {1000, 3000}  # nothing flies between the two
+    assert set(np.unique(ragged)) == {1000, 3000}  # no reading between the two surfaces
 
     holed = sensor(msgspec.structs.replace(EXACT, edge_holes=0.4)).measure(box(), None, 0.0)
     rim = np.concatenate([holed[31:89, 80], holed[31:89, 119], holed[30, 80:120]])

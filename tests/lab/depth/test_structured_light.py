@@ -1,4 +1,4 @@
-"""A sensor with an infrared projector: registration to colour, light that does not return."""
+"""A sensor with an infrared projector: registration to colour, surfaces that reflect no light."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Colour: light falls where lights shine, shadows where something hides them."""
+"""Colour: light and shadows of lamps."""
 
 import math
 

@@ -103,7 +103,7 @@ def test_people_stay_on_the_free_floor() -> None:
 
 
 def test_stool_is_walked_round_even_by_its_user() -> None:
-    # The stool stands between the person and where they stand before sitting down: in front of it.
+    # The stool is between the person and the point in front of it, from which the person sits down.
     sitter = PersonPlan(
         body="adam",
         start=(0, 0),

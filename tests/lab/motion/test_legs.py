@@ -66,7 +66,7 @@ def test_a_flat_foot_does_not_slide(name: str) -> None:
     times_s = np.arange(-0.5, 9.5, 0.004)
     body = joints(motion(name), BODY, times_s)
     flat = (body.heel[..., 2] < 0.001) & (body.ball[..., 2] < 0.001)
-    # Only where the foot is flat for some time: in a swing it passes that attitude, too.
+    # Only where the foot is flat for some time: a swinging foot is flat for an instant, too.
     held = np.all([np.roll(flat, k, axis=0) for k in range(-4, 5)], axis=0)[4:-5]
     sliding = np.maximum(speeds(body.heel, times_s), speeds(body.ball, times_s))[4:-4]
     assert held.any(axis=0).all()
@@ -79,7 +79,7 @@ def test_no_foot_sinks_into_the_floor(name: str) -> None:
     body = joints(motion(name), BODY, np.arange(-0.5, 9.5, 0.01))
     assert body.heel[..., 2].min() > -0.003
     assert body.ball[..., 2].min() > -0.003
-    # The tip of the shoe bends, which a stiff foot segment cannot show.
+    # The tip of the shoe bends, which a rigid foot segment cannot show.
     assert body.toe[..., 2].min() > -0.025
 
 

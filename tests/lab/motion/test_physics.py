@@ -58,8 +58,8 @@ def test_depth_of_the_wall_ahead_is_its_distance() -> None:
 
 @pytest.mark.parametrize("name", ["four_crossing", "two_easy"])
 def test_paths_stay_within_human_limits(name: str) -> None:
-    # A minute at 100 Hz. Walking people turn by up to about 150 degrees a second on the spot and
-    # start and stop with 1 to 2 m/s2; 0.3 g is what people take in without a step to the side.
+    # A minute at 100 Hz. Walking people turn by up to about 150 degrees a second and start and stop
+    # with 1 to 2 m/s2; at 0.3 g people keep their balance without a step to the side.
     times = np.arange(0, 60, 0.01)
     for motion in world(name).motions:
         x, y, yaw = motion.path(times).T
@@ -69,6 +69,6 @@ def test_paths_stay_within_human_limits(name: str) -> None:
         assert speed.max() < 1.45
         assert np.linalg.norm(acceleration, axis=1).max() < 0.3 * G_MPS2
         assert np.degrees(np.abs(np.gradient(yaw, 0.01))).max() < 150
-        walking = speed > 0.3  # people walk the way they face
+        walking = speed > 0.3  # people walk in the direction of their yaw
         heading = np.arctan2(velocity[:, 1], velocity[:, 0])
         assert np.degrees(np.abs(np.angle(np.exp(1j * (heading - yaw)))))[walking].max() < 10

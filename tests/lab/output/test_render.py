@@ -126,7 +126,7 @@ def test_interrupted_rendering_is_continued(tmp_path: Path) -> None:
     unchanged = sorted(path.name for path in (tmp_path / "out.mcap.part").iterdir())
     assert unchanged == ["000000", "000000.npz", "000001", "000001.npz", "key"]
     render(wanted, outputs, 1, stop)
-    # Each time one of three pieces was added to what was there.
+    # Each round adds one of three pieces to the existing file.
     assert shares == pytest.approx([0, 1 / 3, 1 / 3, 2 / 3, 2 / 3, 1])
     complete = Outputs(recording=tmp_path / "whole.mcap", truth=tmp_path / "whole.npz")
     render(wanted, complete, 1, lambda *_: None)
@@ -181,7 +181,7 @@ def test_geometry_gives_detections_instead_of_frames(tmp_path: Path) -> None:
     # Both are seen all the time; a detector misses one in a hundred.
     people = [len(m.detections) for m in found if isinstance(m, Detections)]
     assert np.median(people) == 2
-    # A tracker finds them without pictures, where motion capture sees them.
+    # A tracker finds the people without images, at the positions of motion capture.
     config = TrackerConfig(tracker="sort3d")
     tracker = build(config)
     messages = [m for _, m in recording.messages(StaticTransform, Detections)]
@@ -208,7 +208,7 @@ def test_a_bag_plays_as_the_recording_does(tmp_path: Path) -> None:
     for a, b in zip(captures(tmp_path / "out.mcap"), theirs, strict=True):
         assert a.stamp_ns == b.stamp_ns
         assert np.array_equal(a.rgb, b.rgb)
-        assert np.array_equal(a.depth_mm, b.depth_mm)  # as the sensor measures it
+        assert np.array_equal(a.depth_mm, b.depth_mm)  # as measured by the sensor
     assert bag.transforms[0].parent == "map"
     ours = RecordingTruth(GtBridgeConfig(truth=str(tmp_path / "out.mcap")))
     error_text = RosbagTruth(GtBridgeConfig(truth=str(tmp_path / "out_ros2")))

@@ -68,7 +68,7 @@ def test_a_gesture_leaves_the_rest_of_the_body_as_it_is() -> None:
     with_it, without = standing(Gesture(at_s=1.0)), standing()
     unchanged = [k for k in range(17) if k not in (8, 10)]  # right elbow and wrist
     now = [of.keypoints_m(3.0)[0][unchanged] for of in (with_it, without)]
-    # The girdle follows a little of the arm.
+    # The shoulder girdle follows the arm a little.
     np.testing.assert_allclose(now[0], now[1], atol=0.02)
 
 
@@ -89,7 +89,7 @@ def test_footfalls_alternate_at_the_length_of_the_gait_table() -> None:
     of = World(replace(STANDING, room="hall", duration_s=7.0, people=(route,)))
     found = footfalls(of, 0)
     assert all(a.side != b.side and a.time_s < b.time_s for a, b in pairwise(found))
-    # In the middle of the way he walks at 1 m/s; his own cadence is up to 5 % off the table's.
+    # In the middle of the path he walks at 1 m/s; his own cadence deviates by up to 5 %.
     steady = [fall for fall in found if 2.0 < fall.time_s < 6.0]
     lengths = [b.position_m[0] - a.position_m[0] for a, b in pairwise(steady)]
     expected = float(step_length_m(1.0, of.bodies[0].skeleton.stature_m))

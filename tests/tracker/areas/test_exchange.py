@@ -102,7 +102,7 @@ def message(*people: AreaPerson, **fields: Any) -> AreaPeople:
 def test_person_who_walks_to_the_next_area_has_the_same_identity() -> None:
     site = Site()
     first = site.see(range(20), "a", 0.0)
-    # 1 m farther on after 1.5 s without a camera: within 0.8 + 2.5 x 1.5 m.
+    # 1 m farther after 1.5 s without a camera: within 0.8 + 2.5 x 1.5 m.
     site.see(range(20, 35), "")
     second = site.see(range(35, 45), "b", 1.0)
     assert ids(first) == ids(second) == [1]

@@ -1,4 +1,4 @@
-"""Cameras that send nothing, or miss the people in their view."""
+"""Cameras that send nothing, or detect no people in their view."""
 
 import numpy as np
 import pytest

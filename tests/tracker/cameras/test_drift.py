@@ -1,4 +1,4 @@
-"""Watch of camera poses: only a camera that was knocked is named."""
+"""Watch of camera poses: only a displaced camera is named."""
 
 import math
 from dataclasses import replace

@@ -52,8 +52,8 @@ def test_mixing_of_modes_by_hand() -> None:
 
 
 def test_mean_of_both_modes() -> None:
-    # 0.75 stand at 0, 0.25 walk at 1 m with 2 m/s: at 0.25 m with 0.5 m/s. Variance of the place:
-    # 0.1 within, and 0.75 * 0.0625 + 0.25 * 0.5625 = 0.1875 between; of the velocity
+    # 0.75 stand at 0, 0.25 walk at 1 m with 2 m/s: position 0.25 m, velocity 0.5 m/s. Variance of
+    # the position: 0.1 within, and 0.75 * 0.0625 + 0.25 * 0.5625 = 0.1875 between; of the velocity
     # 0.75 * 0.03^2 + 0.25 * 0.1 = 0.025675 within and 0.75 * 0.25 + 0.25 * 2.25 = 0.75 between.
     both = ImmState(
         np.array([state(0.0, 0.0), state(1.0, 2.0)]),

@@ -95,14 +95,14 @@ def test_a_shrinking_area_stays_positive() -> None:
 
 
 def test_measured_noise_is_the_covariance_of_the_detection() -> None:
-    # Measured diag(1, 4, 9) cm^2, with 0.15 m on top in gates; neither depth nor score change it.
+    # Measured diag(1, 4, 9) cm^2, plus (0.15 m)^2 in gates; depth and score do not change it.
     results = np.diag([1e-4, 4e-4, 9e-4])
     certain, plain = replace(measurement(), covariance_m2=results), measurement()
     motion = PositionMotion(published(noise="measured"))
     np.testing.assert_allclose(motion.noise([certain])[0], results)
     np.testing.assert_allclose(motion.gate_noise([certain])[0], results + 0.15**2 * np.eye(3))
     np.testing.assert_allclose(motion.start(certain)[1][:3, :3], results)
-    # Without a covariance, and in constant mode with one, it is [PIC4SeR]'s.
+    # Without a covariance, and in constant mode with one, the noise is [PIC4SeR]'s.
     np.testing.assert_allclose(motion.noise([certain, plain])[1], 0.075 * np.eye(3))
     paper = PositionMotion(published())
     np.testing.assert_allclose(paper.noise([certain])[0], 0.075 * np.eye(3))

@@ -226,7 +226,7 @@ def test_unmeasured_yaw_is_unknown_after_a_second() -> None:
     assert FILTER.read(predict(state, 1.0), AT_REST) is None
     gone = predict(state, 1e9)
     assert gone[SHARE] == pytest.approx(len(NEAR) / BINS)
-    # The next measurement is believed at once.
+    # The next measurement is accepted at once.
     assert FILTER.read(update(gone, shown(-2.0)), AT_REST) == pytest.approx(-2.0, abs=1e-2)
 
 

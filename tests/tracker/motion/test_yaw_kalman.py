@@ -48,7 +48,7 @@ def test_prediction_by_hand() -> None:
 
 
 def test_the_innovation_is_wrapped() -> None:
-    # 175 deg, measured -175: 10 deg on. P = R, so half of that: 180, not 0.
+    # 175 deg, measured -175: 10 deg farther. P = R, so half of it: 180, not 0.
     after = update(state(math.radians(175), variance=0.1225), facing(math.radians(-175)))
     assert math.degrees(abs(after[0])) == pytest.approx(180.0)
     assert after[2] == pytest.approx(0.06125)  # P R / (P + R) = R / 2
@@ -56,7 +56,7 @@ def test_the_innovation_is_wrapped() -> None:
 
 
 def test_the_prediction_is_wrapped() -> None:
-    # 170 deg and on by 1 rad/s for half a second: 170 + 28.6 = 198.6, which is -161.4.
+    # 170 deg, then 1 rad/s for half a second: 170 + 28.6 = 198.6, which is -161.4.
     after = predict(state(math.radians(170), 1.0), 0.5)
     assert math.degrees(after[0]) == pytest.approx(170 + 28.648 - 360, abs=1e-3)
 
@@ -91,7 +91,7 @@ def test_two_seconds_without_a_measurement() -> None:
         gone = predict(gone, 2.0)
     assert np.isfinite(gone).all()
     assert abs(gone[0]) <= math.pi
-    # The next measurement is believed at once: K = 1 within 1e-9.
+    # The next measurement is accepted at once: K = 1 within 1e-9.
     assert update(gone, facing(-2.0))[0] == pytest.approx(-2.0)
 
 

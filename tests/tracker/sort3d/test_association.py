@@ -93,8 +93,8 @@ def test_both_gates_of_strongsort3d() -> None:
 
 
 def test_motion_stands_in_for_unknown_appearance() -> None:
-    # d_M^2 at half its gate stands for d_cos at half its gate: 0.3 / 2 = 0.15;
-    # c = 0.02 * 3.90735 + 0.98 * 0.15 = 0.225147. Beyond the gate it stays refused.
+    # d_M^2 at half its gate is equivalent to d_cos at half its gate: 0.3 / 2 = 0.15; c = 0.02 *
+    # 3.90735 + 0.98 * 0.15 = 0.225147. Beyond the gate the pair is inadmissible.
     d_m2 = np.array([[7.8147 / 2, 7.9]])
     cost = strongsort3d.combined_cost(d_m2, np.full((1, 2), np.nan), 0.3)
     np.testing.assert_allclose(cost, [[0.225147, INF]])

@@ -29,8 +29,8 @@ def test_fixed_camera_adds_no_covariance() -> None:
 
 
 def test_turn_adds_covariance_sideways_and_distance_in_all_directions() -> None:
-    # A quarter of a radian: 0.05^2 * 0.25 = 0.000625, times 4^2 to the side of a person 4 m
-    # ahead: 0.01. Then 1 m forward: 0.02^2 = 0.0004 in x and y.
+    # A turn of 0.25 rad: 0.05^2 * 0.25 = 0.000625, times 4^2 to the side of a person 4 m ahead:
+    # 0.01. Then 1 m forward: 0.02^2 = 0.0004 in x and y.
     drift, position = BaseDrift(), np.array([[4.0, 0.0, 1.0]])
     drift.since_last(at(0.0, 0.0), position)
     turned = drift.since_last(at(0.0, 0.25), position)

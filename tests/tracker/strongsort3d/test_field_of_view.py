@@ -128,7 +128,7 @@ def test_track_of_a_person_who_leaves_below_the_image_ends_at_once() -> None:
             )
         )
         predicted.append(len(tracks) - len(measurements))
-    # Predicted for the 0.2 s of people at the edge, not for the second of people in the image.
+    # Predicted for 0.2 s at the edge of the image, not for 1 s as inside it.
     assert 1 <= sum(predicted) <= 3
 
 

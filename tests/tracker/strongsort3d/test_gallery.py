@@ -1,4 +1,4 @@
-"""Gallery of people: decisions, and the bounds of what it stores."""
+"""Gallery of people: decisions, and bounds of its size."""
 
 import numpy as np
 import pytest
@@ -61,7 +61,8 @@ def test_of_two_similar_candidates_the_absent_one_is_chosen() -> None:
 
 
 def test_similar_views_are_dropped_and_their_number_is_bounded() -> None:
-    # 1 - cos 10 = 0.015 is no other view, 1 - cos 25 = 0.09 is. Of nine, 0 and 25 are nearest.
+    # 1 - cos 10 = 0.015 is the same view, 1 - cos 25 = 0.09 another one. Of nine, 0 and 25 are
+    # nearest.
     views: list[F64] = []
     for angle in (0, 10, 60, 100, 140, 180, 220, 260, 300, 25):
         add_view(views, embedding(angle))

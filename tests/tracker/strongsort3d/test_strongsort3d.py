@@ -95,7 +95,7 @@ def test_while_several_cameras_send_a_third_match_confirms() -> None:
 
 
 def test_while_several_cameras_send_a_tentative_track_ends_after_a_second() -> None:
-    # Its own camera may be occluded and never miss it.
+    # An occluded camera never misses the track.
     def lasts(*cameras: str) -> int:
         sort = tracker(lifetime="hits", n_init=2)
         sort.update(frame(0, person(3, 0)))
@@ -142,7 +142,7 @@ def test_round_two_is_closed_to_tracks_missed_before() -> None:
     results = states(sort.update(frame(4, person(3, 0, embedding=BLUE))))
     assert results == [(1, "lost"), (2, "tentative")]
     results = states(sort.update(frame(5, person(3, 0, embedding=RED))))
-    assert results == [(1, "confirmed")]  # and the tentative track, unmatched, is gone
+    assert results == [(1, "confirmed")]  # and the unmatched tentative track is deleted
 
 
 def test_round_two_has_a_largest_distance() -> None:

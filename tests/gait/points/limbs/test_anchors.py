@@ -38,7 +38,7 @@ def left_anchor(position_m: F64, confidence: float) -> dict[str, Anchor]:
         (0.15, 0.2, True),
         (0.6, 0.2, False),  # far from both feet
         (-0.3, 0.2, False),  # at the right foot
-        (0.6, 0.6, True),  # of a sure keypoint the body decides nothing
+        (0.6, 0.6, True),  # a confident keypoint overrides the body's expectation
     ],
 )
 def test_doubtful_ankle_counts_near_its_own_foot_only(

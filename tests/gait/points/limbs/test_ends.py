@@ -18,7 +18,7 @@ def leg(foot: F64) -> tuple[MeasuredBody, Extremity]:
     shank = [np.array([0.0, 0.05 + STEP_M * k, 3.0]) for k in range(40)]
     points_m = np.array([*shank, *(shank[-1] + STEP_M * k * foot for k in range(1, 11))])
     count = len(points_m)
-    # Beside each of them another one: slices have three vertices and more.
+    # Each vertex has a neighbour beside it, because slices have three vertices and more.
     wide_m = np.concatenate([points_m, points_m + np.array([STEP_M, 0.0, 0.0])])
     edges = [(k, k + 1) for k in range(count - 1)] + [(k, k + count) for k in range(count)]
     mesh = mesh_of(wide_m, edges)
@@ -31,7 +31,7 @@ def leg(foot: F64) -> tuple[MeasuredBody, Extremity]:
 
 
 def test_foot_is_ahead_of_the_heel_of_a_leg_that_points_away() -> None:
-    # The end of the leg is the heel: the surface of the foot, ahead, is hidden behind it.
+    # The end of the leg is the heel: it hides the surface of the foot behind it.
     body, end = leg(0.1 * AWAY + 0.3 * UP)
     found = end_position("left_foot", end, body, AWAY, UP)
     assert found is not None
@@ -48,7 +48,7 @@ def test_foot_at_the_toes_hardly_moves() -> None:
 
 
 def test_left_and_right_mirror_each_other() -> None:
-    # A leg in the plane of heading and up: mirrored, it is itself.
+    # A leg in the plane of heading and up is symmetric: its mirror image is the same.
     body, end = leg(0.3 * UP - 0.9 * AWAY)
     both = [end_position(name, end, body, -AWAY, UP) for name in ("left_foot", "right_foot")]
     offsets = [one.position_m - end.position_m for one in both if one]

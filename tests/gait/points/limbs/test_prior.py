@@ -46,7 +46,7 @@ def test_pixel_at_the_mean_changes_nothing_but_the_width() -> None:
     assert there.mean_m == pytest.approx(one.mean_m, abs=1e-9)
     assert one.pixel_distance2(pixel, 6.0, INFO) == pytest.approx(0.0, abs=1e-9)
     ray = one.mean_m / np.linalg.norm(one.mean_m)
-    # Along the ray the pixel gives nothing: 0.2 m as before.
+    # Along the ray the pixel adds no information: sigma remains 0.2 m.
     assert ray @ there.covariance @ ray == pytest.approx(0.04)
 
 

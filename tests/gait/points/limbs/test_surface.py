@@ -45,7 +45,7 @@ def test_hand_of_unknown_forearm_is_at_the_wrist() -> None:
 
 
 def test_hand_beyond_the_body_is_at_the_wrist() -> None:
-    # From the last vertex on there is no body: the hand is hidden, bent or in a pocket.
+    # Beyond the last vertex there is no body: the hand is hidden, bent or in a pocket.
     body = arm()
     last = len(body.mesh.points_m) - 1
     found = surface_position("left_hand", anchor_at(last, FOREARM), body, None, UP, INFO)
@@ -97,12 +97,12 @@ def test_hand_of_a_forearm_that_points_to_the_camera_is_nearer_than_the_wrist() 
 
 @pytest.mark.parametrize(("ahead_m", "share"), [(AHEAD, 0.5), (np.array([0.0, 0.0, 1.0]), 0.0)])
 def test_foot_is_between_its_ankle_and_the_surface_before_it(ahead_m: F64, share: float) -> None:
-    # Of a foot that points away the surface before it is its heel's.
+    # If a foot points away, the visible surface is its heel.
     body = arm()
     info, ankle = INFO, body.mesh.points_m[WRIST]
     free = surface_position("left_foot", anchor_at(WRIST, FOREARM), body, ahead_m, UP, info)
     assert free is not None
-    # The vertex whose pixel the foot has is 6 cm nearer to the camera than the ankle.
+    # The vertex at the foot's pixel is 6 cm nearer to the camera than the ankle.
     grid = body.mesh.grid.copy()
     column, row = (project(free.position_m, info)[0] + 0.5).astype(int) // body.mesh.step_px
     assert grid[row, column] < 0

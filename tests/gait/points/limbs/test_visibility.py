@@ -4,7 +4,7 @@ import pytest
 
 from services.gait.points.limbs.visibility import VISIBILITY, WITHOUT_KEYPOINTS, LimbEvidence
 
-# A hand or foot off the body, at its keypoint, in front of the other one.
+# Evidence of a hand or foot off the body, at its keypoint, in front of the other limb.
 CLEAR = LimbEvidence(
     keypoint=0.8,
     has_keypoint=1.0,
