@@ -180,10 +180,10 @@ def _topics() -> str:
         f"| {t.name} | `{t.key}` | [{t.message.__name__}](#{t.message.__name__.lower()}) | "
         f"{f'{t.rate_hz:g} Hz' if t.rate_hz else 'once'} | {t.delivery}, {t.depth} | "
         f"{', '.join(sorted(t.producers))} | "
-        f"{'all' if t.readers == '*' else ', '.join(t.readers.split())} |"
+        f"{'yes' if {'*', 'planner'} & set(t.readers.split()) else '-'} |"
         for t in TOPICS
     ]
-    head = "| topic | key below the prefix | message | rate | delivery, depth | from | may read |"
+    head = "| topic | key below the prefix | message | rate | delivery, depth | from | planner |"
     legend = [f"- *{name}*: {meaning}." for name, meaning in DELIVERY.items()]
     return "\n".join([head, "|---|---|---|---|---|---|---|", *rows, "", *legend])
 
