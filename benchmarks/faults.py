@@ -121,7 +121,7 @@ class Ledger:
     twice: set[int] = field(default_factory=set)
 
     def add_identities(self, current_m: dict[int, np.ndarray]) -> None:
-        """Add identities; count duplicate ones, at a position other than before."""
+        """Add identities; count identities twice at different positions."""
         for identity, position_m in current_m.items():
             before = self.positions_m.setdefault(identity, position_m)
             if np.linalg.norm(before - position_m) > NEAR_M:

@@ -19,7 +19,7 @@ from lab.camera.synthetic_detections import SyntheticDetectionsConfig
 from services.tracker.config import ImageSortConfig
 from services.tracker.image_sort.image_sort import ImageSort
 
-SCENARIOS = ("pmrr", "psrm", "pmrm1", "pmrm2", "port1", "port2")  # as [Park 2021]'s sequences
+SCENARIOS = ("pmrr", "psrm", "pmrm1", "pmrm2", "port1", "port2")  # sequences of [Park 2021]
 SEEDS = (101, 102, 103)
 PAPER = {
     "SORT": "49.44 | 81.50 | 13 | 4453 | 29.86 | 43.27 | 22.79 | 277 | 466.3",

@@ -140,7 +140,7 @@ def main() -> None:
     chains = {"networks between": Chain(False).run(), "outputs stored": Chain(True).run()}
     found: dict[str, dict[str, list[F64]]] = {}
     bare = list[float]()
-    for frames in chains.values():  # to warm up, and to fill what is stored
+    for frames in chains.values():  # warm up, and fill the stored outputs
         next(islice(frames, 2 * FRAMES, None))
     for number in range(rounds):
         print(f"round {number + 1} of {rounds}", flush=True)
@@ -158,7 +158,7 @@ def main() -> None:
         float(np.median(ms)) / run_ms
         for ms, run_ms in zip(found["all"]["networks between"], bare, strict=True)
     ]
-    found["all"] = found.pop("all")  # as the last row
+    found["all"] = found.pop("all")  # moved to the last row
     rows = [
         [stage, *(cell for name in chains for cell in quantiles(columns[name]))]
         for stage, columns in found.items()

@@ -173,7 +173,7 @@ def main() -> None:
             walking = observations(people, frames + WARM_UP, seed)
             encoded = [payloads(frame, number) for number, frame in enumerate(walking)]
             gc.collect()
-            gc.freeze()  # as in every process after loading
+            gc.freeze()  # same state as in every process after loading
             for preset in PRESETS:
                 found[preset, people].append(times_ms(encoded, tracked(node_of(preset))))
             found["input decoded and encoded", people].append(times_ms(encoded, copied))

@@ -82,7 +82,7 @@ class Builder:
             self.run(*build, "--tag", "people4d", ".")
         container = self.run("from", "--pull-never", "localhost/people4d")
         root = Path(self.run("mount", container))
-        for folder in root.parents:  # which the user of the services may pass
+        for folder in root.parents:  # folders that the user of the services may pass
             if folder.is_relative_to(self._folder):
                 folder.chmod(folder.stat().st_mode | 0o711)
         config = json.loads(self.run("inspect", "--type", "image", "localhost/people4d"))
@@ -186,7 +186,7 @@ class Containers:
             status = target.stat()
             os.chown(outside, status.st_uid, status.st_gid)
             outside.chmod(status.st_mode & 0o7777)
-        if outside.is_dir():  # as container runtimes do
+        if outside.is_dir():  # a mount point is created, as by container runtimes
             target.mkdir(parents=True, exist_ok=True)
         else:
             target.touch()

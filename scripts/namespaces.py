@@ -80,7 +80,7 @@ class Wire:
             now_s = time.monotonic()
             while self._waiting and self._waiting[0][0] <= now_s:
                 _, _, end, packet = heapq.heappop(self._waiting)
-                with contextlib.suppress(OSError):  # its host has ended
+                with contextlib.suppress(OSError):  # the host of the link has ended
                     os.write(self._ends[end], packet)
             wait_s = self._waiting[0][0] - now_s if self._waiting else None
             ready, _, _ = select.select([*self._ends, self._stop], [], [], wait_s)

@@ -22,7 +22,7 @@ def services(evidence: Evidence) -> Iterator[Diagnostic]:
     if SITE in running and not set(running) & set(NEEDED):
         needed = (SITE,)
     elif any(v.since("received_detections") for v in evidence.of_service("tracker")):
-        needed = ("tracker",)  # its cameras may run under other robot names
+        needed = ("tracker",)  # cameras of the tracker may run under other robot names
     missing = [name for name in needed if name not in running]
     robots = sorted({robot for robot, _, _ in evidence.present} - {evidence.robot})
     present = {name for robot, _, name in evidence.present if robot == evidence.robot}

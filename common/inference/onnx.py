@@ -49,7 +49,7 @@ class OnnxSession:
         if not path.is_file():
             raise ModelError(f"model file {path} does not exist", "See: people4d models.")
         try:
-            self._session = self._runs.call(  # its threads inherit the cores
+            self._session = self._runs.call(  # threads of the session inherit the cores
                 lambda: onnxruntime.InferenceSession(
                     str(path),
                     options,

@@ -41,8 +41,8 @@ class Matching:
     """All frames of a sequence, matched."""
 
     sequence: EvaluationSequence
-    persons: tuple[Id, ...]  # all true people
-    tracks: tuple[Id, ...]  # all tracks
+    persons: tuple[Id, ...]  # people of the ground truth
+    tracks: tuple[Id, ...]  # tracks of the sequence
     frame_matches: tuple[FrameMatches, ...]  # one for each frame
     threshold: float  # minimum similarity of a match
 

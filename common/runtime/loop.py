@@ -107,7 +107,7 @@ class Loop:
             self._demand(())
             for subscription in subscriptions:
                 subscription.close()
-            for reader in self._readers:  # their messages are already counted as received
+            for reader in self._readers:  # messages of readers are already counted as received
                 reader.join(READERS_S)
             self._drain()
             for helper in helpers:

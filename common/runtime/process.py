@@ -65,7 +65,7 @@ def main(
         try:
             node = build(config)
             release_memory()
-            if mode == "router":  # all processes connect to it
+            if mode == "router":  # router: the process that all others connect to
                 serve_time(bus)
             loop = Loop(node, bus, process_id, loop_settings(node, flags))
             on_stop_signals(loop.stop)

@@ -193,7 +193,7 @@ class Tracer:
     def _extended(self, message: M, *spans: Span) -> M:
         if not self.on:
             return message
-        trace = (*message.trace, *spans)[: MAX_TRACE - 1]  # one is left for publishing
+        trace = (*message.trace, *spans)[: MAX_TRACE - 1]  # leaves one span for publishing
         return msgspec.structs.replace(message, trace=trace)
 
 

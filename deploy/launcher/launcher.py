@@ -266,7 +266,7 @@ def stop(state: State) -> bool:
             writing = _writing(state)
             spared = {running.pid, *writing}
             timeout_s = max([STOP_TIMEOUT_S, *writing.values()])
-            with contextlib.suppress(SupervisorGoneError):  # it is already stopping
+            with contextlib.suppress(SupervisorGoneError):  # supervisord is already stopping
                 Supervisor(state).shutdown()
             start_s = time.monotonic()
             while state.read() and (elapsed_s := time.monotonic() - start_s) < timeout_s:

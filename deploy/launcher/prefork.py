@@ -102,7 +102,7 @@ def become(command: Sequence[str], variables: Mapping[str, str]) -> NoReturn:
     sys.argv = list(command[2:])
     setproctitle(shlex.join(command))
     if command[2] in OWN:
-        del sys.modules[command[2]]  # it runs as __main__
+        del sys.modules[command[2]]  # the module runs as __main__
     status = 1
     try:
         runpy.run_module(command[2], run_name="__main__", alter_sys=True)
@@ -111,7 +111,7 @@ def become(command: Sequence[str], variables: Mapping[str, str]) -> NoReturn:
         status = end.code if isinstance(end.code, int) else int(end.code is not None)
         if not isinstance(end.code, int | None):
             print(end.code, file=sys.stderr)
-    except BaseException:  # as the interpreter does
+    except BaseException:  # like Python's interpreter
         sys.excepthook(*sys.exc_info())
     finally:
         # Ends like an interpreter, without returning to supervisord's code on the stack.

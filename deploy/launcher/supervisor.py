@@ -213,7 +213,7 @@ class Supervisor:
 
     def start(self, instance: str) -> None:
         """Start one process without waiting; no effect on a running one."""
-        with contextlib.suppress(xmlrpc.client.Fault):  # its state shows the failure
+        with contextlib.suppress(xmlrpc.client.Fault):  # the state of the process shows the failure
             self._call("supervisor.startProcess", self._name_of(instance), False)
 
     def kill(self, instance: str, trace: bool = True) -> None:

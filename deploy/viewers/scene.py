@@ -153,7 +153,7 @@ class PeopleScene:
         pose = None
         if info:
             pose = self.transforms.camera_pose(tracks.frame_id, info.frame_id, tracks.stamp_ns)
-        if not tracks.predicted:  # their stamp may be ahead of later frames
+        if not tracks.predicted:  # stamps of predictions may be ahead of later frames
             self._extend(tracks)
         people, skeletons = tuple(_views(tracks, detections)), None
         if info and pose is not None and tracks.camera not in self._skeleton_cameras:

@@ -52,7 +52,7 @@ class SampledTruth:
     """The truth of a recording at the stamps of its frames."""
 
     frame_id: str  # frame of the positions
-    ids: tuple[str, ...]  # all people of the recording
+    ids: tuple[str, ...]  # identities of the people in the recording
     frames: tuple[TruthFrame | None, ...]  # one for each stamp; None if unknown
 
     @property

@@ -12,7 +12,7 @@ from launch_ros.actions import Node
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Return what is started."""
+    """Return the nodes to start."""
     source, transport = LaunchConfiguration("source"), LaunchConfiguration("transport")
     command = ["people4d", "up", "--source", source, "--ros2", transport]
     return LaunchDescription(

@@ -177,7 +177,7 @@ def at_once(jobs: Sequence[Callable[[], T]], threads: int) -> list[T]:
 
 
 def in_bands(work: Callable[[int, int], object], rows: int, threads: int) -> None:
-    """Call `work(first, last)` for bands of rows that together are all rows, last exclusive.
+    """Call `work(first, last)` for bands that together cover all rows, last exclusive.
 
     Each pixel depends on its own row only, so the result does not depend on the number of bands.
     """

@@ -60,6 +60,6 @@ class Score(Message, frozen=True, kw_only=True):
     people: tuple[PersonScore, ...] = ()  # all people of the truth
     false_alarms: tuple[int, ...] = ()  # ids of unmatched tracks
     recent: Tally  # the last 10 s
-    total: Tally  # since playback began
+    total: Tally  # tally since playback began
     id_consistency: float | None = None  # ratio of all matches under each person's main track
     alignment: Alignment | None = None  # absent unless configured

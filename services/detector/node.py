@@ -60,7 +60,7 @@ class DetectorNode(Node):
     inputs: tuple[type[Message], ...] = (CameraInfo, RgbdFrame)
     sharing: ClassVar[Sharing] = Sharing(RgbdFrame, Detections)
     required_inputs: ClassVar[tuple[type[Message], ...]] = (RgbdFrame,)
-    workers = 2  # one prepares a frame while the other infers
+    workers = 2  # one worker prepares a frame while the other infers
 
     def __init__(
         self,

@@ -92,7 +92,7 @@ class MqttBroker:
         try:
             sent = self._client.publish(self._topic, body, qos=1)
             self._await(self._client, sent.is_published, "acknowledgement")
-        except Exception:  # this connection would repeat the event on its own
+        except Exception:  # an open connection would repeat the event
             self.close()
             raise
 

@@ -104,7 +104,7 @@ class EventsNode(Node):
             if isinstance(message, StaticTransform | MovingTransform | Odometry):
                 self._transforms.add_transform(message)
             return ()
-        if message.predicted:  # its stamp may be ahead of the next frames
+        if message.predicted:  # stamps of predictions may be ahead of the next frames
             return ()
         events = []
         newest_ns = self._newest_ns

@@ -23,7 +23,7 @@ MOTION_HORIZON_S = 3.0  # horizon of the probabilities of motion [s]
 COHESION, COHESION_FROM_S = 0.6, 1.0
 ACCELERATIONS = (0.1, 0.2, 0.6)  # densities of white acceleration in forecasts [m/s^2 sqrt(s)]
 STANDING_RADIUS_M = 0.6  # maximum displacement of a standing person [m]
-GOING_ON_RAD = math.radians(25.0)  # maximum change of direction of a person going on [rad]
+GOING_ON_RAD = math.radians(25.0)  # maximum change of direction of a person who continues [rad]
 SAMPLES = 64  # number of points of the normal distribution
 
 

@@ -75,7 +75,7 @@ class PredictorNode(Node):
             self._transforms.add_transform(message)
         elif not isinstance(message, Tracks):
             return ()
-        elif message.predicted:  # its stamp may be ahead of the next frames
+        elif message.predicted:  # stamps of predictions may be ahead of the next frames
             return () if message.tracks else [self._message(message, (), None)]
         elif (
             self._is_on_our_clock(message, now_ns)

@@ -21,7 +21,7 @@ ODDS_NEW = -1.0  # logarithm of the odds of a new track
 ODDS_AMBIGUOUS = 1.0  # maximum logarithm of the odds after a possible exchange
 ODDS_SETTLED = 5.0  # minimum logarithm of the odds of a settled track
 VETO_RATIO = -0.5  # log ratio of a crop below which its track is not locked
-UNMATCHED_NS = 300_000_000  # gap of a track after which it may go on with another person [ns]
+UNMATCHED_NS = 300_000_000  # gap of a track after which it may continue with another person [ns]
 VISIBLE_NS = 150_000_000  # maximum time since the last match of a visible person [ns]
 OCCLUDED_NS = 2_000_000_000  # maximum duration of an occlusion [ns]
 GAP_NS = 1_000_000_000  # interval between frames after which all tracks are ambiguous [ns]
@@ -39,7 +39,7 @@ class TrackEvidence(msgspec.Struct):
     matched_ns: int  # [ns] last match
     log_odds: float = ODDS_NEW
     crops: int = 0  # number of crops that counted
-    crop_ns: int = 0  # [ns] stamp of the last of them
+    crop_ns: int = 0  # [ns] stamp of the last counted crop
     ratio: float = 0.0  # log ratio of that crop
     settled: bool = False  # True: certain, and no possible exchange since
     # reason why the track is another person; empty: it may be the chosen one
@@ -47,7 +47,7 @@ class TrackEvidence(msgspec.Struct):
     touches: bool = False  # True: close to a track with which it may be exchanged
 
     def make_ambiguous(self) -> None:
-        """Limit the odds after a chance that the track goes on with another person."""
+        """Limit the odds after a possible switch of the track to another person."""
         self.log_odds = min(max(self.log_odds, ODDS_NEW), ODDS_AMBIGUOUS)
         self.settled, self.other, self.crops = False, "", 0
 
@@ -85,11 +85,11 @@ class Decision:
 
 
 class ChosenPerson:
-    """Follows one person through the frames, and never goes on with another one.
+    """Follows one person through the frames, and never switches to another person.
 
-    Each track has odds of being the chosen person. They grow and fall by crops, and are limited
-    whenever the tracker may have exchanged people. Tracks that were visible beside the person are
-    other people until such a chance.
+    Each track has odds of being the chosen person. Crops raise or lower the odds; a possible
+    exchange of people by the tracker limits them. A track visible at the same time as the person
+    is another person until a possible exchange.
     """
 
     def __init__(self, config: TargetConfig) -> None:

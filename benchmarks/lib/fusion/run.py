@@ -41,7 +41,7 @@ class Statement:
 def track(
     scene: FusionScene, change: Change, cameras: Sequence[str] = ()
 ) -> tuple[list[TimedTracks], list[Statement]]:
-    """Return the tracks of one tracker of some cameras, all by default, and what was reported."""
+    """Return the tracks and reports of one tracker with some cameras, by default all."""
     node = build(TrackerConfig(require_transform=True))
     times = {
         (m.camera, m.stamp_ns): time_ns

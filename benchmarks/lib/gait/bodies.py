@@ -51,7 +51,7 @@ class JointTruth:
     camera_m: F64  # Nx3, position of the camera
     in_view: Flags  # NxK, the feet are in the image
     in_range: Flags  # NxKx17, nearer than the farthest depth
-    # Footfalls of each person, if known: small ones are neither steps nor invented
+    # Footfalls of each person, if known; small footfalls count neither as steps nor as invented
     footfalls: list[list[Footfall]] | None = None
 
 

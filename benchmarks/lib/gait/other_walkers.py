@@ -252,7 +252,7 @@ class OtherWalker:
         return found, joints_m, math.atan2(-chest[1, 1], -chest[0, 1])
 
     def meshes(self) -> list[Any]:
-        """Return the person, and what they carry."""
+        """Return the meshes of the person and of carried objects."""
         return [self._character, *([self._box] if self._box else [])]
 
 

@@ -32,7 +32,7 @@ import numpy as np
 import onnxruntime
 
 SIDE = 640  # [px] of the input
-SCORE_MIN, IOU_MAX = 0.25, 0.7  # as Ultralytics' own
+SCORE_MIN, IOU_MAX = 0.25, 0.7  # thresholds of Ultralytics
 WARM_UP = 10
 RATE_HZ = 15.0
 Image = np.ndarray[Any, np.dtype[np.uint8]]

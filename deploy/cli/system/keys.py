@@ -44,7 +44,7 @@ def keys(
 ) -> None:
     """Make certificates (or passwords) for each role and host, or check them."""
     need("people4d keys", "keys")
-    made: Any = importlib.import_module("deploy.keys")  # its library is an extra
+    made: Any = importlib.import_module("deploy.keys")  # imported on use: the library is an extra
     if not check:
         hosts = dict(_host(text) for text in host)
         if made.check(folder, datetime.now(UTC)) and not renew:

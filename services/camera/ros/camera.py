@@ -128,7 +128,7 @@ def _fix_constant(bag: Bag, tree: FrameTree, frames: set[str]) -> None:
     """
     paths = [[(parent, child) for parent, child, _ in tree.path(frame)] for frame in frames]
     if len(paths) < 2 or not all(paths) or paths[0][-1][0] != paths[1][-1][0]:
-        return  # one frame, or frames of two trees
+        return  # both in one frame, or in separate trees
     wanted = {edge for edge in {*paths[0]} ^ {*paths[1]} if tree.find(*edge) is None}
     if not wanted:
         return

@@ -35,7 +35,7 @@ HIDDEN_M = 0.5  # Standard deviation of the depth of a hidden point [m]
 class SurfaceUncertainty:
     """Standard deviations [m] of measurements on a possibly different surface."""
 
-    before: float  # between a hidden point and the surface in front of it
+    before: float  # distance of a hidden point from the surface in front of it
     depth: float  # depth of a visible point
     across: float  # position of a keypoint in the image
 

@@ -133,7 +133,7 @@ def _by_side(
     asides = {one.basin: float((one.position_m - middle) @ left) for one in extremities}
     for extremity in sorted(extremities, key=lambda one: -abs(asides[one.basin])):
         side = "left" if asides[extremity.basin] > 0 else "right"
-        # Of two idle points the one on this side starts; a single idle point has a tracked
+        # Of two idle points the point on this side starts; a single idle point has a tracked
         # counterpart.
         for point in waiting:
             sided = len(waiting) == 1 or point.kind == "head" or point.name.startswith(side)

@@ -152,7 +152,7 @@ class CameraClocks:
         for camera, error in watch.stamp_errors(self.reference, time_ns).items():
             clock = self._clocks.get(camera)
             least_s, sigmas = FIRST_MIN_S, FIRST_SIGMAS
-            if clock is not None and clock.delay_ns:  # its stamps are wrong
+            if clock is not None and clock.delay_ns:  # the stamps of this clock are wrong
                 least_s, sigmas = LATER_MIN_S, LATER_SIGMAS
             ahead_ns = round(error.ahead_s * 1e9)
             is_significant = abs(error.ahead_s) > max(least_s, sigmas * error.sigma_s)
