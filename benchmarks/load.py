@@ -72,7 +72,7 @@ def table(title: str, found: dict[int, list[Figures]]) -> str:
 
 
 def main() -> None:
-    """Measure both in turns and write the tables."""
+    """Measure both alternately and write the tables."""
     parser = options.parser(__doc__, "rounds", "quick")
     asked = parser.parse_args()
     rounds, frames = (1, QUICK_FRAMES) if asked.quick else (asked.rounds, FRAMES)

@@ -77,7 +77,7 @@ def ours(model: Path, int8: Path | None) -> dict[str, tuple[Arrangement, list[st
 
 
 def main() -> None:
-    """Measure in turns and write the table."""
+    """Measure all packages alternately and write the table."""
     parser = options.parser(__doc__, "shared", "rounds", "quick")
     parser.add_argument("--peers", help="Python interpreter of their environment")
     parser.add_argument("--int8", type=Path, help="the network in 8 bits")

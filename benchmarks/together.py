@@ -102,7 +102,7 @@ def add_live(figures: Figures, one: Arrangement, load: str, run: Playback, float
 
 
 def measure(detectors: Sequence[str], rounds: int, frames: int) -> dict[str, Figures]:
-    """Measure all detectors and arrangements in turns."""
+    """Measure all detectors and arrangements alternately."""
     found = {detector: Figures() for detector in detectors}
     for number in range(rounds):
         for detector, figures in found.items():

@@ -1,6 +1,6 @@
 """Time of the tracker's node in a frame: decoding, tracking and encoding, by number of people.
 
-The input are messages of a detector and an embedder about people who walk back and forth. The
+The inputs are messages of a detector and an embedder about people who walk back and forth. The
 references in the same run are the method of [PIC4SeR] on the same bytes, and decoding and encoding
 alone.
 """
@@ -160,7 +160,7 @@ def copied(payload: bytes) -> bytes:
 
 
 def main() -> None:
-    """Measure in turns and write the table."""
+    """Measure all methods alternately and write the table."""
     parser = options.parser(__doc__, "rounds", "quick")
     asked = parser.parse_args()
     rounds, frames = (1, QUICK_FRAMES) if asked.quick else (asked.rounds, FRAMES)

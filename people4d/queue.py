@@ -26,7 +26,7 @@ class Arrival:
 
     message: Message  # the message
     received_ns: int  # wall clock of its arrival
-    decoded_ns: int  # wall clock after decoding
+    decoded_ns: int  # wall clock at the end of decoding
     ticket: int = -1  # position in the order of removal
     size: int = 0  # [bytes] encoded
 

@@ -37,7 +37,7 @@ class ObservedPerson:
 class ObservedFrame:
     """The people in one frame."""
 
-    stamp_ns: int  # on the camera's clock
+    stamp_ns: int  # stamp on the camera's clock
     people: tuple[ObservedPerson, ...]
 
 

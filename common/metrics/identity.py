@@ -13,9 +13,9 @@ from common.metrics.matching import ROUNDING, Matching
 class IdentityCounts(Counts):
     """Counts of the identity measures, under the best one-to-one assignment of tracks."""
 
-    idtp: int = 0  # people in frames matched by their own track
-    idfn: int = 0  # people in frames without their own track
-    idfp: int = 0  # tracks in frames without their own person
+    idtp: int = 0  # number of people in frames matched by their own track
+    idfn: int = 0  # number of people in frames without their own track
+    idfp: int = 0  # number of tracks in frames without their own person
 
     @property
     def idf1(self) -> float:

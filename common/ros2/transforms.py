@@ -19,7 +19,7 @@ class StampedTransform:
 
     parent: str
     child: str
-    stamp_ns: int  # 0 if unknown
+    stamp_ns: int  # stamp; 0 if unknown
     matrix: F64  # 4x4, parent_from_child
 
     def moving(self, stamp_ns: int, sequence: int) -> MovingTransform:

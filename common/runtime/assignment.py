@@ -62,7 +62,7 @@ class PendingMessage:
 
     key: str  # full key of the message
     payload: bytes | Message  # encoded message; decoded if published by this process
-    received_ns: int  # wall clock when it arrived
+    received_ns: int  # wall clock of arrival
     header: MessageHeader  # fields that determine its replica
 
 

@@ -42,8 +42,8 @@ class TimeExchange:
     """
 
     query_sent_ns: int  # [ns] own clock
-    query_received_ns: int  # the other's clock
-    reply_sent_ns: int  # the other's clock
+    query_received_ns: int  # time of reception by the other's clock
+    reply_sent_ns: int  # time of sending by the other's clock
     reply_received_ns: int  # [ns] own clock
 
     @property

@@ -24,7 +24,7 @@ class TableColumn(msgspec.Struct, frozen=True, array_like=True):
 
     metric: str
     title: str  # heading of the column
-    digits: int  # decimals
+    digits: int  # number of decimals
     factor: float = 1.0  # 100 for percent
 
     def text(self, value: SummaryStatistics | float | None, spread: bool = True) -> str:

@@ -54,7 +54,7 @@ class SampleArrays(NamedTuple):
 
     inverse: F32  # [1/m] see `raster.Raster`
     triangle: I32
-    side: int  # samples per pixel in both directions
+    side: int  # number of samples per pixel in both directions
     focal: float  # [samples] focal length
     step: int  # samples per pixel of the coarse corner light, in both directions
 

@@ -89,7 +89,7 @@ class Footfall:
     """Contact of a foot with the floor."""
 
     time_s: float  # time since the start of the scenario
-    side: int  # 0 left, 1 right
+    side: int  # index of the side: 0 left, 1 right
     position_m: F64  # 2, x and y of the ankle in the stance, frame: map
 
 

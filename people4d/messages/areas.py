@@ -28,7 +28,7 @@ class AreaPerson(Record, frozen=True, kw_only=True):
     id: Annotated[int, Meta(ge=1, le=ID_MAX)]  # identity, unique over the site
     position_m: Vector3  # [m] frame: AreaPeople.frame_id, at the last match
     unmatched_s: Annotated[float, Meta(ge=0, le=3600)]  # [s] time since the last match
-    matches: PositiveInt  # frames in which this tracker matched the person
+    matches: PositiveInt  # number of frames in which this tracker matched the person
     # embeddings of unit length, chosen to differ; cosine distance is 1 - a.b
     views: Annotated[F32, Shape("V", "D"), Magnitude(1.1)]
 

@@ -25,7 +25,7 @@ class RoundLength:
 
     def __init__(self) -> None:
         self.count = 0  # number of frames
-        self._before_ns = 0  # length of the parts before the last jump
+        self._before_ns = 0  # duration of the parts before the last jump
         self._part = (0, 0)  # lowest and highest stamp since the last jump
         self._last_ns = 0
 

@@ -17,8 +17,8 @@ class PrefetchedItem:
     """An item with the times of its reading."""
 
     item: SourceItem  # frame or motion
-    start_ns: int  # wall clock at the beginning of its reading
-    end_ns: int  # wall clock at the end of its reading
+    start_ns: int  # wall clock at the start of reading
+    end_ns: int  # wall clock at the end of reading
 
 
 class Prefetch:

@@ -111,9 +111,9 @@ def estimate_motion(
 ) -> SpaceAlignment | None:
     """Estimate the rigid motion of the truth to the frame of the tracks, of less than a metre.
 
-    Pairs and motion are found in turns, as in iterative closest points. None if there are too few
-    samples, or they do not determine the rotation: people hardly move, or (in 3D) only along one
-    line.
+    Pairs and motion are found alternately, as in iterative closest points. None if there are too
+    few samples, or they do not determine the rotation: people hardly move, or (in 3D) only along
+    one line.
 
     Args:
         truth: Trajectories of people.

@@ -23,7 +23,7 @@ class RosPerson:
 
     id: int  # unique number
     slot: int  # number in the message, from 1 to its number of people
-    group: int  # ALONE without a group
+    group: int  # number of the group; ALONE without a group
     name: str  # identity as text
     state: str  # state of the track, or "truth"
     position_m: tuple[float, float, float]

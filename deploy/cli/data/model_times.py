@@ -17,7 +17,7 @@ from services.detector.config import DetectorConfig
 from services.detector.models.registry import MODELS, find_factory
 
 IMAGE = (480, 640, 3)  # shape of the camera's image
-ROUNDS = 5  # number of rounds, with engines in turns, so load affects all of them
+ROUNDS = 5  # number of rounds, with alternating engines, so load affects all engines
 
 
 def benchmark(

@@ -35,8 +35,8 @@ class _Camera:
     interval_ns: int = 0  # [ns] maximum recent interval between frames
     sampled_ns: int | None = None  # [ns] stamp of the last sample
     samples: deque[tuple[int, int, int]] = field(default_factory=deque)  # stamp, expected, found
-    expected: int = 0  # sum over all samples before the window
-    found: int = 0  # sum over all samples before the window
+    expected: int = 0  # number of expected people, over all samples before the window
+    found: int = 0  # number of found people, over all samples before the window
 
     def add_sample(self, stamp_ns: int, expected: int, found: int) -> None:
         """Add a sample."""
