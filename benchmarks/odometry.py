@@ -12,7 +12,7 @@ import msgspec
 from benchmarks.lib import options
 from benchmarks.lib.odometry.rides import lab_ride
 from benchmarks.lib.odometry.tables import SORT, WEAK, faults, table2, table4, variants
-from benchmarks.lib.peers.mot15 import HELD_OUT, TUNING, load_all, quality, score_tracks
+from benchmarks.lib.peers.mot15 import HELD_OUT, TUNING, load_all, quality
 from benchmarks.lib.table import markdown, write
 from common.metrics.scores import Scores, combine
 from lab.camera.synthetic_detections import SyntheticDetectionsConfig
@@ -43,9 +43,8 @@ def choose_lifetime(shared: Path) -> tuple[ImageSortConfig, str]:
         results = []
         for name in names:
             tracker = ImageSort(config)
-            results.append(
-                score_tracks(sequences[name], [tracker.update(f) for f in sequences[name].frames])
-            )
+            tracks = [tracker.update(frame) for frame in sequences[name].frames]
+            results.append(sequences[name].score(tracks))
         return results
 
     grid = [

@@ -14,17 +14,11 @@ import numpy as np
 
 from benchmarks.lib import options
 from benchmarks.lib.peers.mot import PEERS
-from benchmarks.lib.peers.mot15 import (
-    HELD_OUT,
-    TUNING,
-    MotSequence,
-    cells,
-    load_all,
-    quality,
-    score_tracks,
-)
+from benchmarks.lib.peers.mot15 import HELD_OUT, TUNING, cells, load_all, quality
 from benchmarks.lib.peers.run import PeerSequence, run_peers
 from benchmarks.lib.table import markdown, spread, write
+from evaluation.datasets.boxes import detection_rows
+from evaluation.datasets.mot import MotSequence
 from people4d.messages import F64
 from services.tracker.config import ImageSortConfig
 from services.tracker.image_sort.image_sort import BoxFrame, BoxTracks, ImageSort
@@ -95,7 +89,7 @@ def ask_peers(
         Results by tracker and number of the setting; the first is the package's own.
     """
     inputs = {
-        name: PeerSequence(one.rows, one.info.frames, one.info.rate_hz)
+        name: PeerSequence(detection_rows(one.frames), one.info.frames, one.info.rate_hz)
         for name, one in sequences.items()
     }
     return {
@@ -123,7 +117,7 @@ def by_frame(rows: F64, frames: int) -> list[BoxTracks]:
 
 def worth(result: Result, sequences: dict[str, MotSequence]) -> float:
     """Return the criterion of a result on the tuning sequences."""
-    return quality(score_tracks(sequences[name], result.tracks[name]) for name in TUNING)
+    return quality(sequences[name].score(result.tracks[name]) for name in TUNING)
 
 
 def rate_hz(results: Sequence[Result]) -> str:
@@ -139,7 +133,7 @@ def mot_row(name: str, results: Sequence[Result], sequences: dict[str, MotSequen
     """Return one row of the comparison; the runs differ in time only."""
     row = [name]
     for names in (HELD_OUT, TUNING):
-        row += cells(score_tracks(sequences[n], results[0].tracks[n]) for n in names)
+        row += cells(sequences[n].score(results[0].tracks[n]) for n in names)
     row += [rate_hz(results), results[0].words]
     print(*row, sep=" | ", flush=True)
     return row

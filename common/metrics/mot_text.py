@@ -44,6 +44,7 @@ class MotRows:
     boxes_xyxy_px: F64  # [px] Nx4: left, top, right, bottom
     confidences: F64  # N, score of a detection; flag (0 or 1) of ground truth
     positions_m: F64  # [m] Nx3, in the world; NaN if unknown
+    classes: I64  # N, since MOT16; 0 if unknown
 
     def of(self, frame: int) -> "MotRows":
         """Return the lines of one frame."""
@@ -89,16 +90,17 @@ def read_rows(path: Path) -> MotRows:
             )
         first_lines[frame_id] = number
         rows.append(row)
-    table = np.array(rows).reshape(-1, 10)
+    table = np.array(rows).reshape(-1, 11)
     table = table[np.argsort(table[:, 0], kind="stable")]
     corners = np.hstack([table[:, 2:4], table[:, 2:4] + table[:, 4:6]])
     frames, ids = table[:, :2].astype(np.int64).T
-    positions = table[:, 7:]
+    positions, classes = table[:, 7:10], table[:, 10]
     known = np.isfinite(positions).all(axis=1) & ~np.all(positions == -1, axis=1)
     positions = np.where(known[:, None], positions, np.nan)
     if _are_classes(positions):
+        classes = np.where(np.isnan(positions[:, 0]), classes, positions[:, 0])
         positions = np.full_like(positions, np.nan)
-    return MotRows(frames, ids, corners, table[:, 6], positions)
+    return MotRows(frames, ids, corners, table[:, 6], positions, classes.astype(np.int64))
 
 
 def _are_classes(columns: F64) -> bool:
@@ -162,6 +164,7 @@ def _text(path: Path, limit: int = MAX_BYTES) -> str:
 
 
 def _parse(line: str, where: str) -> list[float]:
+    """Return ten columns and the class, which is 0 if the line has none."""
     try:
         row = [float(text) for text in line.strip().rstrip(",").split(",")]
     except ValueError:
@@ -176,4 +179,7 @@ def _parse(line: str, where: str) -> list[float]:
     )
     if not valid:
         raise DecodeError(f"{where}: expected {LAYOUT}, got {line.strip()!r:.80}")
-    return row if len(row) == 10 else row[:7] + [-1.0] * 3
+    if len(row) == 10:
+        return [*row, 0.0]
+    has_class = len(row) > 7 and 1 <= row[7] <= CLASSES_MAX
+    return [*row[:7], -1.0, -1.0, -1.0, row[7] if has_class else 0.0]

@@ -3,7 +3,7 @@
 import shlex
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
@@ -17,6 +17,7 @@ from deploy.cli.terminal import (
     progress,
     shown,
 )
+from evaluation.datasets.registry import DATASETS, find_dataset
 from people4d.errors import ConfigError
 from services.presets import PRESETS
 
@@ -31,17 +32,29 @@ def evaluate(
     presets: Annotated[
         list[str],
         typer.Argument(
-            metavar="PRESET...", help=f"Methods: {', '.join(PRESETS)}, or TOML files of that form."
+            metavar="PRESET...",
+            help=f"Methods: {', '.join(PRESETS)}, or TOML files of that form. Data sets have a "
+            "default one.",
+            show_default=False,
         ),
-    ],
+    ] = [],  # noqa: B006 (typer copies it)
     recordings: Annotated[
         list[str],
         typer.Option(
             metavar="SOURCE",
             help="Recording, ROS bag or folder with ground truth, or lab:SCENARIO; several "
             "separated by commas, or by repeating the option.",
+            show_default=False,
         ),
-    ],
+    ] = [],  # noqa: B006 (typer copies it)
+    dataset: Annotated[
+        tuple[str, Path] | None,
+        typer.Option(
+            metavar="NAME FOLDER",
+            help=f"Data set of another group in place of recordings: {', '.join(DATASETS)}.",
+            show_default=False,
+        ),
+    ] = None,
     seeds: Annotated[
         str, typer.Option(help="Seeds of every scenario, for example 1,2,3; default: its own.")
     ] = "",
@@ -67,8 +80,15 @@ def evaluate(
 
     if visual_odometry and fidelity == "geometry":
         raise ConfigError("--fidelity geometry has no images", "Render them: --fidelity colour.")
-    figures = figures and can_draw_figures()
     folder = (cache or default_folder()).absolute()
+    if bool(recordings) == bool(dataset):
+        raise ConfigError("expected either --recordings or --dataset", "See --help.")
+    if dataset:
+        _evaluate_dataset(*dataset, presets, set_, DatasetOutput(out, folder, jobs or cores()))
+        return
+    if not presets:
+        raise ConfigError("expected a preset, got none", f"Choose {', '.join(PRESETS)}.")
+    figures = figures and can_draw_figures()
     plan = EvaluationPlan(
         methods=tuple(read_methods(presets, set_)),
         recordings=tuple(plan_recordings(_sources(recordings), _seeds(seeds), fidelity, folder)),
@@ -85,6 +105,41 @@ def evaluate(
         page = write(plan, evaluation, out, f"people4d {shlex.join(sys.argv[1:])}")
     _show(evaluation.overview)
     typer.echo(f"Wrote {page}")
+
+
+class DatasetOutput(NamedTuple):
+    """Folders and processes of an evaluation."""
+
+    out: Path
+    cache: Path
+    jobs: int
+
+
+def _evaluate_dataset(
+    name: str, folder: Path, presets: list[str], settings: list[str], output: DatasetOutput
+) -> None:
+    """Print the figures of a data set, and write them with the files of its server."""
+    from evaluation.datasets.run import DatasetPlan, evaluate_dataset  # noqa: PLC0415
+
+    dataset = find_dataset(name)
+    methods = dataset.methods(presets, settings)
+    plan = DatasetPlan(dataset, folder, methods, *output)
+    hint = "The same command starts from the beginning, with the detections made so far."
+    with interruptible(hint), progress() as on_progress:
+        lines = evaluate_dataset(plan, on_progress)
+    columns = [f">{column}" for column in dataset.columns]
+    drawn = plain_table("method", "sequence", *columns, title=f"{dataset.title}: {dataset.metric}")
+    for method, sequence, row in lines:
+        cells = [_figure(row.get(column)) for column in dataset.columns]
+        drawn.add_row(shown(method), shown(sequence), *cells)
+    print_table(drawn)
+    typer.echo(f"Wrote {output.out / 'scores.csv'}{' and submission' if dataset.server else ''}")
+
+
+def _figure(value: float | None) -> str:
+    if value is None:
+        return "-"
+    return str(value) if isinstance(value, int) else f"{value:.3f}"
 
 
 def _show(table: "ReportTable") -> None:

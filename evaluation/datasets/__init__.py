@@ -1,0 +1,1 @@
+"""Data sets of other groups: one adapter a file, see `dataset.Dataset`."""

@@ -1,0 +1,26 @@
+"""The data sets by name."""
+
+from typing import TYPE_CHECKING
+
+from common import registry
+
+if TYPE_CHECKING:
+    from evaluation.datasets.dataset import Dataset
+
+# Instances of `Dataset`, imported on use
+DATASETS: dict[str, str] = {
+    "mot15": "evaluation.datasets.mot:MOT15",
+    "mot17": "evaluation.datasets.mot:MOT17",
+    "mot20": "evaluation.datasets.mot:MOT20",
+    "dancetrack": "evaluation.datasets.mot:DANCETRACK",
+}
+
+
+def find_dataset(name: str) -> "Dataset":
+    """Return the data set of a name.
+
+    Raises:
+        ConfigError: The name is unknown.
+    """
+    dataset: Dataset = registry.find("data set", DATASETS, name)
+    return dataset
