@@ -17,8 +17,7 @@ from benchmarks.lib.peers.mot import PEERS
 from benchmarks.lib.peers.mot15 import HELD_OUT, TUNING, cells, load_all, quality
 from benchmarks.lib.peers.run import PeerSequence, run_peers
 from benchmarks.lib.table import markdown, spread, write
-from evaluation.datasets.boxes import detection_rows
-from evaluation.datasets.mot import MotSequence
+from evaluation.datasets.boxes import BoxSequence, detection_rows
 from people4d.messages import F64
 from services.tracker.config import ImageSortConfig
 from services.tracker.image_sort.image_sort import BoxFrame, BoxTracks, ImageSort
@@ -61,7 +60,7 @@ def times_us(update: Callable[[BoxFrame], object], frames: Sequence[BoxFrame]) -
     return times
 
 
-def follow(config: ImageSortConfig, sequences: dict[str, MotSequence]) -> Result:
+def follow(config: ImageSortConfig, sequences: dict[str, BoxSequence]) -> Result:
     """Run our tracker."""
     tracks: dict[str, list[BoxTracks]] = {}
     times: dict[str, list[float]] = {}
@@ -81,7 +80,7 @@ def format_settings(config: ImageSortConfig) -> str:
 
 
 def ask_peers(
-    python: str, sequences: dict[str, MotSequence], chosen: dict[str, list[int]]
+    python: str, sequences: dict[str, BoxSequence], chosen: dict[str, list[int]]
 ) -> dict[str, dict[int, Result]]:
     """Run other packages in their own environment.
 
@@ -89,14 +88,14 @@ def ask_peers(
         Results by tracker and number of the setting; the first is the package's own.
     """
     inputs = {
-        name: PeerSequence(detection_rows(one.frames), one.info.frames, one.info.rate_hz)
+        name: PeerSequence(detection_rows(one.frames), len(one.frames), one.rate_hz)
         for name, one in sequences.items()
     }
     return {
         tracker: {
             number: Result(
                 run.settings,
-                {n: by_frame(run.rows[n], s.info.frames) for n, s in sequences.items()},
+                {n: by_frame(run.rows[n], len(s.frames)) for n, s in sequences.items()},
                 run.times_us,
             )
             for number, run in runs.items()
@@ -115,7 +114,7 @@ def by_frame(rows: F64, frames: int) -> list[BoxTracks]:
     return tracks
 
 
-def worth(result: Result, sequences: dict[str, MotSequence]) -> float:
+def worth(result: Result, sequences: dict[str, BoxSequence]) -> float:
     """Return the criterion of a result on the tuning sequences."""
     return quality(sequences[name].score(result.tracks[name]) for name in TUNING)
 
@@ -129,7 +128,7 @@ def rate_hz(results: Sequence[Result]) -> str:
     return spread(rates, "{:.0f}")
 
 
-def mot_row(name: str, results: Sequence[Result], sequences: dict[str, MotSequence]) -> list[str]:
+def mot_row(name: str, results: Sequence[Result], sequences: dict[str, BoxSequence]) -> list[str]:
     """Return one row of the comparison; the runs differ in time only."""
     row = [name]
     for names in (HELD_OUT, TUNING):
@@ -140,7 +139,7 @@ def mot_row(name: str, results: Sequence[Result], sequences: dict[str, MotSequen
 
 
 def compare(
-    python: str | None, sequences: dict[str, MotSequence], rounds: int, quick: bool
+    python: str | None, sequences: dict[str, BoxSequence], rounds: int, quick: bool
 ) -> list[list[str]]:
     """Choose settings of all trackers on the tuning sequences, and score them on the others."""
     tuning = {name: sequences[name] for name in TUNING}

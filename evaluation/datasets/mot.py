@@ -13,30 +13,15 @@ from pathlib import Path
 import numpy as np
 
 from common.metrics.mot_text import MotInfo, MotRows, read_info, read_rows
-from common.metrics.scores import Scores
-from evaluation.datasets.boxes import BoxTruth, image_frame, score_boxes, track_boxes
+from evaluation.datasets.boxes import BoxSequence, BoxTruth, image_frame, track_boxes
 from evaluation.datasets.dataset import Dataset, DatasetJob, SequenceResult
 from people4d.errors import DecodeError, SourceError
-from services.tracker.image_sort.image_sort import BoxFrame, BoxTracks
+from services.tracker.image_sort.image_sort import BoxTracks
 
 PEDESTRIAN = 1
 # Classes of neutral boxes: person on a vehicle, static person, distractor, reflection
 NEUTRAL = (2, 7, 8, 12)
 VEHICLE = 6  # neutral in MOT20, too
-
-
-@dataclass(frozen=True)
-class MotSequence:
-    """One sequence."""
-
-    info: MotInfo
-    frames: tuple[BoxFrame, ...]  # detections
-    truth: tuple[BoxTruth, ...] | None  # None: not published
-
-    def score(self, tracks: Sequence[BoxTracks]) -> Scores:
-        """Score the tracks of each frame."""
-        assert self.truth is not None
-        return score_boxes(self.info.name, self.frames, self.truth, tracks)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +59,7 @@ class MotDataset(Dataset):
         figures = None if one.truth is None else one.score(tracks)
         return SequenceResult(figures, {f"{job.path.name}.txt": submission(tracks)})
 
-    def load(self, folder: Path) -> MotSequence:
+    def load(self, folder: Path) -> BoxSequence:
         """Read one sequence.
 
         Raises:
@@ -92,7 +77,7 @@ class MotDataset(Dataset):
         numbers = range(1, info.frames + 1)
         frames = tuple(image_frame(found.of(n), n, info) for n in numbers)
         truth = tuple(self._truth(annotated.of(n)) for n in numbers) if annotated else None
-        return MotSequence(info, frames, truth)
+        return BoxSequence(info.name, frames, truth)
 
     def _rows(self, path: Path, info: MotInfo) -> MotRows:
         rows = read_rows(path)

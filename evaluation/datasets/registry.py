@@ -13,6 +13,8 @@ DATASETS: dict[str, str] = {
     "mot17": "evaluation.datasets.mot:MOT17",
     "mot20": "evaluation.datasets.mot:MOT20",
     "dancetrack": "evaluation.datasets.mot:DANCETRACK",
+    "jrdb": "evaluation.datasets.jrdb:JRDB",
+    "kitti": "evaluation.datasets.kitti:KITTI",
 }
 
 

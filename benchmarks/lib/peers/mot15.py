@@ -6,14 +6,15 @@ from pathlib import Path
 import numpy as np
 
 from common.metrics.scores import Scores, combine
-from evaluation.datasets.mot import MOT15, MotSequence
+from evaluation.datasets.boxes import BoxSequence
+from evaluation.datasets.mot import MOT15
 
 # Tuning split: a moving camera and a static one
 TUNING = ("ETH-Bahnhof", "TUD-Stadtmitte")
 HELD_OUT = ("ADL-Rundle-6", "KITTI-17", "TUD-Campus")
 
 
-def load_all(shared: Path) -> dict[str, MotSequence]:
+def load_all(shared: Path) -> dict[str, BoxSequence]:
     """Read the five sequences."""
     MOT15.check_tuning(f"mot15/{name}" for name in TUNING)
     folder = shared / "data" / "mot15"

@@ -19,18 +19,24 @@ COMMON = {"USE_PARALLEL": False, "PRINT_CONFIG": False, "SKIP_SPLIT_FOL": True}
 
 def write(folder: Path) -> None:
     """Write truth and submissions where TrackEval looks for them."""
-    from evaluation.datasets import mot  # noqa: PLC0415
-    from tests.evaluation.datasets import mot as written  # noqa: PLC0415
+    from evaluation.datasets import kitti, mot  # noqa: PLC0415
+    from tests.evaluation.datasets import kitti as kitti_files  # noqa: PLC0415
+    from tests.evaluation.datasets import mot as mot_files  # noqa: PLC0415
     from tests.evaluation.datasets import people  # noqa: PLC0415
 
     tracks = people.drawn_boxes().tracks
-    written.write_drawn(folder / "mot")
-    (folder / "mot" / "tracks" / "ours" / "data").mkdir(parents=True)
-    (folder / "mot/tracks/ours/data/drawn.txt").write_text(mot.submission(tracks))
+    mot_files.write_drawn(folder / "mot")
+    kitti_files.write_drawn(folder / "kitti")
+    seqmap = folder / "kitti" / "training" / "evaluate_tracking.seqmap.training"
+    seqmap.write_text(f"0000 empty 000000 {FRAMES:06}\n")
+    files = {"mot/tracks/ours/data/drawn.txt": mot, "kitti/tracks/ours/data/0000.txt": kitti}
+    for path, module in files.items():
+        (folder / path).parent.mkdir(parents=True)
+        (folder / path).write_text(module.submission(tracks))
 
 
 def datasets(folder: Path) -> dict[str, Any]:
-    """Return TrackEval's readers by the title of the data set."""
+    """Return TrackEval's readers, and a sequence, by the title of the data set."""
     from trackeval import datasets as theirs  # type: ignore[import-not-found] # noqa: PLC0415
 
     mot = COMMON | {
@@ -38,10 +44,14 @@ def datasets(folder: Path) -> dict[str, Any]:
         "TRACKERS_FOLDER": str(folder / "mot" / "tracks"),
         "SEQ_INFO": {"drawn": FRAMES},
     }
-    return {
-        name: theirs.MotChallenge2DBox(mot | {"BENCHMARK": name})
-        for name in ("MOT15", "MOT17", "MOT20")
+    kitti = COMMON | {
+        "GT_FOLDER": str(folder / "kitti" / "training"),
+        "TRACKERS_FOLDER": str(folder / "kitti" / "tracks"),
+        "CLASSES_TO_EVAL": ["pedestrian"],
     }
+    names = ("MOT15", "MOT17", "MOT20")
+    found = {n: (theirs.MotChallenge2DBox(mot | {"BENCHMARK": n}), "drawn") for n in names}
+    return found | {"KITTI tracking": (theirs.Kitti2DBox(kitti), "0000")}
 
 
 def figures(dataset: Any, sequence: str) -> dict[str, float]:
@@ -69,8 +79,8 @@ def main() -> None:
         write(folder)
         return
     lines = [
-        f"{json.dumps(name)}: {json.dumps(figures(dataset, 'drawn'))}"
-        for name, dataset in datasets(folder).items()
+        f"{json.dumps(name)}: {json.dumps(figures(*reader))}"
+        for name, reader in datasets(folder).items()
     ]
     print("{", ",\n".join(lines), "}", sep="\n")
 
