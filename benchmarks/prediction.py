@@ -22,10 +22,10 @@ from benchmarks.lib.prediction.score import (
     predict_walks,
     score_groups,
 )
-from benchmarks.lib.prediction.walks import SCENES, read_walks
 from benchmarks.lib.table import markdown, write
 from common.io.recording import open_recording
 from evaluation.cache import default_folder
+from evaluation.datasets.walks import read_walks
 from evaluation.methods import read_method
 from evaluation.pipeline import track_again
 from evaluation.recordings.recordings import plan_recordings, render_recording
@@ -35,6 +35,7 @@ from services.predictor.build import build
 from services.predictor.config import PredictorConfig
 
 IMAGE = Path(__file__).parents[1] / "docs" / "pictures" / "prediction-calibration.png"
+SCENES = ("seq_hotel", "zara01", "seq_eth")
 SHOWN_S = (0.5, 1.0, 2.0, 3.0, 4.0, 5.0)
 LAB = ("lab:four_dense@301", "lab:three_crossing@301")
 ADE = PredictorConfig(step_s=0.4, steps=12)  # horizon of 4.8 s, as in published figures

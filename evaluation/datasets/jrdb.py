@@ -16,12 +16,10 @@ import msgspec
 import numpy as np
 
 from common.io.files import read_bytes
-from common.metrics.counts import Counts
 from common.metrics.mot_text import MAX_BYTES
-from common.metrics.scores import Row, Scores
 from evaluation.datasets.boxes import BoxSequence, BoxTruth, track_boxes
 from evaluation.datasets.dataset import Dataset, DatasetJob, SequenceResult
-from evaluation.datasets.ospa import ospa
+from evaluation.datasets.ospa import OspaFigures, ospa
 from people4d.messages import F64
 from services.tracker.image_sort.image_sort import BoxFrame, BoxTracks
 
@@ -50,19 +48,6 @@ class JrdbEntry(msgspec.Struct, frozen=True):
 Entries = list[JrdbEntry]
 
 
-@dataclass(frozen=True)
-class JrdbFigures(Counts):
-    """Figures of the toolkit; OSPA is the mean over sequences."""
-
-    scores: Scores
-    ospa: float  # sum over sequences
-    sequences: int = 1
-
-    def row(self) -> Row:
-        """Return all figures by name."""
-        return {"ospa": self.ospa / self.sequences} | self.scores.row()
-
-
 @dataclass(frozen=True, kw_only=True)
 class JrdbTracking(Dataset):
     """The 2D tracking benchmark of JRDB."""
@@ -87,7 +72,7 @@ class JrdbTracking(Dataset):
         files = {f"{others.index(job.sequence):04}.txt": submission(tracks)}
         if one.truth is None:
             return SequenceResult(None, files)
-        return SequenceResult(JrdbFigures(one.score(tracks), ospa(one.truth, tracks)), files)
+        return SequenceResult(OspaFigures(one.score(tracks), ospa(one.truth, tracks)), files)
 
     def load(self, folder: Path, sequence: str) -> BoxSequence:
         """Read one sequence.

@@ -1,13 +1,29 @@
 """OSPA(2) of paths of boxes, as the toolkit of JRDB computes it."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from common.geometry.boxes import iou_xyxy
+from common.metrics.counts import Counts
+from common.metrics.scores import Row, Scores
 from evaluation.datasets.boxes import BoxTruth
 from services.tracker.image_sort.image_sort import BoxTracks
+
+
+@dataclass(frozen=True)
+class OspaFigures(Counts):
+    """OSPA, which is a mean over sequences, and all other figures."""
+
+    scores: Scores
+    ospa: float  # sum over sequences
+    sequences: int = 1
+
+    def row(self) -> Row:
+        """Return all figures by name."""
+        return {"ospa": self.ospa / self.sequences} | self.scores.row()
 
 
 def ospa(truth: Sequence[BoxTruth], tracks: Sequence[BoxTracks]) -> float:

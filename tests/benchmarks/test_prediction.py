@@ -11,7 +11,7 @@ from benchmarks.lib.prediction.score import (
     predict_walks,
     score_groups,
 )
-from benchmarks.lib.prediction.walks import read_walks
+from evaluation.datasets.walks import read_walks
 from people4d.errors import SourceError
 from services.predictor.config import PredictorConfig
 from tests import ROOT

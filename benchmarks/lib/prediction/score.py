@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.lib.prediction.walks import Walks
+from evaluation.datasets.walks import Walks, predict
 from people4d.messages import F64, PersonPrediction, Predictions, Tracks
 from services.predictor.build import build
 from services.predictor.config import PredictorConfig
@@ -75,24 +75,16 @@ def predict_walks(
 
     Constant velocity is the displacement since the previous annotation.
     """
-    node = build(config)
-    messages: list[Predictions] = []
-    people: dict[int, PersonPrediction] = {}
-    horizons_s: Sequence[float] = ()
-    for rows in walks.frames():
-        for message in node.handle(walks.tracks(rows), 0):
-            assert isinstance(message, Predictions)
-            messages.append(message)
-            horizons_s = message.horizons_s
-            people |= dict(zip(rows.tolist(), message.people, strict=True))
-    times_s = np.array(horizons_s)
+    predicted = predict(walks, config)
+    people, times_s = predicted.people, predicted.horizons_s
     truth_m, velocities_mps = walks.followed(times_s)
     history = walks.history()
     rows = np.array([row for row in people if history[row] >= history_min])
     found = [people[row] for row in rows]
     ahead_m = times_s[:, None] * velocities_mps[rows, None]
     positions_m = walks.positions_m[rows]
-    return pairs_of(times_s, found, positions_m[:, None] + ahead_m, truth_m[rows]), messages
+    pairs = pairs_of(times_s, found, positions_m[:, None] + ahead_m, truth_m[rows])
+    return pairs, predicted.messages
 
 
 def pairs_of(

@@ -9,10 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from people4d.errors import SourceError
-from people4d.messages import F64, Track, Tracks
+from people4d.messages import F64, PersonPrediction, Predictions, Track, Tracks
+from services.predictor.build import build
+from services.predictor.config import PredictorConfig
 
 PERIOD_S = 0.4  # [s] between two annotations
-SCENES = ("seq_hotel", "zara01", "seq_eth")
 UNKNOWN = 1e5  # [m^2/s^2] variance of an unknown velocity
 
 
@@ -88,6 +89,29 @@ class Walks:
         return truth_m, velocities_mps
 
 
+@dataclass(frozen=True)
+class PredictedWalks:
+    """Predictions on annotated paths."""
+
+    horizons_s: F64  # H
+    people: dict[int, PersonPrediction]  # by row
+    messages: list[Predictions]
+
+
+def predict(walks: Walks, config: PredictorConfig) -> PredictedWalks:
+    """Predict all people at each time."""
+    node = build(config)
+    messages: list[Predictions] = []
+    people: dict[int, PersonPrediction] = {}
+    for rows in walks.frames():
+        for message in node.handle(walks.tracks(rows), 0):
+            assert isinstance(message, Predictions)
+            messages.append(message)
+            people |= dict(zip(rows.tolist(), message.people, strict=True))
+    horizons_s = messages[-1].horizons_s if messages else ()
+    return PredictedWalks(np.array(horizons_s), people, messages)
+
+
 def read_walks(folder: Path) -> Walks:
     """Read `obsmat.txt` and `groups.txt` of a scene.
 
@@ -101,7 +125,7 @@ def read_walks(folder: Path) -> Walks:
     except (OSError, ValueError) as error:
         raise SourceError(f"{folder} holds no paths of pedestrians: {error}") from error
     if table.shape[1] != 8 or not np.isfinite(table).all():
-        raise SourceError(f"{folder}/obsmat.txt: expected 8 finite columns")
+        raise SourceError(f"{folder}/obsmat.txt: expected 8 finite columns, got {table.shape[1]}")
     table = table[np.lexsort((table[:, 1], table[:, 0]))]
     numbers = np.unique(table[:, 0])
     steps, counts = np.unique(np.diff(numbers), return_counts=True)
