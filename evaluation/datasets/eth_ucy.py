@@ -35,8 +35,8 @@ class DisplacementErrors(Counts):
         """Return all figures by name."""
         names = ("ade_m", "fde_m", "constant_ade_m", "constant_fde_m")
         sums = (self.ade_m, self.fde_m, self.constant_ade_m, self.constant_fde_m)
-        means = {name: ratio(total, self.paths) for name, total in zip(names, sums, strict=True)}
-        return {"paths": self.paths} | means
+        row: Row = {"paths": self.paths}
+        return row | {n: ratio(total, self.paths) for n, total in zip(names, sums, strict=True)}
 
 
 @dataclass(frozen=True, kw_only=True)

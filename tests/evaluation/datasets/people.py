@@ -63,7 +63,7 @@ def drawn_boxes(seed: int = 0, frames: int = 40, people: int = 9) -> DrawnBoxes:
     for frame in range(frames):
         boxes = np.hstack([corner + frame * step, size]).round().astype(int)
         here = random.random_sample(people) < 0.9
-        truth.append([(k + 1, tuple(boxes[k].tolist())) for k in np.flatnonzero(here)])
+        truth.append([(k + 1, tuple(boxes[k].tolist())) for k in np.flatnonzero(here).tolist()])
         if random.random_sample() < 0.1:
             a, b = random.choice(people, 2, replace=False)
             names[[a, b]] = names[[b, a]]
