@@ -29,7 +29,7 @@ class Method:
     name: str  # name of the preset
     camera: CameraConfig  # playback of recordings, without a source
     detector: DetectorConfig
-    reid: ReidConfig | None  # None if the tracker uses no embeddings
+    reid: ReidConfig | None  # configuration; None if the tracker uses no embeddings
     tracker: TrackerConfig
 
     def text(self) -> str:

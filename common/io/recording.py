@@ -117,7 +117,7 @@ class RecordingSummary(msgspec.Struct, frozen=True, kw_only=True):
     # Encoding of messages by topic, "msgpack" unless another program reads it
     encodings: dict[str, str]
     start_ns: int  # [ns] log time of the first message; 0 if there is none
-    duration_s: float  # [s] from the first to the last message
+    duration_s: float  # [s] time from the first to the last message
     # True if the file is cut short or damaged; messages before the damage are readable
     truncated: bool
 

@@ -38,7 +38,7 @@ def state_folder(robot: str, environment: Mapping[str, str] = os.environ) -> Pat
 class SavedState:
     """Content of a checkpoint."""
 
-    state: bytes  # empty if there is none
+    state: bytes  # stored state; empty if none was saved
     next_number: int  # next unused number; 0 if there is none
 
 

@@ -70,7 +70,7 @@ class SystemSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     """State of a system at one time."""
 
     seconds: float  # [s] period of the figures of stages
-    # from the first stage of a frame to the arrival of its tracks; null: no frames
+    # latency from the first stage of a frame to the arrival of its tracks; null: no frames
     end_to_end: Durations | None
     clocks: list[ClockSnapshot]  # clocks of all known hosts
     processes: list[ProcessSnapshot]  # processes on the path in its order, then the others
@@ -83,7 +83,7 @@ class FramePath:
     tracks: Tracks  # end of the path
     parts: list[TraceSegment]  # segments up to this listener
     parallel: list[TraceSegment]  # parallel work for the frame
-    end_to_end: TraceSegment  # from the first stage to the last
+    end_to_end: TraceSegment  # time from the first stage to the last
 
     @property
     def stages(self) -> list[TraceSegment]:

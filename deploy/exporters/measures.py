@@ -47,8 +47,8 @@ class Sample:
     """One value of a measure."""
 
     name: str  # key of MEASURES
-    value: float  # in the unit of the measure
-    labels: Mapping[str, str]  # with the same names for all samples of a measure
+    value: float  # value in the unit of the measure
+    labels: Mapping[str, str]  # labels, with the same names for all samples of a measure
 
 
 class LabelSets:

@@ -13,7 +13,7 @@ from people4d.messages import F64, PersonPrediction, Predictions, Track, Tracks
 from services.predictor.build import build
 from services.predictor.config import PredictorConfig
 
-PERIOD_S = 0.4  # [s] between two annotations
+PERIOD_S = 0.4  # [s] interval of annotations
 UNKNOWN = 1e5  # [m^2/s^2] variance of an unknown velocity
 
 

@@ -31,8 +31,8 @@ class GaitParameter:
 
     name: str
     unit: str
-    value: float | None  # None: too few steps
-    low: float | None  # None: too few values
+    value: float | None  # mean; None: too few steps
+    low: float | None  # lower limit of the interval; None: too few values
     high: float | None
     count: int  # number of values
     definition: str

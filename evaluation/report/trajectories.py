@@ -35,7 +35,7 @@ class RunTrajectories:
     tracks: I64  # NxK, identity of the matched track; 0: none
     paths: Mapping[int, F64]  # Lx6 by identity of a track: time [s], then the columns
     switches_s: tuple[float, ...]  # times of ID switches
-    camera: CameraCoverage | None  # at the first frame; None: unknown, or it moves
+    camera: CameraCoverage | None  # view at the first frame; None: unknown or moving
 
 
 def trajectories_of(method: str, output: RunOutput) -> RunTrajectories:

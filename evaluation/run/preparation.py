@@ -36,7 +36,7 @@ class EvaluationPlan:
     cache: Path  # folder of renderings and detections
     jobs: int = 1  # number of processes, without effect on the result
     figures: bool = True  # True: draw figures, which requires matplotlib
-    motion: VisualOdometryConfig | None = None  # None: odometry as recorded
+    motion: VisualOdometryConfig | None = None  # configuration; None: odometry as recorded
 
 
 def check_models(plan: EvaluationPlan) -> None:

@@ -37,7 +37,7 @@ class CameraPlan(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     name: Name = "front"
     at: tuple[float, float, float] = (0.0, 0.0, 1.15)  # [m] x, y, z at the start, frame: map
-    yaw_deg: float = 0.0  # [deg] at the start, 0 = +x
+    yaw_deg: float = 0.0  # [deg] yaw at the start, 0 = +x
     pitch_deg: Annotated[float, Meta(ge=-80, le=80)] = 3.0  # [deg] downward
     roll_deg: Annotated[float, Meta(ge=-45, le=45)] = 0.0  # [deg] right side down
     # True: people keep a distance, as from a robot; False: the camera is above their heads

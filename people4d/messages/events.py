@@ -37,7 +37,7 @@ class Zone(Record, frozen=True, kw_only=True):
     corners_m: Annotated[F64, Shape("N", 2), Magnitude(MAX_M)]
     # [s] duration of a stay that is an event; absent: no such event
     dwell_s: Positive | None = None
-    # number of people in the zone that is an event; absent: no such event
+    # number of people in the zone that causes an event; absent: no such event
     count: Annotated[int, Meta(ge=1, le=PEOPLE_MAX)] | None = None
 
     def __post_init__(self) -> None:

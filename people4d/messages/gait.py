@@ -32,7 +32,7 @@ class GaitMeasures(Record, frozen=True, kw_only=True):
 
     steps: Count = 0  # number of steps in these seconds
     step_length_m: float | None = None  # [m] along the path, from one foot to the other; or absent
-    # [m] from one contact of a foot to its next one; or absent
+    # [m] distance of consecutive contacts of a foot; absent until known
     stride_length_m: float | None = None
     cadence_per_min: float | None = None  # [1/min] steps a minute; absent until known
     walking_speed_mps: float | None = None  # [m/s] along the path; absent until known

@@ -64,8 +64,8 @@ class ImageAlignment:
     """Steps from the images of a camera to aligned images of a pinhole."""
 
     info: CameraInfo  # calibration of the aligned images
-    registration: Registration | None  # None: depth has the pixels of colour
-    lens: FisheyeLens | None  # None: a pinhole with or without distortion
+    registration: Registration | None  # registration of depth; None: depth has the pixels of colour
+    lens: FisheyeLens | None  # fisheye lens; None: a pinhole with or without distortion
 
     def __call__(self, rgb: U8, depth_mm: U16) -> tuple[U8, U16]:
         """Return colour and depth, aligned.

@@ -75,7 +75,7 @@ class CameraConfig(Config, frozen=True, kw_only=True):
     stride: PositiveInt = 1  # n: only every n-th frame is sent
     # [Hz] maximum rate of compressed frames (JPEG and PNG), which may leave the host; 0: none
     compressed_hz: NonNegative = 0.0
-    # [s] from calibration to the first frame of a recording, for late subscribers
+    # [s] pause between calibration and first frame of a recording, for late subscribers
     start_delay_s: NonNegative = 0.5
 
     @property

@@ -37,7 +37,7 @@ class Description(msgspec.Struct, frozen=True, kw_only=True):
     path: str
     kind: str  # recording, rosbag or folder
     topics: tuple[TopicCount, ...] = ()
-    duration_s: float = 0.0  # [s] from the first to the last message or frame
+    duration_s: float = 0.0  # [s] time from the first to the last message or frame
     frames: int = 0  # number of colour images
     calibration: CameraInfo | None = None  # calibration of colour; None if it cannot be played
     registered: bool = False  # True: depth is moved into the view of colour while playing

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from services.camera.source import SourceFrame, SourceItem
 
 MAX_ITEMS = 1024  # maximum number of waiting items, including odometry between frames
-RETRY_S = 1.0  # [s] from a failure of a live device to the next attempt
+RETRY_S = 1.0  # [s] wait after a failure of a live device
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ class DashboardConfig(Config, frozen=True, kw_only=True):
     """Address, access and load."""
 
     host: str = "127.0.0.1"  # address of the page; other machines need a token
-    port: Annotated[int, Meta(ge=0, le=65535)] = 7480  # 0: any free port
+    port: Annotated[int, Meta(ge=0, le=65535)] = 7480  # port of the page; 0: any free port
     # further names of this machine in browsers, in addition to `host`, localhost and its host name
     allowed_hosts: tuple[str, ...] = ()
     # tokens of the roles, see docs/operation/dashboard.md; empty: generated, in the state folder

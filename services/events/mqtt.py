@@ -28,9 +28,9 @@ class BrokerAddress:
 
     host: str
     port: int
-    user: str  # empty: without login
+    user: str  # user name; empty: no login
     tls: bool
-    topic: str  # empty: none is given
+    topic: str  # topic of events; empty: default
 
     @classmethod
     def parse(cls, text: str, setting: str) -> "BrokerAddress":

@@ -16,7 +16,7 @@ class TargetCandidate:
     """One track of a frame."""
 
     track: Track
-    embedding: F64 | None  # None without a clear crop
+    embedding: F64 | None  # embedding of the crop; None without a clear crop
 
     @property
     def id(self) -> int:

@@ -19,7 +19,7 @@ class DuePrediction(NamedTuple):
 
     detections: Detections  # last detections
     time_ns: int  # [ns] time of the tracks, in the common time of all cameras
-    stamp_ns: int  # [ns] by the clock of the camera of the detections
+    stamp_ns: int  # [ns] stamp on the clock of the camera of the detections
 
 
 class PredictionSchedule:

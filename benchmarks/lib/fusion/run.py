@@ -16,7 +16,7 @@ from people4d.messages import Detections, Health, Message, Track, Tracks
 from services.tracker.build import build
 from services.tracker.config import TrackerConfig
 
-ARRIVAL_NS = 60_000_000  # [ns] from a frame to its detections
+ARRIVAL_NS = 60_000_000  # [ns] delay of detections after their frame
 MERGED_M = 0.5  # [m] maximum distance of tracks that the merger joins
 FRESH_NS = 250_000_000  # [ns] maximum age of tracks in the merger
 

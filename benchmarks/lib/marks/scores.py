@@ -39,7 +39,7 @@ class TrackedPerson:
 
     id: int
     box_xyxy_px: F64  # 4, box of the detection, or around the projected torso if predicted
-    predicted: bool = False  # without a detection in this frame
+    predicted: bool = False  # True if no detection in this frame belongs to the track
     position_m: F64 | None = None  # 3, in the map; None: the tracker has boxes only
     detected_m: F64 | None = None  # 3, in the map: position of the detection in the box
     yaw_rad: float | None = None  # in the map

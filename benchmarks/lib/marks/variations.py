@@ -36,7 +36,7 @@ from services.tracker.build import build as build_tracker
 
 CAMERA = "camera"
 OPTICAL = "camera_optical"
-STEP_NS = 100_000_000  # [ns] from frame to frame
+STEP_NS = 100_000_000  # [ns] interval of frames
 BLOCK_PX = 8  # [px] side of a hole in the depth of a blurred image
 LOST_BLOCKS = 0.1  # share of blocks without depth
 

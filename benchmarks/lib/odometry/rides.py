@@ -29,7 +29,7 @@ class Sample:
     """A message of odometry and its arrival."""
 
     odometry: Odometry
-    arrival_ns: int  # [ns] by the clock of the frames' stamps
+    arrival_ns: int  # [ns] time of arrival, on the clock of the frames' stamps
 
 
 @dataclass(frozen=True)

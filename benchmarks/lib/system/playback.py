@@ -51,7 +51,7 @@ class Playback:
     cpu_ms: float  # processor time of all processes for one frame
     memory_mb: dict[str, float]  # proportional set size of each process by instance
     paths: list[FramePath]  # path of every frame to the subscriber; empty if tracing is off
-    end_to_end_ms: list[float]  # [ms] from the camera's stamp to the subscriber
+    end_to_end_ms: list[float]  # [ms] time from the camera's stamp to the subscriber
 
     @property
     def others_ms(self) -> list[float]:

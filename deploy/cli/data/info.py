@@ -18,7 +18,7 @@ from services.camera.describe import Description, describe
 class Info(Description, frozen=True, kw_only=True):
     """Contents of a recording, with the simulation of a simulated one."""
 
-    lab: SimulationMetadata | None = None  # None if it is not simulated
+    lab: SimulationMetadata | None = None  # metadata of the simulation; None: no simulation
 
 
 def info(

@@ -23,8 +23,8 @@ End = Annotated[
 class RecordingSpan:
     """Part of a recording; ConfigError if its end is before its start."""
 
-    start_s: float = 0.0  # [s] from its first message
-    end_s: float | None = None  # [s] from its first message; None: its last
+    start_s: float = 0.0  # [s] start, from the first message
+    end_s: float | None = None  # [s] end, from the first message; None: at the last one
 
     def __post_init__(self) -> None:
         """Check the order."""

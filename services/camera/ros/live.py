@@ -49,7 +49,7 @@ class LiveRosOptions(RosbagOptions, frozen=True, kw_only=True, forbid_unknown_fi
     tf_topics: tuple[str, ...] = ("/tf", "/tf_static")
     # Frame of the robot that carries the camera in /tf; empty: the base of odometry
     base_frame: str = ""
-    timeout_s: Positive = 3.0  # [s] after which a silent topic is reported
+    timeout_s: Positive = 3.0  # [s] maximum silence of a topic before it is reported
     # connection; the transport is part of the source
     ros2: Ros2Config = Ros2Config(node="people4d_camera")
 

@@ -42,7 +42,7 @@ class _BoxFilter:
     box: F64  # 4: centre x, y, width, height
     log_aspect: float  # logarithm of width by height of the first box
     reference: F64  # histogram of the first box
-    model: ColourModel | None = None  # None unless weights are ratios
+    model: ColourModel | None = None  # colour model; None unless weights are ratios
 
 
 class ColourLayer:

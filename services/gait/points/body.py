@@ -34,7 +34,7 @@ WINDOW_M = 0.06  # Radius over which a position is averaged [m]
 class MeshObservation:
     """Observation of one person in a frame."""
 
-    mesh: BodyMesh | None  # None: not visible
+    mesh: BodyMesh | None  # mesh of the body; None: not visible
     dt_s: float  # [s] time since the last frame
     keypoints: F32 | None = None  # 17x3: u, v, confidence, COCO order
     floor: FloorPlane | None = None

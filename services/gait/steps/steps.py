@@ -50,7 +50,7 @@ class FootStep:
     length_m: float  # distance from the other foot, in walking direction
     stride: Stride | None  # stride that ends here; None if its beginning was not detected
     lifted_s: float  # time at which the foot left its last footprint; last landing if unseen
-    position_m: tuple[float, float]  # on the ground
+    position_m: tuple[float, float]  # position on the ground
     # Distance from the other foot, across the walking direction; None if not visible
     width_m: float | None
     confidence: float  # 0 to 1

@@ -33,7 +33,7 @@ class Lens(NamedTuple):
 class CameraDirection(NamedTuple):
     """Direction of an optical axis."""
 
-    yaw_rad: float  # [rad] to the left
+    yaw_rad: float  # [rad] turn to the left
     pitch_rad: float  # [rad] upwards
     variance_rad2: float  # [rad^2] variance of the yaw
 

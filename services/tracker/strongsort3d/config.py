@@ -50,7 +50,8 @@ class StrongSort3dConfig(Config, frozen=True, kw_only=True):
     lifetime: Literal["streak", "hits"] = "hits"
     # noise: accelerations of people exceed the 0.5 m/s^2 of section 3 (benchmarks/ablation.md)
     sigma_acceleration_mps2: Positive = 3.0  # [m/s^2] of people; section 3: 0.5
-    sigma_measurement_m: Positive = 0.15  # [m] for detections without a covariance; section 3: 0.5
+    # [m] standard deviation of detections without a covariance; section 3: 0.5
+    sigma_measurement_m: Positive = 0.15
     # "measured": R is the covariance of the detection if there is one, independent of depth and
     # score; "constant": sigma_measurement_m; section 3
     noise: Literal["constant", "measured"] = "measured"
