@@ -1,4 +1,4 @@
-"""Run one benchmark: `python -m benchmarks NAME`; without a name, list them.
+"""Run one benchmark: `python -m benchmarks NAME`; without a name, list all benchmarks.
 
 A group, such as `speed`, runs one after the other, with the options that all of them take.
 """

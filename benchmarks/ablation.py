@@ -103,7 +103,7 @@ The lab's test seeds begin at 906, its tuning seeds at 900. The tuning split of 
 first half of the recording, the test split the second. `False tracks`: seconds of tracks on no
 person in view.
 """.strip().replace("\n", " ")
-Units = dict[str, F64]  # sums of each method, NxFx2 with N scenes or events
+Units = dict[str, F64]  # sums of each method, NxFx2 for N scenes or events
 
 
 def report_progress(stage: str, share: float) -> None:
@@ -161,7 +161,7 @@ def _outcome_sums(outcome: MarkOutcome, *, forward: bool) -> F64:
 
 @dataclass(frozen=True)
 class RealPeople:
-    """A recording in augmentations, with the detections so far."""
+    """A recording in augmentations, with the detections computed so far."""
 
     recording: MarkedRecording
     images: Sequence[SourceFrame]

@@ -115,7 +115,7 @@ def main() -> None:
 
 
 def _methods(scenes: Sequence[FusionScene]) -> list[list[str]]:
-    """Return rows of the best camera, of a merger of tracks and of one tracker."""
+    """Return rows of the best single camera, of a merger of tracks and of one tracker."""
 
     def scores(scene: FusionScene) -> list[FusionScore]:
         single = {name: track(scene, nothing, [name])[0] for name in scene.infos}
@@ -164,7 +164,7 @@ def _faults(scenes: Sequence[FusionScene]) -> list[list[str]]:
 
 
 def _areas(scenes: Sequence[FusionScene]) -> list[list[str]]:
-    """Return rows of two areas with half of the cameras each, without and with hand-over."""
+    """Return rows of two areas, each with half of the cameras, without and with hand-over."""
 
     def score(scene: FusionScene, exchange: bool) -> tuple[FusionScore, AreaHandOvers, int, int]:
         cameras = sorted(scene.infos)

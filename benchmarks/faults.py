@@ -76,12 +76,12 @@ class Ear:
         threading.Thread(target=self._listen, daemon=True).start()
 
     def wait(self, want: Callable[[], bool], longest_s: float = LONGEST_S) -> float | None:
-        """Wait for a condition; return the time at which it held, None after the timeout."""
+        """Wait for a condition; return the time at which it became true, None after the timeout."""
         with self._arrived:
             return time.monotonic() if self._arrived.wait_for(want, longest_s) else None
 
     def works_again(self, service: str, pid: int) -> bool:
-        """Check that another process than `pid` reports that it works."""
+        """Check that another process than `pid` reports `ready`."""
         health = self._health.get(service)
         return health is not None and works(health) and health.pid != pid
 

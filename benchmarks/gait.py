@@ -35,7 +35,7 @@ the errors of a stereo sensor. Spreads are minimum and maximum over recordings a
 `default` is the service; `as published` lacks the additions of this project. The published figures
 [Liu 2018] are from its own recordings with a Kinect v2: compare orderings, not values."""
 
-DETECTED = (*CASES, *STEADY, *THREE)  # scenarios that require a detector
+DETECTED = (*CASES, *STEADY, *THREE)  # scenarios with detection of people
 NEEDED = {
     "colour": (*gait_colour.WALKS, *gait_colour.SPEEDS),
     "points": tuple(CASES),
@@ -198,7 +198,7 @@ def _follow_all(
 
 
 def _wait(name: str, tasks: Iterable[Future[Any]]) -> None:
-    """Wait for tasks and print how many are done."""
+    """Wait for tasks and print the number of finished tasks."""
     waiting, begin_s = list(tasks), time.monotonic()
     for done, _ in enumerate(as_completed(waiting), 1):
         gone_s = time.monotonic() - begin_s

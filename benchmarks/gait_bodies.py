@@ -26,7 +26,7 @@ BY_STYLE = (
     *("hands visible cm", "feet visible cm", "exchanged visible %"),
 )  # figures
 DEPTH_MAX_M = 5.0  # Maximum reading of the sensor [m]
-MARGIN_PX = 4.0  # Minimum distance of ankles in view to the edges [px]
+MARGIN_PX = 4.0  # Minimum distance of visible ankles from the image's edges [px]
 NO_KEYPOINTS = "gait.cascade.depth.keypoints=false"
 INTRO = """People of a second simulator, with other bodies and another walk than the lab's.
 
@@ -103,7 +103,7 @@ def style_name(style: Style) -> str:
 
 
 def style_rows(people: Mapping[str, Sequence[Tally]]) -> list[list[str]]:
-    """Return the figures by style and half, of the people of scenes by name."""
+    """Return the figures by style and half, for the named scenes."""
     found: dict[tuple[str, str], list[Tally]] = {}
     for name, tallies in people.items():
         if name in SCENES:

@@ -33,9 +33,9 @@ PLAYED: Mapping[str, tuple[float, tuple[str, ...]]] = {
     "4 Hz, without keypoints": (4.0, (NO_KEYPOINTS,)),
 }
 NEAR_FRAMES = 1.2  # Maximum time between an annotated and a published step [frames]
-OWNER_FRAMES = 5  # Frames about a step that assign it to a person
+OWNER_FRAMES = 5  # Number of frames about a step that assign it to a person
 TORSO_HALF_PX, TORSO_TOP_PX = 90.0, 40.0  # Half width and top of the box in a TUE bag [px]
-AROUND_PX, SAME_M = 4, 0.10  # Maximum distance of a point to its depth [px, m]
+AROUND_PX, SAME_M = 4, 0.10  # Maximum distance of a point from its depth reading [px, m]
 LIMBS = ("left_hand", "right_hand", "left_foot", "right_foot")
 INTRO = """
 Real people walk before a fixed Xtion (filinha, 108 pictures: they enter, turn and leave, behind
@@ -79,10 +79,10 @@ class StepCounts:
     """Steps of one person, or of several."""
 
     true: int = 0
-    hidden: int = 0  # true steps of an invisible foot
-    published: int = 0  # in the frames in which steps were counted
+    hidden: int = 0  # number of true steps of an invisible foot
+    published: int = 0  # number of steps in the frames with counted steps
     found: int = 0
-    other_foot: int = 0  # found steps of the wrong foot
+    other_foot: int = 0  # number of found steps of the wrong foot
     invented: int = 0
     off_frames: list[float] = field(default_factory=list)
 
@@ -100,7 +100,7 @@ class StepCounts:
 
 
 def play(source: Path, settings: Iterable[str], box: BoxCorners | None = None) -> Run:
-    """Return the results of all frames of a source; of all people, or of the one in a box."""
+    """Return the results of all frames of a source, for all people or for the one in a box."""
     found: Run = []
     run = read_run(str(source), box, "", tuple(settings))
     for _ in estimate_gait(run, lambda *frame: found.append(frame)):
@@ -176,7 +176,7 @@ def counts(known: StepsByEye, published: Sequence[tuple[float, str]]) -> StepCou
 
 
 def on_depth(run: Run, names: Sequence[str]) -> tuple[int, int]:
-    """Return the number of measured points at the depth around their pixels, and of all."""
+    """Return the number of measured points near the depth of their pixels, and of all points."""
     near = known = 0
     for info, frame, results in run:
         for one in results:

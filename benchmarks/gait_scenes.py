@@ -40,7 +40,7 @@ BACK = math.pi
 
 AHEAD, BACKWARD = ((3.0, 0.1), (99.0, 0.1)), ((3.4, -0.1), (-99.0, -0.1))
 TO_AND_FRO = ((2.8, -0.8), (4.7, -0.9))
-# Path: one round, a stop, a turn on the spot, and back
+# Path with one round, a stop, a turn on the spot, and the way back
 TURNS = (*ellipse(3.6, 0.55, 0.8, 0.5), (4.4, 0.55, 2.0, -math.pi / 2))
 SCENES = {
     "choose_1": Scene(
@@ -132,7 +132,7 @@ SCENES = {
 
 
 def load_simulator(folder: Path) -> Simulator:
-    """Import the simulator, and change to its folder, since it reads files by relative paths."""
+    """Import the simulator from its folder, which becomes the working folder for its files."""
     os.chdir(folder)
     sys.path.insert(0, str(folder))
     bodies, stage, wardrobe = map(importlib.import_module, ("simproto", "scene", "people"))
@@ -211,7 +211,7 @@ def _frame(
     rng: np.random.Generator,
     scene: Scene,
 ) -> tuple[U8, U16, FrameTruth]:
-    """Return image (BGR), depth and truth; the room moves along by `moved_m`: it is 5 m long."""
+    """Return image (BGR), depth and truth; the room, 5 m long, moves along by `moved_m`."""
     bodies, stage = simulator.bodies, simulator.stage
     meshes, matrices = list[Any](), list[F64]()
     bodily, joints, yaws = list[int](), list[F64](), list[float]()
@@ -267,7 +267,7 @@ def _moved(matrices: F64, offset_m: F64) -> F64:
 
 
 def visible_joints(pixels: F64, joint_depth_m: F64, depth_m: F64) -> npt.NDArray[np.bool_]:
-    """Return the joints in the image without a surface far in front of them."""
+    """Return the joints in the image that no surface far in front of them hides."""
     at = np.round(pixels).astype(int)
     size = depth_m.shape[::-1]
     inside = ((at >= 0) & (at < size)).all(axis=-1) & (joint_depth_m > 0.1)

@@ -33,7 +33,7 @@ from people4d.messages import F64, Message, Odometry
 
 SCENARIOS = ("psrm", "pmrr", "pmrm1", "pmrm2", "port1", "port2")
 FOLDER = Path(__file__).parents[1] / "lab" / "scenarios"
-RENDERED = ("psrm", "pmrr", "pmrm1", "pmrm2")  # the fastest to render
+RENDERED = ("psrm", "pmrr", "pmrm1", "pmrm2")  # fastest to render
 SMALL = "width = 320\nheight = 240\nfocal_px = 307.5\n"  # half of the scenarios' size
 STANDING_MPS = 0.05  # [m/s] speed below which a person stands
 WALKING_MPS = 0.3  # [m/s] speed from which a person walks
@@ -173,7 +173,7 @@ def _row(case: Case, matchings: Sequence[Matching]) -> list[str]:
 
 
 def _position_m(figure: Mapping[str, float | None]) -> float:
-    """Return the error of positions on the ground, both ways together."""
+    """Return the error of positions on the ground, x and y combined."""
     return math.hypot(*(figure[f"position_rmse_{axis}_m"] or 0.0 for axis in ("across", "along")))
 
 

@@ -36,7 +36,7 @@ NOTE = (
 
 
 def choose_lifetime(shared: Path) -> tuple[ImageSortConfig, str]:
-    """Choose R and max_age on two sequences of MOT15; return them with the result on the others."""
+    """Choose R and max_age on two MOT15 sequences; return them with the result on the others."""
     sequences = load_all(shared)
 
     def scores(config: ImageSortConfig, names: Sequence[str]) -> list[Scores]:

@@ -31,7 +31,7 @@ from services.reid.config import ReidConfig
 from services.tracker.build import build as build_tracker
 from services.tracker.config import TrackerConfig
 
-SHARE_MAX = 0.20  # Wanted part of a run of the float network
+SHARE_MAX = 0.20  # Wanted share of the time of the float network
 FRAMES = 75  # number of frames of the recording
 PAUSE_NS = 1_000_000_000  # pause between two rounds of the recording
 
@@ -43,7 +43,7 @@ class StoredRuns:
 
     def __init__(self, session: Session, images: int) -> None:
         self.input_shape, self.input_dtype = session.input_shape, session.input_dtype
-        self._session, self._images, self._next = session, images, -1  # the first run is a trial
+        self._session, self._images, self._next = session, images, -1  # the first run is a check
         self._outputs: list[Mapping[str, Array]] = []
 
     def run(self, image: Array) -> Mapping[str, Array]:

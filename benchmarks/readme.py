@@ -167,7 +167,7 @@ def tracker_cost(table: Table) -> str:
 
 
 def faults(table: Table) -> str:
-    """Return the pause of tracks after a fault of the detector, and how identities survive."""
+    """Return the pause of tracks after a detector's fault, and the share of kept identities."""
     silences = [median(table.cell("silence", "detector", kind)) for kind in ("killed", "hung")]
     counts = [table.cell("kept", "tracker", kind) for kind in ("killed", "hung")]
     return (

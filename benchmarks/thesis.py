@@ -24,7 +24,7 @@ SCENARIOS = (
     *("two_easy", "two_crossing", "three_easy", "three_crossing"),
     *("three_dense", "four_crossing", "four_dense"),
 )
-STRIDE = 2  # YOLOv8n sees every second frame: it takes 0.1 s for one
+STRIDE = 2  # YOLOv8n gets every second frame, because it takes 0.1 s for a frame
 SHIPPED = ("seg-sort-movenet", "seg-strongsort-movenet", "pose-strongsort-movenet", "best")
 # Methods whose models are not shipped: preset, model, and whether the embedder is OSNet.
 OTHERS = (

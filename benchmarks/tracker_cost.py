@@ -115,7 +115,7 @@ def _detection(measurement: Measurement) -> Detection:
 
 
 def node_of(preset: str) -> TrackerNode:
-    """Return the node of a preset that knows its camera."""
+    """Return the node of a preset with a calibrated camera."""
     config = replace(read_method(preset).tracker, embedding_wait_s=0.0, reorder_wait_s=0.0)
     node = build(config)
     link = StaticTransform(
@@ -139,7 +139,7 @@ def node_of(preset: str) -> TrackerNode:
 
 
 def times_ms(frames: Sequence[list[bytes]], handle: Callable[[bytes], object]) -> F64:
-    """Return the time of each frame, of this process alone: other programs may run."""
+    """Return the time of each frame in this process, independent of other programs."""
     times = []
     for frame in frames:
         start_ns = time.process_time_ns()

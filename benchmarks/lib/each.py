@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 T = TypeVar("T")
 R = TypeVar("R")
 
-# Stack of nested calls, innermost last
+# Stack of nested calls; the innermost call is last
 _work: list[tuple[Callable[[Any], Any], Sequence[Any]]] = []
 
 

@@ -27,7 +27,7 @@ def markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def machine() -> str:
-    """Return the machine and the versions of what ran, in one line."""
+    """Return the machine and the versions of the measured software, in one line."""
     model = platform.machine()
     cpuinfo = Path("/proc/cpuinfo")
     if cpuinfo.exists():
@@ -58,7 +58,7 @@ def _git(*arguments: str) -> str:
     return subprocess.run(command, check=False, capture_output=True, text=True).stdout.strip()
 
 
-COMMIT = commit()  # version of the loaded code; a later one may be there at the end of a run
+COMMIT = commit()  # version of the loaded code; the files may change during a run
 
 
 def write(script: str, title: str, *parts: str, dry: bool = False) -> None:

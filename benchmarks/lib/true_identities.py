@@ -39,7 +39,7 @@ def with_true_identities(run: EvaluationRun) -> EvaluationRun:
 
 
 def _vector(run: EvaluationRun, number: int, detections: Detections, index: int) -> F32:
-    """Return the unit vector of a person; all others share the last one."""
+    """Return the unit vector of a detection's person; false alarms share the last vector."""
     ids, frame = run.truth.ids, run.truth.frames[number]
     vector = np.zeros(len(ids) + 1, np.float32)
     position_m, who = detections.detections[index].position_m, len(ids)

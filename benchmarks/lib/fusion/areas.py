@@ -97,7 +97,7 @@ class AreaHandOvers:
     """Walks of people from one area to another."""
 
     walks: int
-    same: int  # walks with the same identity
+    same: int  # number of walks with the same identity
 
 
 def area_hand_overs(

@@ -8,7 +8,7 @@ from msgspec.structs import replace
 from common.geometry.transforms import rotation_from_rpy
 from people4d.messages import Detections, Embeddings, Message
 
-# Change of a message at its true time; None: a lost message
+# Function of a message and its true time; None: a lost message
 Change = Callable[[int, Message], Message | None]
 
 

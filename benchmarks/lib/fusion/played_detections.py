@@ -28,7 +28,7 @@ from services.tracker.config import TrackerConfig
 EPOCH_NS = 10**18
 RATE_HZ = 15.0
 NEAREST = 10  # number of people in view of a camera
-ROOM_M = 2.5  # [m] side of the floor for one person
+ROOM_M = 2.5  # [m] side of the square floor for each person
 BINS = 48  # length of an embedding
 SECOND_NS = 10**9
 

@@ -31,9 +31,9 @@ class TimedTracks:
 
 @dataclass(frozen=True)
 class Statement:
-    """A reason in the tracker's health, or a finding of the doctor about clocks."""
+    """A reason in the tracker's health, or a diagnostic of the doctor about clocks."""
 
-    first_ns: int  # [ns] true time of the first such sentence, numbers aside
+    first_ns: int  # [ns] true time of the first sentence that is equal except for numbers
     text: str  # last such sentence
     count: int
 
@@ -69,7 +69,7 @@ def track(
 
 
 def _sentences(status: Status, time_ns: int) -> list[str]:
-    """Return the reasons of a tracker, and the findings of the doctor about its clocks."""
+    """Return the reasons of a tracker, and the diagnostics of the doctor about its clocks."""
     health = Health(
         stamp_ns=time_ns,
         sequence=0,

@@ -49,7 +49,7 @@ def sequence_of(scene: FusionScene, found: Sequence[TimedTracks]) -> EvaluationS
 
 
 def _is_predicted(track: Track) -> bool:
-    """Check that no camera matched a track lately."""
+    """Check that no camera has matched a track recently."""
     return track.state == "lost" and track.time_since_update_s > MEASURED_S
 
 
@@ -59,7 +59,7 @@ def matched(scene: FusionScene, found: Sequence[TimedTracks]) -> Matching:
 
 
 def double_share(matching: Matching) -> float:
-    """Return the share of people in view, over all frames, with a second, measured track."""
+    """Return the share of people in view with a second, measured track, over all frames."""
     double = total = 0
     for frame, matches in zip(matching.sequence.frames, matching.frame_matches, strict=True):
         truth, tracks = frame.truth.positions_m, frame.hypotheses.positions_m
@@ -183,7 +183,7 @@ def score_of(scene: FusionScene, matching: Matching) -> FusionScore:
 
 
 def position_rmse_m(matching: Matching) -> float:
-    """Return the RMSE on the ground of measured tracks; NaN of nothing."""
+    """Return the RMSE on the ground of measured tracks; NaN without tracks."""
     squares = [np.zeros(0)]
     for frame, matches in zip(matching.sequence.frames, matching.frame_matches, strict=True):
         truth, tracks = frame.truth.positions_m, frame.hypotheses.positions_m

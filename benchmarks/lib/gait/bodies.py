@@ -49,8 +49,8 @@ class JointTruth:
     joints_m: F64  # NxKx17x3, COCO order
     visible: Flags  # NxKx17
     camera_m: F64  # Nx3, position of the camera
-    in_view: Flags  # NxK, the feet are in the image
-    in_range: Flags  # NxKx17, nearer than the farthest depth
+    in_view: Flags  # NxK, True if the feet are in the image
+    in_range: Flags  # NxKx17, True if nearer than the maximum depth
     # Footfalls of each person, if known; small footfalls count neither as steps nor as invented
     footfalls: list[list[Footfall]] | None = None
 
@@ -95,7 +95,7 @@ def tally(
 def _assigned(
     estimates: Sequence[PersonGait], joints_m: F64, before: Mapping[int, int]
 ) -> dict[int, PersonGait]:
-    """Return the estimates by the number of their true person, one to one, by heads.
+    """Return the estimates by the number of their true person, one to one, matched by heads.
 
     A pair of the frame before lasts while it is near, so a hidden and predicted person takes no
     estimate of another one [Bernardin 2008].

@@ -15,10 +15,10 @@ CHECK_S = 0.1  # interval at which distances are checked
 STEP_S = 0.05  # maximum step of a walk that is checked
 APART_M = 0.5  # minimum distance between people
 CAMERA_APART_M = 1.2  # minimum distance to a moving camera
-TRIES = 60  # paths drawn for one person before the scene is drawn from its start
+TRIES = 60  # number of drawn paths of one person before the scene is drawn again
 CONE = 0.45  # half width of the drawn area by distance, within the field of view of 0.52
 CAMERA_X_M = -0.3
-WALKERS = 3  # Number of people on paths through all of the view; others stay near one place
+WALKERS = 3  # Number of people on paths through the entire view; other people stay in one area
 STAY_M = 0.6
 ALIKE = 3  # Number of people in the same clothes
 SPEED_MPS = (0.6, 1.25)
@@ -165,7 +165,7 @@ def _path(
 
 
 def _positions(style: Style, taken: Sequence[tuple[F64, float]]) -> F64 | None:
-    """Return where a person is on the ground at each check (Nx2); None if others are near."""
+    """Return the positions of a person on the ground (Nx2); None if another person is near."""
     walk, found = Walk(style), list[tuple[float, float]]()
     for k in range(len(taken[0][0])):
         walk.advance(CHECK_S, STEP_S)

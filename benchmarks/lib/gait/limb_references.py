@@ -27,7 +27,7 @@ def references(joints_m: F64, camera_m: F64) -> F64:
     shoulders = joints_m[:, :, 6] - joints_m[:, :, 5]
     hips = joints_m[:, :, 12] - joints_m[:, :, 11]
     across = (shoulders + hips) * (1.0, 1.0, 0.0)
-    ahead = np.cross((0.0, 0.0, 1.0), across)  # from the left to the right, turned ahead
+    ahead = np.cross((0.0, 0.0, 1.0), across)  # vector from left to right, turned ahead
     ahead /= np.maximum(np.linalg.norm(ahead, axis=-1, keepdims=True), 1e-9)
     for k, (joint, before) in enumerate(zip(JOINT, BEFORE, strict=True)):
         end = joints_m[:, :, joint]

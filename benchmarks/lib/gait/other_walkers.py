@@ -18,7 +18,7 @@ TURN_RADPS, TURN_RADPS2 = 2.4, 9.0
 FASTER_MPS2, SLOWER_MPS2 = 1.4, 1.8
 TURN_CYCLES = 0.22  # Cycles of walking for each radian turned on the spot
 LEGS = ("rhip", "rknee", "rankle", "lhip", "lknee", "lankle", "root")
-MATERIALS = {"shirt": 2, "trousers": 3}  # numbers in the simulator
+MATERIALS = {"shirt": 2, "trousers": 3}  # numbers of the bones in the simulator
 BOX_M = (0.30, 0.40, 0.24)  # carried: depth, width, height
 BOX_AHEAD_M = 0.12  # Distance of the middle of the box ahead of the hands [m]
 LANDING = 0.94  # Phase of the landing of the left foot
@@ -38,10 +38,10 @@ class Style:
     stride: float = 1.0  # factor of the recorded amplitude of the legs
     limp: float = 0.0  # (left - right) / mean of step times
     lean_rad: float = 0.0  # [rad] forward lean of the torso
-    arms: str = "swing"  # swing, pockets or carry
+    arms: str = "swing"  # kind of arm motion: swing, pockets or carry
     skirt: bool = False
     size: tuple[float, float] = (1.0, 1.0)  # width and height relative to the body's
-    clothes: Mapping[str, Any] = field(default_factory=dict)  # clothes in place of the body's own
+    clothes: Mapping[str, Any] = field(default_factory=dict)  # clothes that replace the body's own
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Scene:
     seconds: float = 12.0
     fps: float = 20.0
     height_m: float = 1.15  # [m] height of the camera
-    robot_mps: float = 0.0  # speed of a camera that follows a person or drives ahead
+    robot_mps: float = 0.0  # speed of a camera that follows a person or drives ahead of them
     drive: "Drive | None" = None  # motion of the camera within the room
     width_m: float = 3.5  # [m] width of the room
     exposure: float = 1.0  # exposure of the colour image
@@ -76,7 +76,7 @@ class Drive:
         return np.asarray(waves[:, 0] * (np.sin(phase) - start))
 
     def odometry(self, poses: F64, rng: np.random.Generator) -> F64:
-        """Return the integrated motion (Nx3) as wheels and a gyroscope report it."""
+        """Return the integrated motion (Nx3) as measured by wheels and a gyroscope."""
         found = np.zeros_like(poses)
         for k, (before, after) in enumerate(pairwise(poses)):
             forth_m, side_m = rotation(-before[2]) @ (after - before)[:2] * self.scale[0]
@@ -121,7 +121,7 @@ class Simulator:
 def ellipse(
     x_m: float, y_m: float, radius_x_m: float, radius_y_m: float, *, count: int = 24, at: float = 0
 ) -> tuple[Waypoint, ...]:
-    """Return waypoints round an ellipse, from a share of it on; a negative count: clockwise."""
+    """Return waypoints round an ellipse, starting at a share of it; a negative count: clockwise."""
     angles = 2 * np.pi * (at + np.arange(abs(count)) / count)
     return tuple(
         (x_m + radius_x_m * math.cos(angle), y_m + radius_y_m * math.sin(angle)) for angle in angles
@@ -176,7 +176,7 @@ class Walk:
         self._next = 1
 
     def advance(self, seconds: float, step_s: float = STEP_S) -> None:
-        """Walk on, in steps of a maximum duration."""
+        """Continue the walk in steps of a maximum duration."""
         count = math.ceil(seconds / step_s)
         for _ in range(count):
             self._step(seconds / count)
@@ -278,7 +278,7 @@ class _Box:
         return np.column_stack([np.array(((c, -s, 0), (s, c, 0), (0, 0, 1.0))), middle_m])
 
     def verts(self, pose: F64) -> F64:
-        """Return the vertices in the room."""
+        """Return the vertices in the frame of the room."""
         return np.asarray(self.v0 @ pose[:, :3].T + pose[:, 3])
 
 

@@ -183,7 +183,7 @@ def overlap(one_px: F64, other_px: F64) -> float:
 
 
 def _assigned(people: Sequence[Detection], boxes_px: F64) -> list[Detection | None]:
-    """Return the detection of each true box, as a perfect tracker would assign it."""
+    """Return the detection of each true box, as assigned by a perfect tracker."""
     found: list[Detection | None] = []
     for box_px in boxes_px:
         ious = [overlap(np.asarray(p.box_xyxy_px, np.float64), box_px) for p in people]

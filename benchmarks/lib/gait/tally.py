@@ -39,8 +39,8 @@ class Tally:
     asymmetry_off: list[float] = field(default_factory=list)
     limps: int = 0  # number of true asymmetries of 8 % or more
     limps_found: int = 0  # number of true limps with the correct side
-    limps_invented: int = 0  # number of limps without a true one, or at the wrong side
-    live: list[bool] = field(default_factory=list)  # measures in frames after three steps
+    limps_invented: int = 0  # number of limps without a true limp, or at the wrong side
+    live: list[bool] = field(default_factory=list)  # number of measures in frames after three steps
 
     def add(self, other: "Tally") -> None:
         """Add the comparisons of another person."""

@@ -16,7 +16,7 @@ SLOW = 1.6  # Minimum time of a step of a turn, start or stop [median steps]
 
 
 def steps_by_ankles(times_s: F64, ankles_m: F64, *, begun: bool = False) -> list[Footfall]:
-    """Return the steps of a person by both ankles, Nx2x3: swings that displace a foot.
+    """Return the steps of a person from both ankles, Nx2x3: swings that displace a foot.
 
     `begun`: return the steps that began before the first frame instead.
     """

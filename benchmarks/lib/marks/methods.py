@@ -19,7 +19,7 @@ class Variant:
     name: str
     preset: str
     settings: tuple[str, ...] = ()
-    detector: str = ""  # name of its detections if other packages get them
+    detector: str = ""  # name of its detections if other packages use them
 
     def method(self) -> Method:
         """Return its configuration."""

@@ -27,7 +27,7 @@ TORSO_HEIGHT = 0.35  # height of the torso in a box, from its top, as a share of
 PREDICTED_PX = 10_000.0  # [px] cost of a predicted track, above all distances in an image
 PX_PER_M = 250.0  # [px/m] cost of a distance on the ground: its size at a depth of about 2 m
 UNKNOWN_M = 1e6  # [m] coordinates of an unknown position
-# maximum number of frames of a track on no annotated person that is not invented
+# maximum number of frames of an unannotated track that is not invented
 INVENTED_FRAMES = 3
 FAR_M = 0.5  # [m] maximum error of a correct position
 FACING_RAD = math.radians(45)
@@ -51,7 +51,7 @@ class MarkTruth:
 
     mark: Mark
     point_m: F64 | None  # 3, surface at the mark, in the map; None if depth is missing
-    yaw_rad: float | None  # in the map; None: uncertain
+    yaw_rad: float | None  # yaw in the map; None: uncertain
 
 
 @dataclass(frozen=True)
@@ -96,9 +96,9 @@ class Figures:
     """Figures over some marks."""
 
     found: Share
-    owned: Share  # marks with the correct identity
-    first: Share  # marks with the first track of their person
-    far: Share  # wrong positions, of all measured ones
+    owned: Share  # number of marks with the correct identity
+    first: Share  # number of marks with the first track of their person
+    far: Share  # number of wrong positions among the measured positions
     facing: Share  # yaws within 45 degrees, of all annotated ones of tracks with a position
 
 
@@ -156,7 +156,7 @@ class MarkScores:
 
     @property
     def takeovers(self) -> int:
-        """Number of times that a track went from one person to another."""
+        """Number of changes of a track from one person to another."""
         last, count = dict[int, str](), 0
         for (_, person), track in self._pairs.items():
             count += last.setdefault(track.id, person) != person

@@ -213,7 +213,7 @@ def _answers(
     frames: Sequence[RgbdFrame],
     step: int,
 ) -> list[Sequence[Message]]:
-    """Return the answers of a detector by frame; each follows the frame a step before."""
+    """Return the answers of a detector by frame, played with a step between frames."""
     answers: list[Sequence[Message]] = [()] * len(frames)
     for first in range(abs(step)):
         detector = build_detector(config, model)

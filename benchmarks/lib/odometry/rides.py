@@ -63,7 +63,7 @@ class Ride:
         return tuple(frames)
 
     def scored(self, published: Sequence[BoxTracks]) -> EvaluationSequence:
-        """Return truth and tracks together."""
+        """Return truth and tracks of a ride as one sequence."""
         people = [
             Hypotheses(ids=tuple(t.ids.tolist()), boxes_xyxy_px=t.boxes_xyxy_px) for t in published
         ]
@@ -97,7 +97,7 @@ def lab_ride(scenario: str, seed: int, errors: SyntheticDetectionsConfig) -> Rid
 
 
 def _truth(ids: list[int], boxes: F64, shares: F64, size_px: tuple[int, int]) -> GroundTruth:
-    """Return the people in the image; heavily occluded ones need not be found."""
+    """Return the people in the image; heavily occluded people are optional."""
     boxes = boxes.clip(0, [*size_px, *size_px])
     inside: BOOL = np.all(boxes[:, :2] < boxes[:, 2:], axis=1) & (shares > 0)
     return GroundTruth(

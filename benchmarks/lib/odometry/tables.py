@@ -29,7 +29,7 @@ class Run:
     """One tracker on one ride."""
 
     scores: Scores
-    switches: tuple[int, ...]  # frames with an ID switch, one entry for each
+    switches: tuple[int, ...]  # number of the frame of each ID switch
     mean_us: float  # mean time of an update
     ride: Ride
 
@@ -66,7 +66,7 @@ def run(config: ImageSortConfig, ride: Ride) -> Run:
 
 
 def figures(runs: Sequence[Run]) -> list[float]:
-    """Return MOTA, MOTP, FP, FN, IDF1, IDP, IDR, IDsw and Hz of runs together."""
+    """Return MOTA, MOTP, FP, FN, IDF1, IDP, IDR, IDsw and Hz of several runs in total."""
     row = combine(one.scores for one in runs).row()
     shares = {k: 100 * float(row[k] or 0) for k in ("mota", "motp", "idf1", "idp", "idr")}
     counts = {k: float(row[k] or 0) for k in ("false_alarms", "misses", "id_switches")}
@@ -78,7 +78,7 @@ def figures(runs: Sequence[Run]) -> list[float]:
 
 
 def table4(rides: dict[int, list[Ride]], settings: Settings) -> str:
-    """Return [Park 2021]'s Table 4: all rides of a seed together, mean and spread over seeds."""
+    """Return Table 4 of [Park 2021]: totals of all rides of a seed, mean and spread over seeds."""
     names = ["MOTA", "MOTP", "FP", "FN", "IDF1", "IDP", "IDR", "IDsw", "Hz"]
     digits = (1, 1, 0, 0, 1, 1, 1, 0, 0)
     rows = []
@@ -93,7 +93,7 @@ def table4(rides: dict[int, list[Ride]], settings: Settings) -> str:
 
 
 def table2(rides: dict[int, list[Ride]], dynamic: ImageSortConfig) -> str:
-    """Return [Park 2021]'s Table 2: survival of lost tracks, without odometry and with."""
+    """Return Table 2 of [Park 2021]: survival of lost tracks, without and with odometry."""
     waits = {f"T_lost {n}": msgspec.structs.replace(SORT, t_lost=float(n)) for n in (1, 2, 3, 4)}
     waits["Dynamic"] = variants(SORT, dynamic)["SORT+Dynamic"]
     rows = []

@@ -89,7 +89,7 @@ def roboflow(rate_hz: float, kind: str, gate: float, **options: Any) -> Update:
 
 
 def ioutrack(_rate_hz: float, kind: str, gate: float, **options: Any) -> Update:
-    """One of ioutrack-rs, which is written in Rust."""
+    """Tracker of ioutrack-rs, which is written in Rust."""
     tracker = getattr(importlib.import_module("ioutrack"), kind)(**options)
 
     def update(boxes: Rows, scores: Rows) -> tuple[Any, Rows]:
@@ -101,7 +101,7 @@ def ioutrack(_rate_hz: float, kind: str, gate: float, **options: Any) -> Update:
 
 
 def boxmot(_rate_hz: float, kind: str, gate: float, **options: Any) -> Update:
-    """One of BoxMOT, without its networks for appearance."""
+    """Tracker of BoxMOT, without its networks for appearance."""
     tracker = getattr(importlib.import_module("boxmot"), kind)(**options)
     blank = np.zeros((480, 640, 3), np.uint8)
 

@@ -1,4 +1,4 @@
-"""The MOT15 sequences of the reference data: which ones settings are chosen on, and scores."""
+"""The MOT15 sequences of the reference data: tuning split, and scores."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -28,7 +28,7 @@ def quality(scores: Iterable[Scores]) -> float:
 
 
 def cells(scores: Iterable[Scores]) -> list[str]:
-    """Return MOTA, IDF1 and HOTA in percent, and ID switches, of sequences together."""
+    """Return MOTA, IDF1 and HOTA in percent, and ID switches, of several sequences in total."""
     row = combine(scores).row()
     shares = [f"{100 * (row[key] or 0):.1f}" for key in ("mota", "idf1", "hota")]
     return [*shares, f"{row['id_switches']:.0f}"]

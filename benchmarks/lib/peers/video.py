@@ -36,7 +36,7 @@ SCORE_MIN, IOU_MAX = 0.25, 0.7  # thresholds of Ultralytics
 WARM_UP = 10
 RATE_HZ = 15.0
 Image = np.ndarray[Any, np.dtype[np.uint8]]
-Track = Callable[[Image], int]  # takes an image in BGR, returns the number of tracks
+Track = Callable[[Image], int]  # counter of tracks in a BGR image
 
 
 def one_thread() -> None:

@@ -17,7 +17,7 @@ PEOPLE = 3
 
 
 class Standing(Source):
-    """Shows one frame of the shipped recording without end, stamped with the present time."""
+    """Sends one frame of the shipped recording endlessly, stamped with the present time."""
 
     live = True
     rate_hz = RATE_HZ
@@ -26,7 +26,7 @@ class Standing(Source):
         recording = RecordingSource(DEMO, RecordingOptions(depth_sensor="off"))
         self.info: CameraInfo = recording.info
         self.transforms = recording.transforms
-        # Only one frame is decompressed, so that a restarted camera sends soon.
+        # Only one frame is decompressed, so that a restarted camera is ready sooner.
         frames = open_recording(DEMO).messages(CompressedRgbdFrame)
         _, shown = next(islice(frames, FRAME, None))
         assert isinstance(shown, CompressedRgbdFrame)
