@@ -25,7 +25,7 @@ DATA = {
     "common/io/weights.py": "models",
     "services/presets/__init__.py": "services/presets/*.toml",
     "benchmarks/lib/system/live_camera.py": "deploy/demo/crossing.mcap",
-    "benchmarks/lib/marks/annotations.py": "benchmarks/real_people_marks",
+    "evaluation/annotations/marks.py": "benchmarks/real_people_marks",
     "deploy/compose.py": "deploy/compose.yaml",
 }
 DATA_TYPES = (".toml", ".onnx", ".mcap", ".json", ".yaml")

@@ -34,6 +34,7 @@ COMMANDS = (
     ("info", "data.info", "Show the content of a recording, bag or folder; check it."),
     ("lab", "lab.simulate", "Simulate people: list scenarios, render, preview, export."),
     ("evaluate", "lab.evaluate", "Score methods on recordings with ground truth; write a report."),
+    ("annotate", "lab.annotate", "Mark people in a recording in the browser; compare annotators."),
     ("gait", "lab.gait", "Track heads, hands and feet in a recording; measure gait."),
     ("models", "data.models", "List models: presence, licence, source; verify their files."),
     ("record", "data.record", "Record messages to a file, in parts, or around events."),

@@ -33,6 +33,7 @@ class EvaluationRecording:
     simulation: Scenario | None = field(default=None, repr=False)
     # Rendering job; None for an existing file
     job: RenderJob | None = field(default=None, repr=False)
+    annotations: Path | None = None  # file of annotations in place of other truth
 
     @property
     def truth_file(self) -> Path:

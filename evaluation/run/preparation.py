@@ -8,6 +8,7 @@ from typing import TypeAlias
 import msgspec
 
 from common.io.recording import open_recording
+from evaluation.annotations.truth import annotated_truth
 from evaluation.cache import model_digests
 from evaluation.methods import Method
 from evaluation.pool import OnProgress, Pool
@@ -99,10 +100,10 @@ def runs_of(plan: EvaluationPlan, pool: Pool) -> list[EvaluationRun]:
     if plan.motion:
         found = _with_motion(plan.motion, jobs, found, pool)
     pairs = [(method, recording) for method in plan.methods for recording in plan.recordings]
-    wanted: dict[Key, tuple[EvaluationRecording, Path]] = {}
+    wanted: dict[Key, tuple[EvaluationRecording, Path, Method]] = {}
     for method, recording in pairs:
         key = recording.name, _encode(method.camera)
-        wanted.setdefault(key, (recording, found[_key(recording, method)].detections))
+        wanted.setdefault(key, (recording, found[_key(recording, method)].detections, method))
     truths = dict(zip(wanted, pool.do("truth", _truth, list(wanted.values())), strict=True))
     runs = []
     for method, recording in pairs:
@@ -145,10 +146,15 @@ def _with_motion(
     return {key: replace(files, detections=path) for (key, files), path in pairs}
 
 
-def _truth(wanted: tuple[EvaluationRecording, Path]) -> SampledTruth:
-    recording, detections = wanted
-    found = open_recording(detections).messages(Detections)
-    return read_truth(recording, [message.stamp_ns for _, message in found])
+def _truth(wanted: tuple[EvaluationRecording, Path, Method]) -> SampledTruth:
+    recording, detections, method = wanted
+    messages = [message for _, message in open_recording(detections).messages()]
+    stamps_ns = [message.stamp_ns for message in messages if isinstance(message, Detections)]
+    if recording.annotations is None:
+        return read_truth(recording, stamps_ns)
+    camera = msgspec.structs.replace(method.camera, source=str(recording.path))
+    frame_id = method.tracker.frame_id
+    return annotated_truth(recording.annotations, camera, messages, stamps_ns, frame_id)
 
 
 def _key(recording: EvaluationRecording, method: Method) -> Key:

@@ -37,7 +37,7 @@ from services.dashboard.hub import JSON, Demand, Hub
 from services.dashboard.overview import Overview
 from services.dashboard.scene import SceneBuilder, event_of, predictions_of, skeletons_of
 from services.dashboard.selection import FrameSelection, Key
-from services.dashboard.server import WebServer
+from services.dashboard.server import WebServer, serve_dashboard
 
 PAIR_NS = 1_500_000_000  # maximum wait of detections for their tracks [ns]
 EVENTS_MAX = 100  # number of events on a new page
@@ -78,7 +78,7 @@ class DashboardNode(Node):
     def attach(self, loop: LoopCallbacks) -> None:
         """Use the callbacks of the loop, and open the page."""
         self._loop = loop
-        self._server = WebServer(self._config, self._hub, self._take_edit, loop.state_folder)
+        self._server = serve_dashboard(self._config, self._hub, self._take_edit, loop.state_folder)
         self._hub.about |= {
             "robot": loop.robot,
             "privacy": self._config.privacy,

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import msgspec
 import uvicorn
+from starlette.types import ASGIApp
 
 from common.io.files import write_private
 from people4d.errors import ConfigError
@@ -31,13 +32,13 @@ log = logging.getLogger("people4d")
 
 
 class WebServer:
-    """Serves the page until closed.
+    """Serves a page until closed.
 
     Args:
         config: Address and access.
-        hub: Viewers.
-        on_edit: Called with edits of zones.
+        app_of: Application for the tokens of the roles.
         folder: Folder of the robot's state, or None.
+        attach: Called with the server's event loop, and with None at its end.
 
     Raises:
         ConfigError: The port is taken, or certificate or state folder cannot be used.
@@ -46,21 +47,20 @@ class WebServer:
     def __init__(
         self,
         config: DashboardConfig,
-        hub: Hub,
-        on_edit: Callable[[ZoneEdit], None],
-        folder: Path | None,
+        app_of: Callable[[Tokens], ASGIApp],
+        folder: Path | None = None,
+        attach: Callable[[asyncio.AbstractEventLoop | None], None] = lambda _: None,
     ) -> None:
-        self._hub = hub
+        self._attach = attach
         try:
             given = Tokens(config.operator_token, config.planner_token)
             tokens = read_tokens(config.host, given, folder)
         except OSError as error:
             raise ConfigError(f"tokens of the dashboard cannot be stored: {error}") from error
         secure = bool(config.certificate)
-        app = WebApp(hub, tokens, allowed_hosts(config), on_edit, secure)
         self._socket = _listen(config.host, config.port)
         settings = uvicorn.Config(
-            app.guard,
+            app_of(tokens),
             log_level="warning",
             access_log=False,
             lifespan="off",
@@ -101,11 +101,23 @@ class WebServer:
         asyncio.run(self._serve())
 
     async def _serve(self) -> None:
-        self._hub.attach(asyncio.get_running_loop())
+        self._attach(asyncio.get_running_loop())
         try:
             await self._server.serve([self._socket])
         finally:
-            self._hub.attach(None)
+            self._attach(None)
+
+
+def serve_dashboard(
+    config: DashboardConfig, hub: Hub, on_edit: Callable[[ZoneEdit], None], folder: Path | None
+) -> WebServer:
+    """Serve the dashboard to viewers; `on_edit` is called with edits of zones."""
+
+    def app_of(tokens: Tokens) -> ASGIApp:
+        secure = bool(config.certificate)
+        return WebApp(hub, tokens, allowed_hosts(config), on_edit, secure).guard
+
+    return WebServer(config, app_of, folder, hub.attach)
 
 
 def _listen(host: str, port: int) -> socket.socket:

@@ -83,7 +83,9 @@ class WebApp:
             return PlainTextResponse("Too many logins at once.\n", 503)
         self._logins += 1
         try:
-            return await self._check_login((await _body(request, REQUEST_MAX)).decode("latin-1"))
+            return await self._check_login(
+                (await read_body(request, REQUEST_MAX)).decode("latin-1")
+            )
         except ValueError as error:
             return self._bad_request(error)
         finally:
@@ -103,7 +105,7 @@ class WebApp:
         if request.scope["role"] != "operator":
             return PlainTextResponse("Only the operator edits zones.\n", 403)
         try:
-            body = await _body(request, BODY_MAX)
+            body = await read_body(request, BODY_MAX)
             wanted = msgspec.json.decode(body, type=ZonesRequest)
             edit = zone_edit(wanted)
         except (msgspec.DecodeError, DecodeError, ValueError) as error:
@@ -192,7 +194,7 @@ class WebApp:
         self._hub.update_demand()
 
 
-async def _body(request: Request, most: int) -> bytes:
+async def read_body(request: Request, most: int) -> bytes:
     """Return the body of a request.
 
     Raises:

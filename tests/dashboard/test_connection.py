@@ -11,7 +11,7 @@ import pytest
 from services.dashboard.config import DashboardConfig
 from services.dashboard.history import History
 from services.dashboard.hub import Hub
-from services.dashboard.server import WebServer
+from services.dashboard.server import WebServer, serve_dashboard
 from services.dashboard.web import LOGINS_MAX
 
 WAIT_S = 20.0
@@ -29,7 +29,7 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
 def server() -> Iterator[tuple[WebServer, Hub]]:
     hub = Hub(History(60, 2**20), lambda _: None)
     config = DashboardConfig(port=0, operator_token="operator-token")
-    server = WebServer(config, hub, lambda _: None, None)
+    server = serve_dashboard(config, hub, lambda _: None, None)
     yield server, hub
     server.close()
 

@@ -2,6 +2,7 @@
 
 import shlex
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
@@ -25,6 +26,7 @@ from services.presets import PRESETS
 
 
 if TYPE_CHECKING:
+    from evaluation.recordings.recordings import EvaluationRecording
     from evaluation.report.tables import ReportTable
 
 
@@ -55,6 +57,15 @@ def evaluate(
             show_default=False,
         ),
     ] = None,
+    truth: Annotated[
+        list[Path],
+        typer.Option(
+            metavar="FILE",
+            help="Annotations (people4d annotate) in place of other ground truth; repeat the "
+            "option, one file for each recording.",
+            show_default=False,
+        ),
+    ] = [],  # noqa: B006 (typer copies it)
     seeds: Annotated[
         str, typer.Option(help="Seeds of every scenario, for example 1,2,3; default: its own.")
     ] = "",
@@ -83,6 +94,8 @@ def evaluate(
     folder = (cache or default_folder()).absolute()
     if bool(recordings) == bool(dataset):
         raise ConfigError("expected either --recordings or --dataset", "See --help.")
+    if dataset and truth:
+        raise ConfigError("--truth is for --recordings", "A data set has its own ground truth.")
     if dataset:
         _evaluate_dataset(*dataset, presets, set_, DatasetOutput(out, folder, jobs or cores()))
         return
@@ -91,7 +104,9 @@ def evaluate(
     figures = figures and can_draw_figures()
     plan = EvaluationPlan(
         methods=tuple(read_methods(presets, set_)),
-        recordings=tuple(plan_recordings(_sources(recordings), _seeds(seeds), fidelity, folder)),
+        recordings=_annotated(
+            plan_recordings(_sources(recordings), _seeds(seeds), fidelity, folder), truth
+        ),
         cache=folder,
         jobs=jobs or cores(),
         figures=figures,
@@ -150,6 +165,19 @@ def _show(table: "ReportTable") -> None:
             shown(row.method), row.people, *row.cells, style="dim" if row.published else ""
         )
     print_table(drawn)
+
+
+def _annotated(
+    recordings: "list[EvaluationRecording]", files: list[Path]
+) -> "tuple[EvaluationRecording, ...]":
+    if not files:
+        return tuple(recordings)
+    if len(files) != len(recordings):
+        raise ConfigError(
+            f"--truth: expected one file for each of {len(recordings)} recordings, got {len(files)}"
+        )
+    pairs = zip(recordings, files, strict=True)
+    return tuple(replace(recording, annotations=file) for recording, file in pairs)
 
 
 def _sources(texts: list[str]) -> list[str]:

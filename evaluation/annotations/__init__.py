@@ -1,0 +1,1 @@
+"""Annotations of people in images of a recording: page, file, truth, agreement."""
