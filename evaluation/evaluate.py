@@ -1,19 +1,22 @@
 """Evaluation of all methods on all recordings: scores, tables, figures and images."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from common.metrics.scores import Row, combine
 from evaluation.pool import OnProgress, Pool
+from evaluation.protocol import RecordingProtocol, recording_protocol
 from evaluation.report.csv_files import SwitchRow, switch_rows
+from evaluation.report.parts import part_sums
 from evaluation.report.switch_images import SwitchImage, switch_images
 from evaluation.report.tables import ReportTable, fill, groups_of, rate_of, read_tables, row_of
 from evaluation.report.trajectories import RunTrajectories, trajectories_of
 from evaluation.run.preparation import EvaluationPlan, check_models, render_all, runs_of
 from evaluation.run.run import EvaluationRun, RunScores, execute, score_run
+from people4d.messages import F64
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RunReport:
     """Results of one run."""
 
@@ -22,6 +25,8 @@ class RunReport:
     # Images of the first switches; empty unless the recording is shown
     images: tuple[SwitchImage, ...] = ()
     trajectories: RunTrajectories | None = None  # trajectories; None unless the recording is shown
+    parts: F64  # sums of each part, see `part_sums`
+    truth: RecordingProtocol  # ground truth of the run
 
 
 @dataclass(frozen=True)
@@ -82,11 +87,16 @@ def _run(wanted: tuple[EvaluationRun, bool]) -> RunReport:
     """Execute one run; the flag is True if its trajectories and ID switches are shown."""
     run, shown = wanted
     output = execute(run)
-    rows = switch_rows(run.method.name, run.recording.name, output)
+    report = RunReport(
+        scores=score_run(run, output),
+        switches=switch_rows(run.method.name, run.recording.name, output),
+        parts=part_sums(output.matching),
+        truth=recording_protocol(run.recording, run.truth),
+    )
     if not shown:
-        return RunReport(score_run(run, output), rows)
+        return report
     trajectories = trajectories_of(run.method.name, output)
-    return RunReport(score_run(run, output), rows, switch_images(run, output), trajectories)
+    return replace(report, images=switch_images(run, output), trajectories=trajectories)
 
 
 def _draw(wanted: tuple[str, list[RunTrajectories]]) -> tuple[ReportFigure, ...]:

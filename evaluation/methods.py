@@ -4,7 +4,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -32,14 +32,17 @@ class Method:
     reid: ReidConfig | None  # configuration; None if the tracker uses no embeddings
     tracker: TrackerConfig
 
+    def settings(self) -> dict[str, dict[str, Any]]:
+        """Return all settings by service."""
+        records = {"detector": self.detector, "reid": self.reid, "tracker": self.tracker}
+        return {name: msgspec.to_builtins(one) for name, one in records.items() if one is not None}
+
     def text(self) -> str:
         """Return all settings, a line each."""
-        records = {"detector": self.detector, "reid": self.reid, "tracker": self.tracker}
         return "\n".join(
             f"{service}.{field} = {json.dumps(value, ensure_ascii=False)}"
-            for service, record in records.items()
-            if record is not None
-            for field, value in msgspec.to_builtins(record).items()
+            for service, fields in self.settings().items()
+            for field, value in fields.items()
         )
 
 

@@ -7,6 +7,7 @@ from scipy.optimize import linear_sum_assignment
 
 from common.metrics.counts import Counts, ratio
 from common.metrics.matching import ROUNDING, Matching
+from common.metrics.record import I64
 
 
 @dataclass(frozen=True)
@@ -35,13 +36,21 @@ class IdentityCounts(Counts):
 
 def count_identity(matching: Matching) -> IdentityCounts:
     """Assign at most one track to each person, maximising the frames in which they match."""
+    idtp, truths, tracked = identity_by_frame(matching).sum(axis=0).tolist()
+    return IdentityCounts(idtp=idtp, idfn=truths - idtp, idfp=tracked - idtp)
+
+
+def identity_by_frame(matching: Matching) -> I64:
+    """Return IDTP, people and tracks of each frame (Fx3) under the assignment of all frames."""
     together = np.zeros((len(matching.persons), len(matching.tracks)), np.int64)
-    truths = tracked = 0
+    pairs = []
     for matches in matching.frame_matches:
         persons, tracks, similarity = matches.evaluated
         rows, columns = np.nonzero(similarity >= matching.threshold - ROUNDING)
-        together[persons[rows], tracks[columns]] += 1
-        truths, tracked = truths + len(persons), tracked + len(tracks)
+        pairs.append((persons[rows], tracks[columns], len(persons), len(tracks)))
+        together[pairs[-1][:2]] += 1
     # The minimum of IDFN + IDFP is the maximum of IDTP: each common frame lowers both by one.
-    idtp = int(together[linear_sum_assignment(together, maximize=True)].sum())
-    return IdentityCounts(idtp=idtp, idfn=truths - idtp, idfp=tracked - idtp)
+    own = np.zeros(together.shape, np.int64)
+    own[linear_sum_assignment(together, maximize=True)] = 1
+    counts = [(own[rows, columns].sum(), *sizes) for rows, columns, *sizes in pairs]
+    return np.array(counts, np.int64).reshape(-1, 3)

@@ -35,6 +35,7 @@ COMMANDS = (
     ("lab", "lab.simulate", "Simulate people: list scenarios, render, preview, export."),
     ("evaluate", "lab.evaluate", "Score methods on recordings with ground truth; write a report."),
     ("annotate", "lab.annotate", "Mark people in a recording in the browser; compare annotators."),
+    ("compare", "lab.compare", "Compare two reports of evaluate, with intervals."),
     ("gait", "lab.gait", "Track heads, hands and feet in a recording; measure gait."),
     ("models", "data.models", "List models: presence, licence, source; verify their files."),
     ("record", "data.record", "Record messages to a file, in parts, or around events."),

@@ -6,7 +6,12 @@ from html import escape
 from pathlib import Path
 from string import Template
 
+import msgspec
+
+from evaluation import protocol
 from evaluation.evaluate import Evaluation, ReportFigure
+from evaluation.protocol import protocol_of
+from evaluation.report import parts
 from evaluation.report.csv_files import (
     write_bytes,
     write_runs,
@@ -14,6 +19,7 @@ from evaluation.report.csv_files import (
     write_switches,
     write_table,
 )
+from evaluation.report.parts import write_parts
 from evaluation.report.switch_images import SwitchImage
 from evaluation.report.tables import SOURCE, ReportTable, groups_of
 from evaluation.run.preparation import EvaluationPlan, warnings_of
@@ -34,6 +40,11 @@ def write(plan: EvaluationPlan, evaluation: Evaluation, folder: Path, command: s
     write_runs(folder / "runs.csv", scores, evaluation.rows)
     write_summary(folder / "summary.csv", groups_of(scores, evaluation.rows))
     write_switches(folder / "switches.csv", evaluation.switches)
+    runs = [(r.scores.method, r.scores.recording.name, r.parts) for r in evaluation.runs]
+    write_parts(folder / parts.FILE, runs)
+    truths = {run.scores.recording.name: run.truth for run in evaluation.runs}
+    stated = protocol_of(command, plan.methods, truths)
+    write_bytes(folder / protocol.FILE, msgspec.json.format(msgspec.json.encode(stated)))
     for table in evaluation.tables:
         write_table(folder / "tables" / f"{table.name}.csv", table)
     for figure in evaluation.figures:

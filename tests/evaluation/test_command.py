@@ -45,7 +45,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_number_of_jobs_changes_no_byte(folder: Path) -> None:
     same = sorted(path.relative_to(folder / "jobs1") for path in folder.glob("jobs1/**/*.csv"))
-    assert len(same) == 3 + len(TABLES)
+    assert len(same) == 4 + len(TABLES)
     for path in same:
         assert (folder / "jobs1" / path).read_bytes() == (folder / "jobs2" / path).read_bytes()
 

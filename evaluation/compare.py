@@ -1,0 +1,88 @@
+"""Comparison of two reports of people4d evaluate on the same ground truth."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from common.metrics.intervals import Difference, compare, pool
+from evaluation import protocol
+from evaluation.protocol import read_protocol
+from evaluation.report import parts
+from evaluation.report.parts import FIGURES, read_parts
+from people4d.errors import SourceError
+from people4d.messages import F64
+
+UNITS_MIN = 4  # minimum number of parts of an interval
+
+
+@dataclass(frozen=True)
+class ComparedFigure:
+    """One figure of two runs, and the difference of the second from the first."""
+
+    first: float
+    second: float
+    difference: Difference
+    parts: int  # number of parts that were resampled
+
+    @property
+    def sentence(self) -> str:
+        """Statement with the half width of the 95 % interval."""
+        d, form = self.difference, self.difference.figure.form
+        if self.parts < UNITS_MIN:
+            return f"no interval from {self.parts} parts"
+        half = form.format((d.high - d.low) / 2)
+        if d.is_better or d.is_worse:
+            return f"{'better' if d.is_better else 'worse'} by {form.format(abs(d.value))} ± {half}"
+        return f"no difference beyond the interval ({form.format(d.value)} ± {half})"
+
+
+def compare_sums(first: F64, second: F64) -> Iterator[ComparedFigure]:
+    """Yield the figures that both runs have, from the sums of the same parts (NxFx2)."""
+    values = zip(pool(first.sum(0), FIGURES), pool(second.sum(0), FIGURES), strict=True)
+    known = np.array([np.isfinite(pair).all() for pair in values])
+    chosen = tuple(figure for figure, one in zip(FIGURES, known, strict=True) if one)
+    first, second = first[:, known], second[:, known]
+    before, after = (pool(sums.sum(axis=0), chosen) for sums in (first, second))
+    for one in zip(before.tolist(), after.tolist(), compare(second, first, chosen), strict=True):
+        yield ComparedFigure(*one, parts=len(first))
+
+
+def compare_reports(first: Path, second: Path) -> dict[tuple[str, str], list[ComparedFigure]]:
+    """Compare the methods of two reports: each under its name, or the only ones.
+
+    Raises:
+        SourceError: A report is incomplete, the ground truth differs, or no method is common.
+    """
+    _check_truth(first, second)
+    runs = [read_parts(folder / parts.FILE) for folder in (first, second)]
+    names = [list(dict.fromkeys(method for method, _ in found)) for found in runs]
+    pairs = [(name, name) for name in names[0] if name in names[1]]
+    if len(names[0]) == len(names[1]) == 1:
+        pairs = [(names[0][0], names[1][0])]
+    if not pairs:
+        raise SourceError(
+            f"{first} and {second} have no method in common: {', '.join(names[0])} against "
+            f"{', '.join(names[1])}",
+            "Compare reports of one method each, or of the same methods.",
+        )
+    found = {}
+    for pair in pairs:
+        sums = [
+            np.concatenate([sums for (method, _), sums in sorted(run.items()) if method == name])
+            for run, name in zip(runs, pair, strict=True)
+        ]
+        found[pair] = list(compare_sums(*sums))
+    return found
+
+
+def _check_truth(first: Path, second: Path) -> None:
+    truths = [read_protocol(folder / protocol.FILE).recordings for folder in (first, second)]
+    for name in sorted(truths[0].keys() | truths[1].keys()):
+        one, other = (truth[name].truth if name in truth else "none" for truth in truths)
+        if one != other:
+            raise SourceError(
+                f"{first} and {second} have different ground truth of {name}: {one}, {other}",
+                "Evaluate both on the same recordings and ground truth.",
+            )
