@@ -21,6 +21,7 @@ MODULES = {  # top-level modules by extra
     "quantize": ("onnx",),
     "realsense": ("pyrealsense2",),
     "rerun": ("rerun",),
+    "tune": ("optuna",),
 }
 
 

@@ -36,6 +36,7 @@ COMMANDS = (
     ("evaluate", "lab.evaluate", "Score methods on recordings with ground truth; write a report."),
     ("annotate", "lab.annotate", "Mark people in a recording in the browser; compare annotators."),
     ("compare", "lab.compare", "Compare two reports of evaluate, with intervals."),
+    ("tune", "lab.tune", "Search settings on a recording with ground truth; write a preset."),
     ("gait", "lab.gait", "Track heads, hands and feet in a recording; measure gait."),
     ("models", "data.models", "List models: presence, licence, source; verify their files."),
     ("record", "data.record", "Record messages to a file, in parts, or around events."),
