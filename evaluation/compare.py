@@ -27,15 +27,39 @@ class ComparedFigure:
     parts: int  # number of parts that were resampled
 
     @property
+    def half(self) -> float:
+        """Half width of the 95 % interval, by its longer side."""
+        return max(
+            self.difference.high - self.difference.value,
+            self.difference.value - self.difference.low,
+        )
+
+    @property
+    def gain(self) -> float:
+        """Difference, positive if the second run is better."""
+        value = self.difference.value
+        return value if self.difference.figure.higher_is_better else -value
+
+    @property
+    def is_better(self) -> bool:
+        """True if the second run is better beyond the interval."""
+        return self.parts >= UNITS_MIN and self.gain > self.half
+
+    @property
+    def is_worse(self) -> bool:
+        """True if the second run is worse beyond the interval."""
+        return self.parts >= UNITS_MIN and -self.gain > self.half
+
+    @property
     def sentence(self) -> str:
-        """Statement with the half width of the 95 % interval."""
-        d, form = self.difference, self.difference.figure.form
+        """Statement with the interval."""
+        form, value = self.difference.figure.form.format, self.difference.value
         if self.parts < UNITS_MIN:
             return f"no interval from {self.parts} parts"
-        half = form.format((d.high - d.low) / 2)
-        if d.is_better or d.is_worse:
-            return f"{'better' if d.is_better else 'worse'} by {form.format(abs(d.value))} ± {half}"
-        return f"no difference beyond the interval ({form.format(d.value)} ± {half})"
+        if self.is_better or self.is_worse:
+            sense = "better" if self.is_better else "worse"
+            return f"{sense} by {form(abs(value))} ± {form(self.half)}"
+        return f"no difference beyond the interval ({form(value)} ± {form(self.half)})"
 
 
 def compare_sums(first: F64, second: F64) -> Iterator[ComparedFigure]:

@@ -99,7 +99,7 @@ class TuningResult:
     @property
     def is_better(self) -> bool:
         """True if IDF1 is better beyond its interval, and no other figure worse."""
-        return self.gain.difference.is_better and not self.worse and bool(self.settings)
+        return self.gain.is_better and not self.worse and bool(self.settings)
 
 
 def check_tuning(recording: EvaluationRecording, method: Method) -> None:
@@ -157,7 +157,7 @@ class Tuner:
         return TuningResult(
             settings=self._best(tried, parts),
             gain=gain,
-            worse=tuple(one for one in others if one.difference.is_worse),
+            worse=tuple(one for one in others if one.is_worse),
             candidates=budget.candidates,
         )
 

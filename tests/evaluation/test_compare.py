@@ -68,6 +68,18 @@ def test_runs_with_different_truth_are_refused(tmp_path: Path) -> None:
     assert "Name the folder of a report" in result.stderr
 
 
+def test_interval_that_reaches_zero_on_its_longer_side_is_no_difference() -> None:
+    """One of 20 parts is 100 m^2 worse: resamples without it are 36 % of all."""
+    first = np.ones((20, len(FIGURES), 2))
+    second = first.copy()
+    second[0, 4, 0] += 100.0
+    figure = list(compare_sums(first, second))[4]
+    assert not figure.is_worse
+    assert figure.sentence.startswith("no difference beyond the interval (1.449 ± ")  # sqrt(6) - 1
+    second[:, 4, 0] = 4.0
+    assert list(compare_sums(first, second))[4].sentence == "worse by 1.000 ± 0.000"
+
+
 def test_few_parts_give_no_interval() -> None:
     sums = np.ones((2, len(FIGURES), 2))
     assert {one.sentence for one in compare_sums(sums, sums)} == {"no interval from 2 parts"}
