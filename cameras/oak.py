@@ -87,7 +87,7 @@ class OakDevice:
         if pair is None:
             return None
         colour, depth = pair[COLOUR], pair[DEPTH]
-        # Stamps are of the host's steady clock.
+        # stamps on the host's steady clock
         age = self._dai.Clock.now() - colour.getTimestamp()
         return SourceFrame(
             rgb=np.array(colour.getFrame()),

@@ -11,7 +11,7 @@ from services.camera.distortion import read_distortion
 from services.camera.ros.images import millimetres
 from services.camera.source import SourceFrame
 
-ANY = 0  # width and height of depth that the SDK chooses
+ANY = 0  # width and height of the depth chosen by the SDK
 
 
 class Orbbec(SdkCamera):
@@ -31,7 +31,7 @@ class Orbbec(SdkCamera):
         ]
 
     def open_device(self, serial: str) -> "OrbbecDevice":
-        """Start colour, and depth in the size that its SDK prefers."""
+        """Start colour, and depth in the size preferred by the SDK."""
         ob, options = self.sdk(), self.options
         context = ob.Context()
         pipeline = ob.Pipeline(context.query_devices().get_device_by_serial_number(serial))

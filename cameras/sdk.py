@@ -1,4 +1,4 @@
-"""Opening, reading and failures of a camera with an SDK, the same for all of them."""
+"""Opening, reading and failures of a camera with an SDK."""
 
 import importlib
 import re
@@ -50,7 +50,7 @@ class Device(Protocol):
 
 
 class SdkCamera(Source):
-    """A camera that is opened when it is read, and opened again after a failure.
+    """A camera that is opened on reading, and reopened after a failure.
 
     Its SDK is imported at its first use.
 
@@ -62,7 +62,7 @@ class SdkCamera(Source):
     calibrates_late = True
     name: ClassVar[str]  # name of the source, and of the extra that installs the SDK
     module: ClassVar[str]  # module of the SDK, as in common.extras
-    usb: ClassVar[re.Pattern[str]]  # vendor, product and name of its USB devices
+    usb: ClassVar[re.Pattern[str]]  # vendor, product and name of the USB devices
 
     def __init__(self, **options: Any) -> None:
         self.options = read_options(SdkOptions, options)

@@ -8,7 +8,7 @@ from pathlib import Path
 DEVICES = Path("/sys/bus/usb/devices")
 NODES = Path("/dev/bus/usb")
 SUPER_MBPS = 5000.0  # speed of USB 3 [Mbit/s]
-BOOTLOADERS = ("03e7:2485",)  # vendor and product of a camera that changes to USB 3 when opened
+BOOTLOADERS = ("03e7:2485",)  # vendor and product of a camera that switches to USB 3 on opening
 
 
 @dataclass(frozen=True)

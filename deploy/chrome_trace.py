@@ -13,7 +13,7 @@ from common.transport.clock import HostOffset
 from people4d.messages import Detections, Embeddings, Health, Message, Span, Tracks
 
 KINDS = (Detections, Embeddings, Tracks, Health)
-PATH_LANE, WORK = 100, 1  # first lanes (threads) of a process: paths to it, its work
+PATH_LANE, WORK = 100, 1  # first lanes (threads) of a process: paths to the process, its work
 
 Event = dict[str, Any]
 Frame = tuple[str, int, int]  # camera, sequence, stamp
@@ -95,7 +95,7 @@ class _Writer:
         by_process: dict[str, list[TraceSegment]] = defaultdict(list)
         transports = [part for part in path if part.stage == "transport"]
         for part in path:
-            self._pid(part.process)  # numbered in the order of the path
+            self._pid(part.process)  # numbered in processing order
             if part.stage != "transport":
                 by_process[part.process].append(part)
         for part in transports:
@@ -144,7 +144,7 @@ class _Writer:
             yield event | {"pid": self._pid(part.process), "ts": self._us(part.start_ns)} | ends
 
     def _slice(self, part: TraceSegment, tid: int, fields: Event) -> Event:
-        """Return a slice, or a mark if its end is before its beginning."""
+        """Return a slice, or a mark if it would end before it begins."""
         pid = self._pid(part.process)
         event = {"name": part.stage, "cat": part.service, "pid": pid, "tid": tid, "args": fields}
         event["ts"] = self._us(part.start_ns)

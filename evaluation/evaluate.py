@@ -42,7 +42,7 @@ class ReportFigure:
 class Evaluation:
     """All runs, method by method."""
 
-    runs: tuple[RunReport, ...]  # one for each method and recording
+    runs: tuple[RunReport, ...]  # runs, one for each method and recording
     rows: tuple[Row, ...]  # metrics of each run
     overview: ReportTable  # the most important metrics
     tables: tuple[ReportTable, ...]  # all tables of the report

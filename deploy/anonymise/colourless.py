@@ -7,7 +7,7 @@ from common.io.image_header import image_size
 from common.io.images import encode_jpeg
 from people4d.messages import CompressedRgbdFrame, Crops, Embeddings, Message, RgbdFrame
 
-GREY = 128  # brightness of an image without colour
+GREY = 128  # brightness of the grey images
 LEFT_OUT = (Crops, Embeddings)
 
 

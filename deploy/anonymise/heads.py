@@ -52,7 +52,7 @@ def cover_of(box_xyxy_px: F32, keypoints: F32 | None) -> Cover:
         if len(shoulders) == 2:
             size = max(size, SHOULDER_SHARE * float(np.linalg.norm(shoulders[1] - shoulders[0])))
         points = face if len(face) else shoulders
-    if not len(points):  # without keypoints: the whole upper part of the box
+    if not len(points):  # upper part of the box, for people without keypoints
         head = np.array([left - size / 4, top - ABOVE * size, right + size / 4, top + 2 * size])
         return Cover(box, head)
     crown = np.array([[float(points[:, 0].mean()), top]])

@@ -66,7 +66,7 @@ def detect(rgb: U8, network: PersonModel) -> list[Cover]:
 
 
 def black_out(rgb: U8, rectangles: list[F64]) -> U8:
-    """Return a copy of an image in which rectangles (4, xyxy) are black."""
+    """Return a copy of an image with black rectangles (4, xyxy)."""
     covered = rgb.copy()
     height, width = rgb.shape[:2]
     for left, top, right, bottom in rectangles:

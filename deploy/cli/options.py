@@ -19,7 +19,7 @@ from services.presets import PRESETS
 CONNECT_S = 3.0
 NETWORK = "Network"  # panel of the help
 
-SILENCE_S = 2.0  # silence after which the robots and services found are printed [s]
+SILENCE_S = 2.0  # silence after which the present robots and services are printed [s]
 
 
 def _running_robot(context: typer.Context, value: str) -> str:
@@ -59,7 +59,7 @@ Connect = Annotated[
         envvar="PEOPLE4D_CONNECT",
         metavar="ENDPOINT",
         callback=_endpoints,
-        is_eager=True,  # before --robot, whose default depends on it
+        is_eager=True,  # parsed before --robot, whose default depends on it
         help="Router, for example tcp/192.168.1.7:7447; default: the one on this machine.",
         rich_help_panel=NETWORK,
     ),
@@ -111,7 +111,7 @@ def open_client(connect: str, robot: str) -> Client:
 
 
 def open_bus(connect: str, robot: str) -> ZenohBus:
-    """Connect as `open_client` does, to publish."""
+    """Connect like `open_client`, to publish."""
     with _router(connect, robot) as endpoint:
         environment = dict(os.environ) | ({"PEOPLE4D_CONNECT": endpoint} if endpoint else {})
         return ZenohBus(read_config(None, "client", environment), robot, CONNECT_S)

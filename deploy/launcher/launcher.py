@@ -207,7 +207,7 @@ class Launcher:
             time.sleep(POLL_S)
 
     def drain(self, timeout_s: float) -> None:
-        """Wait until no service receives messages from frames any more."""
+        """Wait until all frames are processed, and no service receives messages from them."""
         deadline_s = time.monotonic() + timeout_s
         before, since_s = self._counts(), time.monotonic()
         while time.monotonic() < min(deadline_s, since_s + QUIET_S):

@@ -61,7 +61,7 @@ class PreforkOptions(ServerOptions):  # type: ignore[misc]  # supervisor has no 
 
 
 def split(argv: Sequence[str]) -> tuple[dict[str, str], Sequence[str]]:
-    """Split `env NAME=VALUE ... COMMAND` into its variables and the command."""
+    """Split `env NAME=VALUE ... COMMAND` into variables and command."""
     end = next((i for i, word in enumerate(argv) if i and "=" not in word), len(argv))
     return dict(word.split("=", 1) for word in argv[1:end]), argv[end:]
 

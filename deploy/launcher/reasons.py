@@ -9,7 +9,7 @@ from people4d.messages import Health
 DELAY_S = 4.0  # minimum duration of a reported reason, since many are short at the start [s]
 LIMIT_PERCENT = 90.0  # minimum share of a core of a process at its limit [%]
 NUMBER = re.compile(r"[\d.]+")
-WAITS = re.compile(r"no [\w ,]+ for \d+ s")  # reason of a process that waits for another one
+WAITS = re.compile(r"no [\w ,]+ for \d+ s")  # reason of a process that waits for another process
 
 
 class Reasons:

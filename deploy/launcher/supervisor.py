@@ -72,7 +72,7 @@ AUTORESTART = {"no": "false", "on-failure": "unexpected"}  # restart policies; o
 
 @dataclass(frozen=True)
 class Process:
-    """One process as supervisord reports it."""
+    """State of one process in supervisord."""
 
     name: str  # instance, for example detector-1
     state: str  # STOPPED, STARTING, RUNNING, BACKOFF, STOPPING, EXITED, FATAL or UNKNOWN
@@ -93,7 +93,7 @@ class Process:
 
     @property
     def gave_up(self) -> bool:
-        """True if supervisord does not restart it any more."""
+        """True if supervisord has given up restarting it."""
         return self.state in ("FATAL", "UNKNOWN")
 
 

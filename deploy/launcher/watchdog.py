@@ -90,7 +90,7 @@ class WatchdogNode(Node):
         return self._due_ns
 
     def status(self) -> Status:
-        """Return recent restarts, and the processes that are not restarted any more."""
+        """Return recent restarts, and the processes without further restarts."""
         full = FULL if self._free_bytes() < ROOM_BYTES else ""
         problems = [*self._left_alone.values(), *filter(None, [self._gone, full])]
         when_s, what = self._last
@@ -106,7 +106,7 @@ class WatchdogNode(Node):
             processes = self._supervisor.processes()
             hung = self._watch.hung(processes, now_s)
             self._note_calm(processes, now_s, hung)
-            # The router first, since all processes are silent without it.
+            # The router comes first, since all processes are silent without it.
             for name in sorted(hung, key=lambda name: not name.startswith(f"{ROUTER}-")):
                 # supervisord detects the end of a process within a second.
                 pid, when_s = self._killed.get(name, (0, 0.0))

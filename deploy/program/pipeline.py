@@ -111,7 +111,7 @@ class Pipeline:
         """
         stamp_ns = round(stamp_s * 10**9)
         outputs = self._publish(stamp_ns, *self._camera(camera).messages(rgb, depth, stamp_ns))
-        outputs += self._tracker.flush(stamp_ns)  # no other message of this time follows
+        outputs += self._tracker.flush(stamp_ns)  # the last message at this time
         self.detections = _last(Detections, outputs)
         self.people = _last(Tracks, outputs)
         return self.people

@@ -27,7 +27,7 @@ class Condition:
         self._known: dict[int, None] = {}
 
     def is_met(self, message: Message) -> bool:
-        """Check a message; each is checked once and in order."""
+        """Check a message; each message is checked once, in order."""
         if not (self._on_person and isinstance(message, Tracks)):
             return isinstance(message, self.message)
         confirmed = dict.fromkeys(t.id for t in message.tracks if t.state == "confirmed")

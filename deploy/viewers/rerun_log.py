@@ -38,7 +38,7 @@ SKELETONS = "map/skeletons"
 VIEWS_MAX = 64  # maximum number of cameras with a view: each blueprint costs Rerun two threads
 PALE = 90  # opacity of predicted joints and limbs, 0 to 255
 JPEG_QUALITY = 80
-MILLIMETRES = 1000.0  # units of depth images in a metre
+MILLIMETRES = 1000.0  # number of units of depth images in a metre
 FLUSH_S = 3.0  # maximum wait at the end, since Rerun waits for ever for a viewer that ended [s]
 SIGMAS = 2.4477  # half axes of a 95 % ellipse of x and y, in standard deviations
 

@@ -96,7 +96,7 @@ class PeopleFrame:
     info: CameraInfo | None  # calibration of the camera
     frame_from_optical: F64 | None  # pose of the camera in the frame of the tracks, 4x4
     people: tuple[ScenePerson, ...] = ()
-    # keypoints lifted by depth; None if the pose is unknown, or topic skeletons has better joints
+    # keypoints lifted by depth; None if the pose is unknown, or the topic skeletons exists
     skeletons: SkeletonFrame | None = None
     trajectories: Mapping[int, F64] = field(default_factory=dict)  # recent positions Nx3 [m], by id
 

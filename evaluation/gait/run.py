@@ -115,7 +115,7 @@ def _check_results(results: Sequence[GaitResult] | None, observation: PersonObse
 
 
 class _EmptyDetector(Node):
-    """Answers each frame with empty detections, which continues lock-step playback."""
+    """Answers each frame with empty detections, so that lock-step playback continues."""
 
     inputs: tuple[type[Message], ...] = (RgbdFrame,)
 

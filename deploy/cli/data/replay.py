@@ -51,7 +51,7 @@ def replay(
     robot: Robot = "robot",
     connect: Connect = "",
 ) -> None:
-    """Publish recorded messages as their service would, so that another runs alone against them."""
+    """Publish recorded messages in place of their service, so that another service runs alone."""
     recording = open_recording(file)
     kinds = kinds_of(topics)
     wanted = tuple(CompressedRgbdFrame if kind is RgbdFrame else kind for kind in kinds)
@@ -74,7 +74,7 @@ def replay(
                 if isinstance(message, CompressedRgbdFrame):
                     pixels = not kinds or RgbdFrame in kinds
                     message = frame_of(message, sensors.get(message.camera), pixels)
-                # Without its trace, which has times of the recording.
+                # without the trace, whose times are of the recording
                 bus.publish(msgspec.structs.replace(message, trace=()))
                 sent += 1
         time.sleep(hold_s)

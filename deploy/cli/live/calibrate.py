@@ -156,7 +156,7 @@ class CalibrationSession:
         ):
             self._collector.add_message(message, arrived_ns)
         elif isinstance(message, RgbdFrame | CompressedRgbdFrame):
-            with suppress(DecodeError):  # bad image: the next one is used
+            with suppress(DecodeError):  # bad image: the next one may be usable
                 self._add_frame(message)
 
     def _add_frame(self, message: RgbdFrame | CompressedRgbdFrame) -> None:

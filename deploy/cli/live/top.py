@@ -97,7 +97,7 @@ def _snapshots(client: Client, seconds: float) -> Iterator[Callable[[], SystemSn
 
 
 def _wait(snapshot: Callable[[], SystemSnapshot], seconds: float) -> None:
-    """Listen for a time, and twice as long if nothing arrives."""
+    """Listen for a period, and for twice the period if nothing arrives."""
     end_s = time.monotonic() + seconds
     while time.monotonic() < end_s or not snapshot().processes:
         if time.monotonic() > end_s + seconds:

@@ -104,7 +104,7 @@ def recorded(
 ) -> Iterator[tuple[int, Message]]:
     """Return messages of a recording with their log times [ns], paced if there is a rate."""
     recording = open_recording(path)
-    span.check(recording)  # before the output is opened
+    span.check(recording)  # checked before the output is opened
 
     def passes() -> Iterator[tuple[int, Message]]:
         for _ in count() if loop else range(1):

@@ -8,16 +8,16 @@ from services.camera.sources import camera_class, named_cameras
 
 
 class CameraRow(msgspec.Struct, frozen=True, kw_only=True):
-    """One camera that is plugged in."""
+    """A camera connected to this machine."""
 
     source: str  # argument of people4d up --source
     model: str
     serial: str  # serial number; empty if unknown
-    problem: str  # reason why it cannot be used, with the remedy; empty if it can
+    problem: str  # reason why it cannot be used, with the remedy; empty if usable
 
 
 def cameras(json: Json = False) -> None:
-    """Show the cameras that are plugged in, and why one cannot be used."""
+    """Show the connected cameras, and the reasons why they cannot be used."""
     sources = sorted(named_cameras())
     rows = [
         CameraRow(source=source, model=one.model, serial=one.serial, problem=one.problem)

@@ -62,7 +62,7 @@ def _examine(robot: str, connect: str, seconds: float, config: Path | None) -> l
 
 
 def _show(diagnostics: list[Diagnostic]) -> None:
-    """Print one line for each diagnostic, and below it the hint."""
+    """Print one line for each diagnostic, with the hint below it."""
     width = max(len(diagnostic.check) for diagnostic in diagnostics)
     for diagnostic in diagnostics:
         level = f"[{COLOURS[diagnostic.level]}]{diagnostic.level:<7}[/]"

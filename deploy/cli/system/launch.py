@@ -111,7 +111,7 @@ def _print_summary(folder: Path, state: State) -> None:
     if not (folder / "summary.json").is_file():  # written last
         raise LaunchError(state, f"{REPORT}-1", f"the report in {folder} is not complete")
     facts = summary.read_text(encoding="utf-8").partition("\n\n")[0]
-    console.print(facts, markup=False)  # the table of latency stays in the report
+    console.print(facts, markup=False)  # the report has the table of latency
     summary_json = msgspec.json.decode((folder / "summary.json").read_bytes(), type=RunSummary)
     names = sorted(file.name for file in folder.iterdir() if file.suffix != ".part")
     console.print(f"\nReport: {folder}/ ({', '.join(names)})", markup=False)

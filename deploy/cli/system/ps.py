@@ -29,7 +29,7 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
     reason: str  # reason of a state other than ready
     host: str  # name of the machine
     pid: int  # process number, 0 if it does not run
-    uptime_s: float  # [s] time since the start, 0 if unknown
+    uptime_s: float  # [s] time since the start; 0 if unknown
     rates_hz: dict[str, float]  # [Hz] messages received and sent, by topic
     losses: dict[str, int]  # number of lost messages and errors since the start, by cause
     cpu_percent: float  # processor time, 100 is one core

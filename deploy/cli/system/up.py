@@ -129,7 +129,7 @@ def up(
     if source and source_:
         raise typer.BadParameter(f"two sources: {source_} and --source {source}")
     source = source or source_
-    if privacy:  # the environment of the router and of all processes
+    if privacy:  # environment of the router and of all processes
         os.environ |= {"PEOPLE4D_PRIVACY": "on", "PEOPLE4D_DASHBOARD_PRIVACY": "true"}
     if detach and report:
         raise typer.BadParameter("a report needs the terminal until it is written; leave out -d")
