@@ -10,7 +10,6 @@ import pytest
 from typer.testing import CliRunner
 
 from deploy.cli import app
-from deploy.cli.system.demo import DEMO
 from evaluation.annotations.agreement import agreement
 from evaluation.annotations.images import read_images
 from evaluation.annotations.marks import Mark, MarkedImage, read_annotations, write_marks
@@ -21,7 +20,7 @@ from services.camera.config import CameraConfig
 from services.camera.source import SourceFrame
 from services.camera.sources import open_source
 from services.detector.position.axis import BODY
-from tests import ROOT, builders
+from tests import DEMO, ROOT, builders
 
 FRAMES, DEPTH_MM, FOCAL_PX = 4, 2000, 100.0
 HOLE_PX = 20  # columns without depth at the left edge

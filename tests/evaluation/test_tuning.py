@@ -7,7 +7,6 @@ import pytest
 from typer.testing import CliRunner
 
 from deploy.cli import app
-from deploy.cli.system.demo import DEMO
 from evaluation.annotations.marks import MarkedImage, write_marks
 from evaluation.compare import compare_sums
 from evaluation.methods import read_method
@@ -18,6 +17,7 @@ from evaluation.run.preparation import EvaluationPlan, runs_of
 from evaluation.run.run import execute
 from evaluation.tuning import TuningBudget, check_tuning, preset_text, tune_plan, with_settings
 from people4d.errors import ConfigError
+from tests import DEMO
 from tests.evaluation import builders
 from tests.evaluation.test_by_hand import quiet
 

@@ -1,6 +1,7 @@
 """The annotation page in Chromium, on the shipped recording of simulated people."""
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import cv2
@@ -11,7 +12,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from common.geometry.transforms import apply, invert, project
 from common.io.recording import open_recording
-from deploy.cli.system.demo import DEMO
+from evaluation.annotations.agreement import agreement
 from evaluation.annotations.images import AnnotatedImages, read_images
 from evaluation.annotations.marks import read_annotations
 from evaluation.annotations.truth import annotated_truth
@@ -20,6 +21,7 @@ from people4d.messages import CompressedRgbdFrame, StaticTransform, Truth
 from services.camera.config import CameraConfig
 from services.dashboard.config import DashboardConfig
 from services.dashboard.server import WebServer
+from tests import DEMO, ROOT
 from tests.dashboard.browser.chromium import MARKS, WAIT_S, until
 from tests.dashboard.browser.test_layout import PHONE_PX, faults
 
@@ -40,13 +42,20 @@ def file(tmp_path: Path) -> Path:
     return tmp_path / "annotations.json"
 
 
-@pytest.fixture
-def url(images: AnnotatedImages, file: Path) -> Iterator[str]:
-    """Address of a page that annotates the recording."""
-    app, config = AnnotationApp("crossing.mcap", images, file), DashboardConfig(port=0)
+@contextmanager
+def served(images: AnnotatedImages, file: Path) -> Iterator[str]:
+    """Serve the page; yield its address."""
+    app, config = AnnotationApp("recording", images, file), DashboardConfig(port=0)
     server = WebServer(config, lambda tokens: app.guarded(config, tokens))
     yield server.address.url
     server.close()
+
+
+@pytest.fixture
+def url(images: AnnotatedImages, file: Path) -> Iterator[str]:
+    """Address of a page that annotates the recording."""
+    with served(images, file) as url:
+        yield url
 
 
 def open_page(browser: Browser, url: str, width: int = 1280) -> Page:
@@ -122,6 +131,35 @@ def test_ten_annotated_frames_are_ground_truth_for_evaluation(
         for one in known.people:
             if one.id in known.captured and (at := visible[frame].get(one.id.split()[1])):
                 assert np.linalg.norm(one.position_m[:2] - at[2:]) < 0.15
+
+
+def test_ten_frames_of_real_people_agree_with_their_annotations(
+    browser: Browser, shared: Path, file: Path
+) -> None:
+    """Two annotators of felix: here the points of the first frame are kept by the keyboard."""
+    folder = shared / "data" / "rgbd" / "felix"
+    options = {"calibration": str(folder / "cam_params_realsense.json")}
+    camera = CameraConfig(source=str(folder), options=options)
+    images = read_images(camera, 4, lambda _: None)
+    other = ROOT / "benchmarks" / "real_people_marks" / "felix.json"
+    with served(images, file) as url:
+        page = open_page(browser, url)
+        for mark, facing in zip(read_annotations(other).frames[0], ("s", "a"), strict=True):
+            add(page, mark.person)
+            click(page, mark.u_px, mark.v_px, images.info.width)
+            page.keyboard.press(facing)
+        for frame in list(images.images)[1:]:
+            page.keyboard.press(".")
+            frame_is(page, frame)
+            page.keyboard.press("1")
+            page.keyboard.press("2")
+            expect(page.locator("#people .absent")).to_have_count(0)
+        expect(page.locator("#saved")).to_have_text("saved")
+        page.close()
+    found = agreement(camera, file, other)
+    assert (found.frames, found.pairs, found.same_identity) == (FRAMES, 2 * FRAMES, 2 * FRAMES)
+    assert np.median(found.distances_m) < 0.05
+    assert sorted(found.differences_deg) == [0.0] * FRAMES + [105.0] * FRAMES
 
 
 def test_marks_are_made_by_keyboard_saved_at_once_and_resumed(
