@@ -68,7 +68,7 @@ class BodyShape:
 
 @dataclass(frozen=True)
 class People:
-    """Tracked people of one frame, N of them."""
+    """N tracked people of one frame."""
 
     ids: Sequence[int]
     position_m: F64  # Nx3

@@ -35,7 +35,7 @@ def geodesic_m(mesh: BodyMesh, source_vertex: npt.ArrayLike) -> F64:
 
 @dataclass(frozen=True, kw_only=True)
 class GeodesicExtrema:
-    """Local maxima of the geodesic distance, farthest first; T of them."""
+    """T local maxima of the geodesic distance, farthest first."""
 
     vertices: I64  # T
     persistence_m: F64  # T: height above the point at which its basin meets a higher one
