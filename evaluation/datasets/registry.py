@@ -16,6 +16,10 @@ DATASETS: dict[str, str] = {
     "eth-ucy": "evaluation.datasets.eth_ucy:ETH_UCY",
     "jrdb": "evaluation.datasets.jrdb:JRDB",
     "kitti": "evaluation.datasets.kitti:KITTI",
+    "tum": "evaluation.datasets.robots.tum:TUM",
+    "ktp": "evaluation.datasets.robots.ktp:KTP",
+    "rimt": "evaluation.datasets.robots.rimt:RIMT",
+    "tpt": "evaluation.datasets.robots.tpt:TPT",
 }
 
 

@@ -1,0 +1,1 @@
+"""Data sets of robots, in miniature."""
