@@ -13,6 +13,7 @@ DATASETS: dict[str, str] = {
     "mot17": "evaluation.datasets.mot:MOT17",
     "mot20": "evaluation.datasets.mot:MOT20",
     "dancetrack": "evaluation.datasets.mot:DANCETRACK",
+    "ai-city": "evaluation.datasets.aicity:AI_CITY",
     "eth-ucy": "evaluation.datasets.eth_ucy:ETH_UCY",
     "jrdb": "evaluation.datasets.jrdb:JRDB",
     "kitti": "evaluation.datasets.kitti:KITTI",

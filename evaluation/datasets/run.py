@@ -49,9 +49,12 @@ def evaluate_dataset(plan: DatasetPlan, on_progress: OnProgress) -> list[LineOfS
     lines: list[LineOfScores] = []
     for start, method in zip(range(0, len(jobs), len(names)), plan.methods, strict=True):
         own = results[start : start + len(names)]
+        files: dict[str, str] = {}  # several sequences may share a file
         for result in own:
             for path, text in result.submission.items():
-                write_bytes(plan.out / "submission" / method.name / path, text.encode())
+                files[path] = files.get(path, "") + text
+        for path, text in files.items():
+            write_bytes(plan.out / "submission" / method.name / path, text.encode())
         scored = [(n, r.figures) for n, r in zip(names, own, strict=True) if r.figures is not None]
         lines += [(method.name, name, figures.row()) for name, figures in scored]
         if len(scored) > 1:
