@@ -97,6 +97,8 @@ def evaluate(
     if dataset and truth:
         raise ConfigError("--truth is for --recordings", "A data set has its own ground truth.")
     if dataset:
+        if seeds or visual_odometry or fidelity != "colour":
+            raise ConfigError("--dataset takes no --seeds, --fidelity or --visual-odometry")
         _evaluate_dataset(*dataset, presets, set_, DatasetOutput(out, folder, jobs or cores()))
         return
     if not presets:

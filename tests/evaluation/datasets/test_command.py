@@ -56,6 +56,7 @@ def test_default_method_of_the_data_set(tmp_path: Path) -> None:
         (["--recordings", "lab:short_walk"], "expected a preset, got none"),
         (["--dataset", "mot99", "."], "data set 'mot99' is unknown"),
         (["--dataset", "mot17", "/none/MOT17"], "/: expected none/MOT17, got "),
+        (["--dataset", "mot17", ".", "--seeds", "1"], "--dataset takes no --seeds"),
         (["best", "--dataset", "eth-ucy", "."], "expected no preset and no setting, got best"),
     ],
 )
