@@ -92,7 +92,7 @@ def write_scene(folder: Path, scene: str = SCENE) -> Path:
     for name in CAMERAS:
         write_video(path / "videos" / f"{name}.mp4", frames)
         with (path / "depth_maps" / f"{name}.h5").open("wb") as file:
-            np.savez(file, **depths)
+            np.savez(file, allow_pickle=False, **depths)
     return path
 
 
@@ -183,7 +183,7 @@ def test_cameras_with_different_numbers_of_frames_are_refused(tmp_path: Path) ->
 def test_frames_without_depth_are_refused(tmp_path: Path) -> None:
     path = write_scene(tmp_path)
     with (path / "depth_maps" / f"{CAMERAS[0]}.h5").open("wb") as file:
-        np.savez(file, **{DEPTH.format(0): demo()[1][0].depth_mm})
+        np.savez(file, allow_pickle=False, **{DEPTH.format(0): demo()[1][0].depth_mm})
     with pytest.raises(SourceError, match=r"expected distance_to_image_plane_00001.png in its .h5"):
         list(DATASET.detections(path, read_method("best")))
 

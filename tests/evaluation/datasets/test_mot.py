@@ -44,6 +44,24 @@ def test_perfect_detections_of_two_people_are_tracked_without_an_error(tmp_path:
     assert (row["mota"], row["idf1"], row["id_switches"]) == (1.0, 1.0, 0)
 
 
+@pytest.mark.slow
+def test_shipped_preset_is_better_than_sort_on_real_sequences_of_the_test_split(
+    shared: Path,
+) -> None:
+    folder = shared / "data"
+    assert "mot15/KITTI-17" in MOT15.sequences(folder)
+    for name in ("mot15/KITTI-17", "mot15/TUD-Campus"):
+        rows = []
+        for preset in ("image-sort", "image-sort-best"):
+            job = DatasetJob(folder, name, read_method(preset), folder)
+            figures = MOT15.evaluate(job).figures
+            assert figures is not None
+            rows.append(figures.row())
+        sort, best = rows
+        for figure in ("mota", "idf1", "hota"):
+            assert (best[figure] or 0) > (sort[figure] or 0) + 0.02
+
+
 def test_a_submission_has_a_file_for_each_sequence_of_the_test_split(tmp_path: Path) -> None:
     write_mot(tmp_path)
     method = read_method("image-sort-best")
