@@ -9,7 +9,7 @@ from evaluation.datasets.dataset import DatasetJob
 from evaluation.datasets.kitti import KITTI
 from evaluation.methods import read_method
 from people4d.errors import ConfigError, SourceError
-from tests.evaluation.datasets.kitti import write_drawn, write_kitti
+from tests.evaluation.datasets.kitti import write_drawn, write_kitti, write_split
 from tests.evaluation.datasets.people import lab_people
 
 REFERENCE = json.loads((Path(__file__).parent / "reference.json").read_text())
@@ -34,6 +34,17 @@ def test_frames_have_detections_and_the_turn_of_the_car(tmp_path: Path) -> None:
     assert one.frames[3].boxes_xyxy_px[1].tolist() == [left, top, left + width, top + height]
     assert one.truth[3].boxes_xyxy_px.tolist() == one.frames[3].boxes_xyxy_px.tolist()
     assert KITTI.load(tmp_path, "testing/0000").truth is None
+
+
+def test_real_labels_of_sequence_0019_are_read(tmp_path: Path, shared: Path) -> None:
+    labels = (shared / "data" / "egomotion" / "kitti_0019" / "labels.txt").read_text()
+    write_split(tmp_path, "training", 1059, [], labels.splitlines(keepends=True))
+    truth = KITTI.load(tmp_path, TRAIN).truth
+    assert truth is not None
+    rows = [line.split() for line in labels.splitlines()]
+    clear = [r for r in rows if r[2] == "Pedestrian" and int(r[3]) <= 0 and int(r[4]) <= 2]
+    assert sum(one.evaluated.sum() for one in truth) == len(clear) > 1000
+    assert sum(len(one.regions_xyxy_px) for one in truth) == sum(r[2] == "DontCare" for r in rows)
 
 
 def test_a_submission_has_18_columns_and_frames_from_0(tmp_path: Path) -> None:
