@@ -68,6 +68,17 @@ def test_a_person_who_walks_straight_is_predicted(tmp_path: Path) -> None:
     assert row["ade_m"] < 0.5
 
 
+@pytest.mark.slow
+def test_constant_velocity_on_seq_hotel_is_that_of_the_reference(shared: Path) -> None:
+    # The reference data state 0.34 and 0.66 m, computed apart from this code.
+    result = ETH_UCY.evaluate(job(shared / "data" / "trajectories", "seq_hotel"))
+    assert result.figures is not None
+    row = result.figures.row()
+    assert row["constant_ade_m"] == pytest.approx(0.34, abs=0.005)
+    assert row["constant_fde_m"] == pytest.approx(0.66, abs=0.005)
+    assert (row["ade_m"] or np.inf) < 0.8 * (row["constant_ade_m"] or 0)
+
+
 def test_a_short_scene_has_no_paths(tmp_path: Path) -> None:
     result = ETH_UCY.evaluate(job(write_scene(tmp_path, [np.zeros((5, 2))])))
     assert result.figures is not None
