@@ -1,5 +1,9 @@
 """The annotation page in Chromium, on the shipped recording of simulated people."""
 
+import signal
+import subprocess
+import sys
+import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -251,3 +255,17 @@ def test_hostile_requests_are_refused(url: str, file: Path) -> None:
         assert (answer.status_code, text in answer.text) == (status, True), answer.text
     assert httpx2.get(f"{url}frames/1").status_code == 404
     assert not file.exists()
+
+
+def test_command_serves_the_page_until_interrupted(file: Path) -> None:
+    command = [sys.executable, "-m", "deploy.cli", "annotate", str(DEMO), "--every", "60"]
+    with subprocess.Popen(
+        [*command, "--port", "0", "--out", str(file)], stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        line = next(line for line in process.stdout if "http://" in line)
+        with urllib.request.urlopen(f"{line.split()[2]}frames") as answer:
+            about = msgspec.json.decode(answer.read())
+        assert (about["frames"], about["file"]) == ([0, 60, 120], str(file))
+        process.send_signal(signal.SIGINT)
+        assert process.wait(WAIT_S) == 0
