@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lab.bodies.skeleton import INDEX, BodyPose, Skeleton, map_from_segments
+from lab.bodies.skeleton import INDEX, Skeleton, map_from_segments
 from lab.motion.motion import PersonMotion
 from people4d.messages import F64
 
@@ -31,33 +31,35 @@ class Joints:
 
 def joints(motion: PersonMotion, skeleton: Skeleton, times_s: F64) -> Joints:
     """Return the joints at some times."""
-    rows = [_joints(motion.at(float(t)), skeleton) for t in times_s]
-    return Joints(*np.moveaxis(np.array(rows), 1, 0))
+    poses = [motion.at(float(t)) for t in times_s]
+    turned = np.stack([map_from_segments(pose) for pose in poses], axis=1)
+    origin = np.stack([pose.map_from_pelvis[:3, 3] for pose in poses])
+    sides = [_joints(origin, turned, skeleton, k) for k in range(2)]
+    return Joints(*(np.stack(pair, axis=1) for pair in zip(*sides, strict=True)))
 
 
-def _joints(pose: BodyPose, skeleton: Skeleton) -> list[list[F64]]:
-    turned = map_from_segments(pose)
-    pelvis, chest = turned[INDEX["pelvis"]], turned[INDEX["chest"]]
-    origin = pose.map_from_pelvis[:3, 3]
-    waist = origin + pelvis @ skeleton.waist
-    points: list[list[F64]] = [[] for _ in range(8)]
-    for k, side in enumerate("lr"):
-        hip = origin + pelvis @ skeleton.hip[k]
-        knee = hip + turned[INDEX[f"thigh_{side}"]] @ (skeleton.knee[k] - skeleton.hip[k])
-        ankle = knee + turned[INDEX[f"shank_{side}"]] @ (skeleton.ankle[k] - skeleton.knee[k])
-        foot = turned[INDEX[f"foot_{side}"]]
-        sole = [
-            ankle + foot @ (point[k] - skeleton.ankle[k])
-            for point in (skeleton.heel, skeleton.ball, skeleton.toe)
-        ]
-        shoulder = waist + chest @ (skeleton.shoulder[k] - skeleton.waist)
-        upper = turned[INDEX[f"upper_arm_{side}"]] @ (skeleton.elbow[k] - skeleton.shoulder[k])
-        lower = turned[INDEX[f"forearm_{side}"]] @ (skeleton.wrist[k] - skeleton.elbow[k])
-        for group, point in zip(
-            points, [hip, knee, ankle, *sole, shoulder, shoulder + upper + lower], strict=True
-        ):
-            group.append(point)
-    return points
+def _joints(origin: F64, turned: F64, skeleton: Skeleton, k: int) -> list[F64]:
+    """Return hip, knee, ankle, heel, ball, toe, shoulder and wrist of one side, each Tx3.
+
+    Args:
+        origin: Tx3, the pelvis; frame: map.
+        turned: SxTx3x3, rotations of the segments; frame: map.
+        skeleton: Lengths of the segments.
+        k: 0 for left, 1 for right.
+    """
+    side, pelvis, chest = "lr"[k], turned[INDEX["pelvis"]], turned[INDEX["chest"]]
+    hip = origin + pelvis @ skeleton.hip[k]
+    knee = hip + turned[INDEX[f"thigh_{side}"]] @ (skeleton.knee[k] - skeleton.hip[k])
+    ankle = knee + turned[INDEX[f"shank_{side}"]] @ (skeleton.ankle[k] - skeleton.knee[k])
+    foot = turned[INDEX[f"foot_{side}"]]
+    sole = [
+        ankle + foot @ (point[k] - skeleton.ankle[k])
+        for point in (skeleton.heel, skeleton.ball, skeleton.toe)
+    ]
+    shoulder = origin + pelvis @ skeleton.waist + chest @ (skeleton.shoulder[k] - skeleton.waist)
+    upper = turned[INDEX[f"upper_arm_{side}"]] @ (skeleton.elbow[k] - skeleton.shoulder[k])
+    lower = turned[INDEX[f"forearm_{side}"]] @ (skeleton.wrist[k] - skeleton.elbow[k])
+    return [hip, knee, ankle, *sole, shoulder, shoulder + upper + lower]
 
 
 def pitch_deg(upper: F64, lower: F64, yaw_rad: F64) -> F64:

@@ -13,7 +13,7 @@ from lab.motion.limbs import bend_leg, smooth_cover
 from lab.motion.motion import PersonMotion, simulate
 from lab.scenario import PersonPlan, Waypoint
 from people4d.messages import F64
-from tests.lab.motion.joint_positions import joints, pitch_deg, speeds
+from tests.lab.motion.joint_positions import Joints, joints, pitch_deg, speeds
 from tests.lab.motion.skeletons import skeleton
 
 BODY = skeleton(1.75)
@@ -55,20 +55,27 @@ PLANS = {
 }
 
 
+TIMES_S = np.arange(-0.5, 9.5, 0.008)
+
+
 @functools.cache
 def motion(name: str) -> PersonMotion:
     return simulate([PLANS[name]], [BODY], 9.0, 3)[0]
 
 
+@functools.cache
+def walked(name: str) -> Joints:
+    return joints(motion(name), BODY, TIMES_S)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PLANS)
 def test_a_flat_foot_does_not_slide(name: str) -> None:
-    times_s = np.arange(-0.5, 9.5, 0.004)
-    body = joints(motion(name), BODY, times_s)
+    body = walked(name)
     flat = (body.heel[..., 2] < 0.001) & (body.ball[..., 2] < 0.001)
     # Only where the foot is flat for some time: a swinging foot is flat for an instant, too.
-    held = np.all([np.roll(flat, k, axis=0) for k in range(-4, 5)], axis=0)[4:-5]
-    sliding = np.maximum(speeds(body.heel, times_s), speeds(body.ball, times_s))[4:-4]
+    held = np.all([np.roll(flat, k, axis=0) for k in range(-2, 3)], axis=0)[2:-3]
+    sliding = np.maximum(speeds(body.heel, TIMES_S), speeds(body.ball, TIMES_S))[2:-2]
     assert held.any(axis=0).all()
     assert np.median(sliding[held]) < 0.02
     assert np.max(sliding[held]) < 0.08
@@ -76,7 +83,7 @@ def test_a_flat_foot_does_not_slide(name: str) -> None:
 
 @pytest.mark.parametrize("name", PLANS)
 def test_no_foot_sinks_into_the_floor(name: str) -> None:
-    body = joints(motion(name), BODY, np.arange(-0.5, 9.5, 0.01))
+    body = walked(name)
     assert body.heel[..., 2].min() > -0.003
     assert body.ball[..., 2].min() > -0.003
     # The tip of the shoe bends, which a rigid foot segment cannot show.
@@ -85,8 +92,7 @@ def test_no_foot_sinks_into_the_floor(name: str) -> None:
 
 @pytest.mark.parametrize("name", PLANS)
 def test_knees_bend_forward_and_within_human_range(name: str) -> None:
-    times_s = np.arange(-0.5, 9.5, 0.01)
-    body = joints(motion(name), BODY, times_s)
+    body = walked(name)
     thigh, shank = body.knee - body.hip, body.ankle - body.knee
     bend = np.degrees(
         np.arccos(

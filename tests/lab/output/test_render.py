@@ -1,5 +1,6 @@
 """Rendering: outputs, resuming, and bytes that depend on the job only."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -38,11 +39,22 @@ from tests.lab.scenarios import DRIVE, EPOCH_NS, FRAMES, SIZE, write_scenario
 pytestmark = pytest.mark.render
 
 
-@pytest.fixture(autouse=True)
-def _small_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture(scope="module", autouse=True)
+def _small_pieces() -> Iterator[None]:
     """Five frames in a piece, so that a short scenario has three of them."""
     pieces: dict[Fidelity, int] = {"geometry": 5, "depth": 5, "colour": 5}
-    monkeypatch.setattr(job, "CHUNK_FRAMES", pieces)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(job, "CHUNK_FRAMES", pieces)
+        yield
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of all outputs of one job, drawn without interruption by one process."""
+    folder = tmp_path_factory.mktemp("whole")
+    outputs = Outputs(folder / "out.mcap", bag=folder / "out_ros2", truth=folder / "out.npz")
+    render(order(folder, truth_per_frame=True), outputs, 1, lambda *_: None)
+    return folder
 
 
 def order(
@@ -62,9 +74,8 @@ def captures(path: Path) -> list[SourceFrame]:
     return [item for item in source if isinstance(item, SourceFrame)]
 
 
-def test_recording_holds_frames_calibration_pose_and_truth(tmp_path: Path) -> None:
-    path = rendered(tmp_path, order(tmp_path))
-    recording = open_recording(path)
+def test_recording_holds_frames_calibration_pose_and_truth(whole: Path) -> None:
+    recording = open_recording(whole / "out.mcap")
     assert recording.summary.topics == {
         "camera/front/info": 1,
         "transforms/front_optical_frame": 1,
@@ -79,11 +90,13 @@ def test_recording_holds_frames_calibration_pose_and_truth(tmp_path: Path) -> No
     note = read_metadata(recording)
     assert note is not None
     assert (note.scenario, note.seed, note.depth) == ("walk", 5, "clean")
-    assert not (tmp_path / "out.mcap.part").exists()
+    assert not (whole / "out.mcap.part").exists()
 
 
-def test_clean_depth_is_exact_and_played_as_a_sensor_measures_it(tmp_path: Path) -> None:
-    clean = rendered(tmp_path, order(tmp_path))
+def test_clean_depth_is_exact_and_played_as_a_sensor_measures_it(
+    whole: Path, tmp_path: Path
+) -> None:
+    clean = whole / "out.mcap"
     measured = rendered(tmp_path, order(tmp_path, depth="measured"), "measured.mcap")
     source = LabSource(
         str(tmp_path / "walk.toml"), LabOptions(mode="depth", depth_sensor="off", threads=1)
@@ -101,14 +114,12 @@ def test_clean_depth_is_exact_and_played_as_a_sensor_measures_it(tmp_path: Path)
     assert not np.array_equal(captures(clean)[0].depth_mm, taken[0].depth_mm)
 
 
-def test_the_bytes_do_not_depend_on_the_number_of_processes(tmp_path: Path) -> None:
-    wanted = order(tmp_path)
-    one = rendered(tmp_path, wanted, "one.mcap")
-    two = rendered(tmp_path, wanted, "two.mcap", jobs=2)
-    assert one.read_bytes() == two.read_bytes()
+def test_the_bytes_do_not_depend_on_the_number_of_processes(whole: Path, tmp_path: Path) -> None:
+    two = rendered(tmp_path, order(tmp_path), jobs=2)
+    assert two.read_bytes() == (whole / "out.mcap").read_bytes()
 
 
-def test_interrupted_rendering_is_continued(tmp_path: Path) -> None:
+def test_interrupted_rendering_is_continued(whole: Path, tmp_path: Path) -> None:
     """Stopped after each piece in turn, it gives the bytes of one that was not stopped."""
     wanted = order(tmp_path, truth_per_frame=True)
     outputs = Outputs(recording=tmp_path / "out.mcap", truth=tmp_path / "out.npz")
@@ -128,28 +139,23 @@ def test_interrupted_rendering_is_continued(tmp_path: Path) -> None:
     render(wanted, outputs, 1, stop)
     # Each round adds one of three pieces to the existing file.
     assert shares == pytest.approx([0, 1 / 3, 1 / 3, 2 / 3, 2 / 3, 1])
-    complete = Outputs(recording=tmp_path / "whole.mcap", truth=tmp_path / "whole.npz")
-    render(wanted, complete, 1, lambda *_: None)
-    for ours, theirs in zip(outputs.paths, complete.paths, strict=True):
-        assert ours.read_bytes() == theirs.read_bytes()
+    for path in outputs.paths:
+        assert path.read_bytes() == (whole / path.name).read_bytes()
     assert not (tmp_path / "out.mcap.part").exists()
 
 
-def test_chunks_of_another_job_are_not_used(tmp_path: Path) -> None:
+def test_chunks_of_another_job_are_not_used(whole: Path, tmp_path: Path) -> None:
     wanted, other = order(tmp_path), order(tmp_path, quality=50)
     outputs = Outputs(recording=tmp_path / "out.mcap")
     job.render_chunk(other, ChunkStore(outputs.chunks, job._key(other)), 5, 0)
     before = outputs.chunks / "000000"
     assert before.exists()
     render(wanted, outputs, 1, lambda *_: None)
-    fresh = rendered(tmp_path, wanted, "fresh.mcap")
-    assert outputs.paths[0].read_bytes() == fresh.read_bytes()
+    assert outputs.paths[0].read_bytes() == (whole / "out.mcap").read_bytes()
 
 
-def test_truth_of_each_frame(tmp_path: Path) -> None:
-    outputs = Outputs(recording=tmp_path / "out.mcap", truth=tmp_path / "out.truth.npz")
-    render(order(tmp_path, truth_per_frame=True), outputs, 1, lambda *_: None)
-    with np.load(tmp_path / "out.truth.npz") as truth:
+def test_truth_of_each_frame(whole: Path) -> None:
+    with np.load(whole / "out.npz") as truth:
         assert truth["t"] == pytest.approx(np.arange(FRAMES) / 10)
         assert truth["masks"].shape == (FRAMES, *SIZE)
         assert truth["kp2d"].shape == (FRAMES, 2, 17, 2)
@@ -200,18 +206,16 @@ def test_a_second_of_colour(tmp_path: Path) -> None:
     assert np.abs(first.astype(int) - last).mean() > 2  # people walked
 
 
-def test_a_bag_plays_as_the_recording_does(tmp_path: Path) -> None:
-    outputs = Outputs(recording=tmp_path / "out.mcap", bag=tmp_path / "out_ros2")
-    render(order(tmp_path), outputs, 1, lambda *_: None)
-    bag = RosbagSource(tmp_path / "out_ros2", RosbagOptions())
+def test_a_bag_plays_as_the_recording_does(whole: Path) -> None:
+    bag = RosbagSource(whole / "out_ros2", RosbagOptions())
     theirs = [item for item in bag if isinstance(item, SourceFrame)]
-    for a, b in zip(captures(tmp_path / "out.mcap"), theirs, strict=True):
+    for a, b in zip(captures(whole / "out.mcap"), theirs, strict=True):
         assert a.stamp_ns == b.stamp_ns
         assert np.array_equal(a.rgb, b.rgb)
         assert np.array_equal(a.depth_mm, b.depth_mm)  # as measured by the sensor
     assert bag.transforms[0].parent == "map"
-    ours = RecordingTruth(GtBridgeConfig(truth=str(tmp_path / "out.mcap")))
-    error_text = RosbagTruth(GtBridgeConfig(truth=str(tmp_path / "out_ros2")))
+    ours = RecordingTruth(GtBridgeConfig(truth=str(whole / "out.mcap")))
+    error_text = RosbagTruth(GtBridgeConfig(truth=str(whole / "out_ros2")))
     for one, other in zip(ours, error_text, strict=True):
         assert one.stamp_ns == other.stamp_ns
         for p, q in zip(one.people, other.people, strict=True):
