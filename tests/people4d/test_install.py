@@ -43,6 +43,7 @@ FILES = (
 CONTRACT_DEPENDENCIES = 4
 SHADOWS = ("common", "services", "deploy", "lab")
 TIMEOUT_S = 100.0
+FRAMES = 45  # of the demo; tests/pipeline/test_demo_recording.py plays all
 CONTRACT_MAX_BYTES = 200_000
 
 
@@ -210,7 +211,7 @@ def test_pipeline_in_a_program_needs_the_wheels_alone(robot: Path, tmp_path: Pat
     (tmp_path / "deploy" / "demo").mkdir(parents=True)
     # Without the metadata of its simulation, which would compile the depth sensor first.
     with RecordingWriter(tmp_path / "deploy" / "demo" / DEMO.name) as writer:
-        for log_ns, message in islice(open_recording(DEMO).messages(), 300):
+        for log_ns, message in islice(open_recording(DEMO).messages(), 150):
             writer.write(message, log_ns)
     done = run(robot / "python", "arrays.py", cwd=tmp_path, env=clean())
     assert done.returncode == 0, done.stderr
@@ -237,11 +238,12 @@ def test_pipeline_with_a_plug_in_runs_beside_modules_named_like_ours(
 
 
 def test_demo_needs_the_wheels_alone(robot: Path, folder: Path, state_folder: Path) -> None:
-    variables = clean(PEOPLE4D_STATE=str(state_folder), OMP_NUM_THREADS="1")
+    own = {"PEOPLE4D_STATE": str(state_folder), "PEOPLE4D_CAMERA_MAX_FRAMES": str(FRAMES)}
+    variables = clean(OMP_NUM_THREADS="1", **own)
     command = (robot / "people4d", "demo", "--playback", "lockstep")
     done = run(*command, cwd=folder, env=variables)
     assert done.returncode in (0, 3), done.stdout + done.stderr  # 3: complete, with limits
     assert (folder / "out" / "demo" / "report.html").is_file()
     summary = json.loads((folder / "out" / "demo" / "summary.json").read_text())
-    assert (summary["frames"], summary["frames_tracked"], summary["tracks"]) == (135, 135, 3)
+    assert (summary["frames"], summary["frames_tracked"], summary["tracks"]) == (FRAMES, FRAMES, 3)
     assert (summary["score"]["id_switches"], summary["score"]["false_alarms"]) == (0, 0)
