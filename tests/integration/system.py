@@ -22,6 +22,7 @@ from tests.network import Watcher
 
 ROBOT = "broken"
 START_TIMEOUT_S = 110.0
+SLOWLY = ("--loop", "--set", "camera.stride=3")  # five frames a second, without end
 
 
 class System:

@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Iterator
+from itertools import islice
 
 import pytest
 
@@ -17,7 +18,7 @@ from tests.network import Network
 pytestmark = [pytest.mark.processes, pytest.mark.network]
 
 LENS = Intrinsics(fx=615.0, fy=615.0, cx=319.5, cy=239.5)
-PERIOD_S = 1 / 15
+PERIOD_S, FRAMES = 1 / 15, 60
 POSE = mount(z_m=1.15, rpy_rad=(0.0, 0.052, 0.0))
 
 
@@ -29,7 +30,8 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[System]:
 
 def test_pushed_frames_give_people(system: System) -> None:
     watcher, found = system.watch(Tracks), threading.Event()
-    frames = [one for one in open_source(str(DEMO)) if isinstance(one, SourceFrame)]
+    source = open_source(str(DEMO))
+    frames = list(islice((one for one in source if isinstance(one, SourceFrame)), FRAMES))
 
     def push() -> None:
         for one in frames:

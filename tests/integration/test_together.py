@@ -14,7 +14,7 @@ from people4d.codec import encode
 from people4d.messages import Health, Tracks
 from tests import DEMO
 from tests.integration.processes import pipeline
-from tests.integration.system import running, shows_people, works_again
+from tests.integration.system import SLOWLY, running, shows_people, works_again
 from tests.network import Network, Watcher
 
 pytestmark = [pytest.mark.processes, pytest.mark.network]
@@ -70,7 +70,7 @@ def test_tracks_are_byte_for_byte_the_same_together_and_apart(
 
 
 def test_up_together_shows_each_service_and_replaces_the_process(state_folder: Path) -> None:
-    with running(state_folder, "--loop", "--together", "detector,reid,tracker") as system:
+    with running(state_folder, *SLOWLY, "--together", "detector,reid,tracker") as system:
         pids = system.pids()
         assert pids["detector-1"] == pids["reid-1"] == pids["tracker-1"] != pids["camera-1"]
         watcher = system.watch(Health, Tracks)
