@@ -15,7 +15,7 @@ from common.transport.ports import free_port
 from common.transport.zenoh_bus import read_config
 from people4d.errors import ConfigError
 from people4d.topics import BY_NAME
-from scripts.namespaces import hosts, missing, stop
+from scripts.namespaces import hosts, missing
 from tests import ROOT
 
 WAIT_S = 60.0
@@ -79,7 +79,7 @@ def test_another_host_hears_no_image(privacy: str) -> None:
                 command = [*MODULE, "listen", "tcp/192.168.1.7:7447", "20"]
                 found = json.loads(network.run("tracker", command, cwd=ROOT))
             finally:
-                stop(process)
+                process.kill()
     assert found[PEOPLE] > 0
     images = {key: size for key, size in found.items() if "/raw/" in key}
     assert images == {} if privacy == "on" else images.keys() == IMAGES

@@ -24,6 +24,7 @@ COMMANDS = (  # that end by themselves
     ["top", "--once", "--window", "1"],
     ["ps"],
 )
+PROGRAM = "from deploy.cli import app, options; options.SILENCE_S = 0.1; app()"
 WARNING = "no robot 'robot' is there, but 'newcomer'; add --robot 'newcomer'"
 
 
@@ -57,7 +58,7 @@ def test_view_that_waits_reports_the_robot_that_is_there(network: Network) -> No
     network.open("newcomer").announce("tracker", "tracker-1")
     command = ["view", "--foxglove", "--port", "0", "--robot", "robot"]
     process = subprocess.Popen(
-        [sys.executable, "-m", "deploy.cli", *command, "--connect", network.endpoint],
+        [sys.executable, "-c", PROGRAM, *command, "--connect", network.endpoint],
         stderr=subprocess.PIPE,
         text=True,
     )

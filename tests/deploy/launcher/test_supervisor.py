@@ -81,7 +81,7 @@ def test_programs_stop_in_reverse_order() -> None:
     assert parser["program:camera-1"]["priority"] == "2"
 
 
-@settings(suppress_health_check=[HealthCheck.too_slow])  # of a busy machine
+@settings(max_examples=40, suppress_health_check=[HealthCheck.too_slow])  # of a busy machine
 @given(st.lists(st.text(st.characters(exclude_characters="\n\r\0", codec="utf-8")), min_size=1))
 def test_any_argument_round_trips_through_the_file(given_arguments: list[str]) -> None:
     parser = sections(service(command=("run", *given_arguments)))
