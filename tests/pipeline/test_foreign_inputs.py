@@ -4,12 +4,14 @@ Each holds 30 frames of the demo recording with three people in the layout of an
 recorder or exporter.
 """
 
-import os
-import subprocess
+import importlib
+import runpy
 import sys
+import warnings
 from collections import defaultdict
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import pytest
@@ -69,20 +71,32 @@ pytestmark = [
 ]
 
 
-def made(case: str, folder: Path) -> Path:
-    """Write the input of a case, and return its path."""
-    name = case.partition("/")[0]
-    environment = os.environ | {"PEOPLE4D_REPO": str(ROOT), "PEOPLE4D_CASES": str(folder)}
-    environment["PYTHONDONTWRITEBYTECODE"] = "1"
-    command = [sys.executable, str(CASES / name / "make.py")]
-    subprocess.run(command, check=True, env=environment, cwd=ROOT, stdout=subprocess.DEVNULL)
-    return folder / case
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[str], Path]]:
+    """Writes the input of a case, and returns its path; the demo is decoded once for all."""
+    folder = tmp_path_factory.mktemp("cases")
+
+    def write(case: str) -> Path:
+        name = case.partition("/")[0]
+        kit.HERE = folder / name
+        kit.HERE.mkdir(exist_ok=True)
+        with warnings.catch_warnings(action="ignore"):
+            runpy.run_path(str(CASES / name / "make.py"), run_name="__main__")
+        return folder / case
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PEOPLE4D_REPO", str(ROOT))
+        patch.setenv("PEOPLE4D_CASES", str(folder))
+        patch.setattr(sys, "dont_write_bytecode", True)
+        patch.syspath_prepend(CASES)
+        kit: Any = importlib.import_module("mk")
+        yield write
 
 
 def medians(path: Path, frame_id: str) -> list[F64]:
     """Return the median position of each person that is tracked in most frames."""
     found, frames = defaultdict[int, list[F64]](list), 0
-    camera = lockstep(CameraConfig(source=str(path)))
+    camera = lockstep(CameraConfig(source=str(path), stride=3))
     tracker = TrackerConfig(frame_id=frame_id)
     for step in play(camera, pipeline(DetectorConfig(), tracker=tracker)):
         for tracks in (message for message in step.messages if isinstance(message, Tracks)):
@@ -94,8 +108,8 @@ def medians(path: Path, frame_id: str) -> list[F64]:
 
 
 @pytest.mark.parametrize("case", PLAYED)
-def test_input_of_another_system_is_played_right(case: str, tmp_path: Path) -> None:
-    path, expected = made(case, tmp_path), PLAYED[case]
+def test_input_of_another_system_is_played_right(made: Callable[[str], Path], case: str) -> None:
+    path, expected = made(case), PLAYED[case]
     assert describe(path).problem == ""
     found = medians(path, "odom" if expected is ODOM else "map")
     assert len(found) == len(expected)
@@ -104,8 +118,8 @@ def test_input_of_another_system_is_played_right(case: str, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_input_that_is_not_read_is_refused_by_name(case: str, tmp_path: Path) -> None:
-    path = made(case, tmp_path)
+def test_input_that_is_not_read_is_refused_by_name(made: Callable[[str], Path], case: str) -> None:
+    path = made(case)
     try:
         if case.startswith(("mot", "truth")):
             open_truth(GtBridgeConfig(truth=str(path)))
@@ -117,13 +131,13 @@ def test_input_that_is_not_read_is_refused_by_name(case: str, tmp_path: Path) ->
     assert REFUSED[case] in problem
 
 
-def test_truth_with_a_gap_goes_on_after_it(tmp_path: Path) -> None:
-    path = made("truth-with-a-gap/vicon.csv", tmp_path)
+def test_truth_with_a_gap_goes_on_after_it(made: Callable[[str], Path]) -> None:
+    path = made("truth-with-a-gap/vicon.csv")
     truth = list(open_truth(GtBridgeConfig(truth=str(path))))
     # One of three people is lost for 100 of 901 stamps.
     assert (len(truth), sum(len(one.people) for one in truth)) == (901, 2603)
 
 
-def test_network_with_nms_inside_is_read(tmp_path: Path) -> None:
-    path = made("yolo-with-nms-inside/pose.onnx", tmp_path)
+def test_network_with_nms_inside_is_read(made: Callable[[str], Path]) -> None:
+    path = made("yolo-with-nms-inside/pose.onnx")
     assert load_model(ModelSettings(model=str(path))).name == "yolov8-pose:pose"
