@@ -11,16 +11,16 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+unexport PYTHONDONTWRITEBYTECODE  # the tests start hundreds of processes
 
-
-.PHONY: demo test quick check docs format fuzz audit sbom lock clean
+.PHONY: demo test quick check types rules docs format fuzz audit sbom lock clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.run
 	$(BIN)/people4d demo --report out/demo || test $$? -eq 3  # 3: complete, on a slow machine
 
 test: $(VENV)/.dev
-	$(BIN)/pytest -n 2 --dist loadgroup
+	$(BIN)/pytest -n 3 --dist loadgroup  # for two cores: tests wait for processes a third of the time
 
 quick: $(VENV)/.dev
 	$(BIN)/pytest -n 2 -m "not processes and not network and not render and not slow"
@@ -30,9 +30,14 @@ docs: $(VENV)/.docs
 	@echo "Open out/site/index.html"
 
 check: $(VENV)/.dev
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync types rules
+
+types:
+	$(BIN)/mypy
+
+rules:
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
-	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 	$(BIN)/codespell
 	$(BIN)/python -m scripts.message_docs --check
