@@ -57,7 +57,7 @@ def folder() -> Iterator[Path]:
 
 @pytest.fixture(scope="module")
 def system(folder: Path) -> Iterator[System]:
-    options = ("--truth", str(DEMO), "--set", "dashboard.port=0")
+    options = ("--truth", str(DEMO), "--set", "dashboard.port=0", "--set", "camera.stride=2")
     with running(folder, *EVERYTHING, *options, source=STANDING) as system:
         yield system
 
