@@ -21,6 +21,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from packaging.requirements import Requirement
 
@@ -29,8 +30,7 @@ from common.transport.ports import free_port
 from people4d.client import Client
 from people4d.messages import Tracks
 from services.tracker.build import TRACKERS
-from tests import DEMO, ROOT
-from tests.contract.examples import BY_NAME
+from tests import DEMO, ROOT, builders
 from tests.network import Network
 
 pytestmark = [pytest.mark.processes, pytest.mark.network]
@@ -141,19 +141,25 @@ def test_clone_beside_a_script_does_not_shadow_the_package(tmp_path: Path) -> No
     assert done.returncode == 0, done.stderr
 
 
-def test_planner_runs_beside_modules_named_like_ours(planner: Path, folder: Path) -> None:
+def test_planner_slows_down_for_a_person_beside_modules_named_like_ours(
+    planner: Path, folder: Path
+) -> None:
+    # A person 3 m ahead who approaches at 2 m/s is 1 m away in a second.
+    ahead, approach = np.array([3.0, 0.0, 1.0]), np.array([-2.0, 0.0, 0.0])
+    person = builders.track(id=7, position_m=ahead, velocity_mps=approach, yaw_rad=np.pi)
     network = Network()
     shutil.copy(ROOT / "docs" / "examples" / "planner.py", folder)
-    command: list[Path | str] = [planner / "python", folder / "planner.py", network.endpoint, "1"]
+    command: list[Path | str] = [planner / "python", folder / "planner.py", network.endpoint, "3"]
     try:
         bus = network.open("robot")
         with subprocess.Popen(command, cwd=folder, env=clean(), stdout=subprocess.PIPE) as process:
             while process.poll() is None:
-                bus.publish(BY_NAME["Tracks"])
+                bus.publish(builders.tracks(person))
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     process.wait(0.05)
             assert process.stdout
-            assert process.stdout.read().startswith(b"#7 will be")
+            lines = process.stdout.read().decode().splitlines()
+        assert lines == ["#7 will be 1.00 m away: slow down"] * 3
     finally:
         network.close()
 
