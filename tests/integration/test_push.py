@@ -18,7 +18,7 @@ from tests.network import Network
 pytestmark = [pytest.mark.processes, pytest.mark.network]
 
 LENS = Intrinsics(fx=615.0, fy=615.0, cx=319.5, cy=239.5)
-PERIOD_S, FRAMES = 1 / 15, 60
+PERIOD_S, FRAMES = 1 / 15, 90
 POSE = mount(z_m=1.15, rpy_rad=(0.0, 0.052, 0.0))
 
 
