@@ -49,9 +49,9 @@ def _small_pieces() -> Iterator[None]:
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of all outputs of one job, drawn without interruption by one process."""
-    folder = tmp_path_factory.mktemp("whole")
+    folder = tmp_path_factory.mktemp("finished")
     outputs = Outputs(folder / "out.mcap", bag=folder / "out_ros2", truth=folder / "out.npz")
     render(order(folder, truth_per_frame=True), outputs, 1, lambda *_: None)
     return folder
@@ -74,8 +74,8 @@ def captures(path: Path) -> list[SourceFrame]:
     return [item for item in source if isinstance(item, SourceFrame)]
 
 
-def test_recording_holds_frames_calibration_pose_and_truth(whole: Path) -> None:
-    recording = open_recording(whole / "out.mcap")
+def test_recording_holds_frames_calibration_pose_and_truth(finished: Path) -> None:
+    recording = open_recording(finished / "out.mcap")
     assert recording.summary.topics == {
         "camera/front/info": 1,
         "transforms/front_optical_frame": 1,
@@ -90,13 +90,13 @@ def test_recording_holds_frames_calibration_pose_and_truth(whole: Path) -> None:
     note = read_metadata(recording)
     assert note is not None
     assert (note.scenario, note.seed, note.depth) == ("walk", 5, "clean")
-    assert not (whole / "out.mcap.part").exists()
+    assert not (finished / "out.mcap.part").exists()
 
 
 def test_clean_depth_is_exact_and_played_as_a_sensor_measures_it(
-    whole: Path, tmp_path: Path
+    finished: Path, tmp_path: Path
 ) -> None:
-    clean = whole / "out.mcap"
+    clean = finished / "out.mcap"
     measured = rendered(tmp_path, order(tmp_path, depth="measured"), "measured.mcap")
     source = LabSource(
         str(tmp_path / "walk.toml"), LabOptions(mode="depth", depth_sensor="off", threads=1)
@@ -114,12 +114,12 @@ def test_clean_depth_is_exact_and_played_as_a_sensor_measures_it(
     assert not np.array_equal(captures(clean)[0].depth_mm, taken[0].depth_mm)
 
 
-def test_the_bytes_do_not_depend_on_the_number_of_processes(whole: Path, tmp_path: Path) -> None:
+def test_the_bytes_do_not_depend_on_the_number_of_processes(finished: Path, tmp_path: Path) -> None:
     two = rendered(tmp_path, order(tmp_path), jobs=2)
-    assert two.read_bytes() == (whole / "out.mcap").read_bytes()
+    assert two.read_bytes() == (finished / "out.mcap").read_bytes()
 
 
-def test_interrupted_rendering_is_continued(whole: Path, tmp_path: Path) -> None:
+def test_interrupted_rendering_is_continued(finished: Path, tmp_path: Path) -> None:
     """Stopped after each piece in turn, it gives the bytes of one that was not stopped."""
     wanted = order(tmp_path, truth_per_frame=True)
     outputs = Outputs(recording=tmp_path / "out.mcap", truth=tmp_path / "out.npz")
@@ -140,22 +140,22 @@ def test_interrupted_rendering_is_continued(whole: Path, tmp_path: Path) -> None
     # Each round adds one of three pieces to the existing file.
     assert shares == pytest.approx([0, 1 / 3, 1 / 3, 2 / 3, 2 / 3, 1])
     for path in outputs.paths:
-        assert path.read_bytes() == (whole / path.name).read_bytes()
+        assert path.read_bytes() == (finished / path.name).read_bytes()
     assert not (tmp_path / "out.mcap.part").exists()
 
 
-def test_chunks_of_another_job_are_not_used(whole: Path, tmp_path: Path) -> None:
+def test_chunks_of_another_job_are_not_used(finished: Path, tmp_path: Path) -> None:
     wanted, other = order(tmp_path), order(tmp_path, quality=50)
     outputs = Outputs(recording=tmp_path / "out.mcap")
     job.render_chunk(other, ChunkStore(outputs.chunks, job._key(other)), 5, 0)
     before = outputs.chunks / "000000"
     assert before.exists()
     render(wanted, outputs, 1, lambda *_: None)
-    assert outputs.paths[0].read_bytes() == (whole / "out.mcap").read_bytes()
+    assert outputs.paths[0].read_bytes() == (finished / "out.mcap").read_bytes()
 
 
-def test_truth_of_each_frame(whole: Path) -> None:
-    with np.load(whole / "out.npz") as truth:
+def test_truth_of_each_frame(finished: Path) -> None:
+    with np.load(finished / "out.npz") as truth:
         assert truth["t"] == pytest.approx(np.arange(FRAMES) / 10)
         assert truth["masks"].shape == (FRAMES, *SIZE)
         assert truth["kp2d"].shape == (FRAMES, 2, 17, 2)
@@ -206,16 +206,16 @@ def test_a_second_of_colour(tmp_path: Path) -> None:
     assert np.abs(first.astype(int) - last).mean() > 2  # people walked
 
 
-def test_a_bag_plays_as_the_recording_does(whole: Path) -> None:
-    bag = RosbagSource(whole / "out_ros2", RosbagOptions())
+def test_a_bag_plays_as_the_recording_does(finished: Path) -> None:
+    bag = RosbagSource(finished / "out_ros2", RosbagOptions())
     theirs = [item for item in bag if isinstance(item, SourceFrame)]
-    for a, b in zip(captures(whole / "out.mcap"), theirs, strict=True):
+    for a, b in zip(captures(finished / "out.mcap"), theirs, strict=True):
         assert a.stamp_ns == b.stamp_ns
         assert np.array_equal(a.rgb, b.rgb)
         assert np.array_equal(a.depth_mm, b.depth_mm)  # as measured by the sensor
     assert bag.transforms[0].parent == "map"
-    ours = RecordingTruth(GtBridgeConfig(truth=str(whole / "out.mcap")))
-    error_text = RosbagTruth(GtBridgeConfig(truth=str(whole / "out_ros2")))
+    ours = RecordingTruth(GtBridgeConfig(truth=str(finished / "out.mcap")))
+    error_text = RosbagTruth(GtBridgeConfig(truth=str(finished / "out_ros2")))
     for one, other in zip(ours, error_text, strict=True):
         assert one.stamp_ns == other.stamp_ns
         for p, q in zip(one.people, other.people, strict=True):
