@@ -12,12 +12,11 @@ from collections.abc import Sequence
 
 GROUPS = {
     "accuracy": {
-        "real_people": "identity, position and yaw of annotated people, beside other packages",
+        "scoreboard": "all recordings of real people, with intervals, beside other packages",
         "thesis": "the methods of [PIC4SeR] and `best` on its seven scenarios in the lab",
         "ablation": "`best` without each of its parts, with intervals",
         "real_variations": "annotated people in augmented images, other orders and half the rate",
         "lab_people": "`best` on forty random scenes of the lab",
-        "trackers": "SORT in the image beside other packages on MOT15",
     },
     "speed": {
         "together": "services in one process and apart, beside the bare network; stages",

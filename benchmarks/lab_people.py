@@ -1,13 +1,14 @@
 """Accuracy of preset `best` in random lab scenes of real difficulty.
 
 Scenes are drawn from seeds, see `lab.random_scenario`. Tune constants on the seeds CHOOSING only;
-TESTING is the test split. Renderings and detections are in the cache of `people4d evaluate`: the
+TEST_SEEDS is the test split. Renderings and detections are in the cache of `people4d evaluate`: the
 same command resumes an interrupted run.
 """
 
 from collections.abc import Sequence
 from pathlib import Path
 
+from benchmarks.ablation import LAB_GROUPS, SIZE, TEST_SEEDS, report_progress, score_scene
 from benchmarks.lib import options
 from benchmarks.lib.table import markdown, write
 from benchmarks.lib.true_identities import with_true_identities
@@ -16,17 +17,11 @@ from evaluation.methods import read_method
 from evaluation.pool import Pool
 from evaluation.recordings.recordings import plan_recordings
 from evaluation.run.preparation import EvaluationPlan, check_models, render_all, runs_of
-from evaluation.run.run import EvaluationRun, RunScores, execute, score_run
+from evaluation.run.run import RunScores
 
-CHOOSING = range(1, 906)
-TESTING = range(906, 1000)
-SIZE = "duration_s=12&width=320&height=240"
-GROUPS = {
-    "two people": f"random?people=2&{SIZE}",
-    "four people": f"random?people=4&{SIZE}",
-    "six in dark clothes": f"random?people=6&outfit=dark&{SIZE}",
-    "two people, plain": f"random?people=2&plain=true&depth_sensor=d435i&outfit=own&{SIZE}",
-}
+CHOOSING = range(1, TEST_SEEDS.start)
+NAMES = ("two people", "four people", "six in dark clothes", "two people, plain")
+GROUPS = dict(zip(NAMES, LAB_GROUPS, strict=True))
 RECORDED = f"random?density=0.15&view=robot&{SIZE}"
 FPS = 10.0  # frame rate of random scenes [Hz]
 COLUMNS = (
@@ -55,11 +50,6 @@ NOTE = (
 )
 
 
-def try_out(run_of_method: EvaluationRun) -> RunScores:
-    """Return the figures of one trial."""
-    return score_run(run_of_method, execute(run_of_method))
-
-
 def row(group: str, results: Sequence[RunScores]) -> list[str]:
     """Return a row of the pooled scenes of a group."""
     figures = combine(result.scores for result in results).row()
@@ -75,11 +65,6 @@ def text(row: Row, figure: str, form: str) -> str:
     return "-" if value is None else form.format(value)
 
 
-def report_progress(what: str, share: float) -> None:
-    """Print the progress of a stage."""
-    print(f"{what} {share:.0%}", flush=True)
-
-
 def main() -> None:
     """Render, track and write the table."""
     parser = options.parser(__doc__, "jobs", "cache")
@@ -87,7 +72,7 @@ def main() -> None:
     parser.add_argument("--choose", action="store_true", help="seeds for choosing; nothing written")
     parser.add_argument("--paths", type=Path, help="folder of recorded paths, for one more group")
     asked = parser.parse_args()
-    seeds = list((CHOOSING if asked.choose else TESTING)[: asked.scenes])
+    seeds = list((CHOOSING if asked.choose else TEST_SEEDS)[: asked.scenes])
     groups = dict(GROUPS)
     if asked.paths:
         groups["recorded paths"] = f"{RECORDED}&paths={asked.paths.absolute()}"
@@ -105,9 +90,9 @@ def main() -> None:
             check_models(plan)
             render_all(plan, report_progress)
             runs = runs_of(plan, pool)
-            results = pool.do("tracking", try_out, runs)
+            results = pool.do("tracking", score_scene, runs)
             everyone += results
-            known += pool.do("tracking", try_out, [with_true_identities(one) for one in runs])
+            known += pool.do("tracking", score_scene, [with_true_identities(one) for one in runs])
             lines.append(row(group, results))
             print(*lines[-1], sep=" | ", flush=True)
     lines += [row("all", everyone), row("all, identities known", known)]

@@ -49,13 +49,13 @@ class Table:
         raise LookupError(f"{self._name} has no {column!r} of {labels} in {section!r}")
 
     def best(self, column: str, label: str) -> str:
-        """Return the highest cell of a column among rows whose first cell matches a pattern.
+        """Return the highest cell of a column among rows whose first two cells match a pattern.
 
         Raises:
             LookupError: There is no such row.
         """
-        rows = [row for _, row in self._rows if re.search(label, next(iter(row.values())))]
-        cells = [row[column] for row in rows if column in row]
+        labels = [(" | ".join([*row.values()][:2]), row) for _, row in self._rows]
+        cells = [row[column] for text, row in labels if re.search(label, text) and column in row]
         if not cells:
             raise LookupError(f"{self._name} has no {column!r} of {label!r}")
         return max(cells, key=number)
@@ -87,45 +87,34 @@ def number(cell: str) -> float:
 
 
 def median(cell: str) -> str:
-    """Return a cell without its spread."""
-    return cell.partition(" (")[0]
-
-
-def percent(cell: str) -> str:
-    """Return the percentage of a cell such as "215 (94 %)"."""
-    return cell.partition("(")[2].rstrip(")")
+    """Return a cell without its spread or interval."""
+    return re.split(r" [(\[]", cell)[0]
 
 
 def real_people(table: Table) -> str:
     """Return the identity of annotated people, and of the best other package on the same boxes."""
-    column = "correct identity"
-    ours = percent(table.cell(column, "MoveNet, appearance (default)"))
-    other = percent(table.best(column, r"^MoveNet, [^:]+: "))
-    return f"identity correct in {ours}; best other package {other}"
+    ours = table.cell("identity %", "filinha", "MoveNet, appearance (default)")
+    other = table.best("identity %", r"^filinha \| MoveNet, [^:]+: ")
+    return f"identity correct in {ours} %; best other package {other} %"
 
 
 def simulated(table: Table) -> str:
-    """Return the figures of the test split of the second simulator."""
-    columns = ("position m", "velocity m/s", "yaw deg", "ID switches a min", "IDF1 %")
-    section = "Test split: second simulator"
-    cells = [table.cell(column, "best", section=section) for column in columns]
+    """Return the figures of the second simulator."""
+    columns = ("position m", "velocity m/s", "yaw deg", "switches a min", "IDF1 %")
+    cells = [median(table.cell(c, "second simulator", "preset best")) for c in columns]
     form = "position RMSE {} m, velocity {} m/s, yaw {} degrees, {} ID switches a minute, IDF1 {} %"
     return form.format(*cells)
-
-
-def real_events(table: Table) -> str:
-    """Return the figures of events of annotated people in the test split."""
-    section = "Test split: MoveNet"
-    right, off = (table.cell(c, "best", section=section) for c in ("identity %", "> 0.5 m off %"))
-    return f"identity correct in {right} %, {off} % of positions off by more than 0.5 m"
 
 
 def mot15(table: Table) -> str:
     """Return the figures of SORT in the image and of the best other packages."""
     columns = ("MOTA %", "IDF1 %", "HOTA %")
-    ours = [f"{column[:4]} {table.cell(column, 'ours, chosen')}" for column in columns]
-    others = [f"{column[:4]} {table.best(column, '^(?!ours).*, chosen')}" for column in columns]
-    return f"{', '.join(ours)}; best of other packages: {', '.join(others)}"
+    ours = [(c[:4], table.cell(c, "MOT15", "preset image-sort-best")) for c in columns]
+    others = [(c[:4], table.best(c, r"^MOT15 \| (?!preset)")) for c in columns]
+    ours_, others_ = (
+        ", ".join(f"{name} {median(cell)}" for name, cell in cells) for cells in (ours, others)
+    )
+    return f"{ours_}; best of other packages: {others_}"
 
 
 def of_arrangements(*figures: tuple[str, str, str]) -> Callable[[Table], str]:
@@ -187,10 +176,9 @@ class Row:
 
 LATENCY = "all but inference, {} [ms]"
 ROWS = (
-    Row("six annotated real people in a room, the same boxes for all", "real_people", real_people),
-    Row("simulated people of a second simulator, test split", "ablation", simulated),
-    Row("augmented real people, events of the test split", "ablation", real_events),
-    Row("MOT15, three sequences not tuned on, boxes alone", "trackers", mot15),
+    Row("six annotated real people in a room, the same boxes for all", "scoreboard", real_people),
+    Row("simulated people of a second simulator, test split", "scoreboard", simulated),
+    Row("MOT15, three sequences not tuned on, boxes alone", "scoreboard", mot15),
     Row(
         "frames a second, int8; part of the bare network",
         "together",

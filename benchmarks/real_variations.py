@@ -2,7 +2,7 @@
 
 A recording has few difficult moments, and one decision changes all its figures. Augmentations give
 other detections, appearances or gaps at the same moments. `--shared` names the folder of the
-recording, see real_people.py.
+recording, see scoreboard.py.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -39,7 +39,7 @@ HEADER = (
     *("switches", "taken over"),
 )
 NOTE = (
-    "The recording of [real_people](real_people.md) in {count} augmentations: images {images}; "
+    "Recording filinha of [scoreboard](scoreboard.md) in {count} augmentations: images {images}; "
     "each with {orders}. Half the frames come at half the rate. `Correct identity`: annotations "
     "of people not heavily occluded, all augmentations together; `worst`: in the worst one. "
     "`Off`: positions more than 0.5 m off. `Yaw`: within 45 degrees, not backwards. Frames before "

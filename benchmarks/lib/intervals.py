@@ -1,13 +1,16 @@
-"""Differences between two methods with 95 % intervals: a paired bootstrap over scenes or events."""
+"""95 % intervals of figures, and of differences between two methods on the same units."""
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import t as student
 
 from people4d.messages import F64
 
 ROUNDS = 2000  # number of resamples
 SEED = 1
+UNITS_MIN = 3  # minimum number of units of an interval by the jackknife
 
 
 @dataclass(frozen=True)
@@ -63,7 +66,7 @@ def compare(method: F64, reference: F64, figures: tuple[Figure, ...]) -> list[Di
     """Return the difference of each figure between two methods on the same units.
 
     Args:
-        method: Sums of each unit, NxFx2. Units, scenes or events, are resampled as a whole.
+        method: Sums of each unit, NxFx2. Units, scenes or events, are resampled as a together.
         reference: Sums of the reference on the same units in the same order.
         figures: The F figures.
 
@@ -81,3 +84,30 @@ def compare(method: F64, reference: F64, figures: tuple[Figure, ...]) -> list[Di
     low, high = np.nanpercentile(difference(drawn.astype(np.float64)), (2.5, 97.5), axis=0)
     limits = zip(figures, values.tolist(), low.tolist(), high.tolist(), strict=True)
     return [Difference(*one) for one in limits]
+
+
+Interval = tuple[float, float, float]  # value, low, high; NaN without an interval
+
+
+def jackknife(
+    figures: Callable[[Sequence[int]], Mapping[str, float | None]], units: int
+) -> dict[str, Interval]:
+    """Return the defined figures over some units with their intervals.
+
+    Args:
+        figures: Figures over the units with some numbers, which need be no sums of units.
+        units: Number of units, such as blocks of time or scenes.
+
+    Source: delete-one jackknife [Efron 1979], with Student's t for few units.
+    """
+    together = {k: float(x) for k, x in figures(range(units)).items() if x is not None}
+    if units < UNITS_MIN:
+        return {name: (value, np.nan, np.nan) for name, value in together.items()}
+    parts = [figures([u for u in range(units) if u != left]) for left in range(units)]
+    found = {}
+    for name, value in together.items():
+        known = np.array([x for part in parts if (x := part[name]) is not None], np.float64)
+        sigma = np.sqrt((len(known) - 1) * known.var())
+        half = float(student.ppf(0.975, max(1, len(known) - 1)) * sigma)
+        found[name] = value, value - half, value + half
+    return found

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.lib.intervals import Figure, compare, pool
+from benchmarks.lib.intervals import Figure, compare, jackknife, pool
 from people4d.messages import F64
 
 ERROR = Figure("error m", root=True)
@@ -59,3 +59,15 @@ def test_units_are_drawn_in_pairs() -> None:
     reference = units(0, 2, 4, 6, 8, 9)
     _, right = compare(units(1, 3, 5, 7, 9, 10), reference, (ERROR, SHARE))
     assert right.is_better
+
+
+def test_jackknife_of_a_mean_is_student_s_interval() -> None:
+    """1, 2, 3, 4: standard error sqrt(5 / 3 / 4) = 0.645, times 3.182 for three degrees."""
+    values = np.array([1.0, 2.0, 3.0, 4.0])
+    found = jackknife(lambda chosen: {"mean": float(values[list(chosen)].mean()), "none": None}, 4)
+    assert found == {"mean": pytest.approx((2.5, 2.5 - 2.054, 2.5 + 2.054), abs=1e-3)}
+
+
+def test_few_units_have_no_interval() -> None:
+    found = jackknife(lambda chosen: {"count": float(len(chosen))}, 2)
+    assert found["count"] == pytest.approx((2.0, np.nan, np.nan), nan_ok=True)

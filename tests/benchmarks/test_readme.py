@@ -15,19 +15,23 @@ __all__ = ["repository"]  # a fixture
 FIGURES = """
 ## Near
 
-| method | correct identity | |
-| --- | --- | --- |
-| MoveNet, appearance (default) | 215 (94 %) | a |
-| MoveNet, detections alone | 226 (99 %) | b |
-| MoveNet, other: own settings | 95 (42 %) | c |
-| MoveNet, another: gate 0.0 | 177 (78 %) | d |
+| input | method | identity % | |
+| --- | --- | --- | --- |
+| filinha | MoveNet, appearance (default) | 94.3 [90.0, 98.6] | a |
+| filinha | MoveNet, detections alone | - | b |
+| filinha | MoveNet, other 1.0: own settings | 42.0 [30.1, 53.9] | c |
+| filinha | MoveNet, another 2.0: gate 0.0 | 78.0 [70.5, 85.5] | d |
+| felix | MoveNet, another 2.0: gate 0.0 | 99.0 [98.0, 100.0] | e |
 
 ## Far
 
-| method | correct identity | |
-| --- | --- | --- |
-| MoveNet, appearance (default) | 9 (4 %) | e |
+| input | method | identity % | |
+| --- | --- | --- | --- |
+| filinha | MoveNet, appearance (default) | 4.0 [2.0, 6.0] | f |
 """
+
+
+MEASURED = "identity correct in 94.3 [90.0, 98.6] %; best other package 78.0 [70.5, 85.5] %"
 
 
 @pytest.fixture
@@ -40,20 +44,19 @@ def table(repository: Path) -> Path:
 
 def test_row_equals_the_figures_of_its_table(table: Path) -> None:
     text = readme.real_people(Table(table))
-    assert text == "identity correct in 94 %; best other package 78 %"
+    assert text == MEASURED
 
 
 def test_cell_is_found_by_section_and_label(table: Path) -> None:
-    default = "MoveNet, appearance (default)"
-    assert Table(table).cell("correct", default, section="Far") == "9 (4 %)"
+    default = "filinha", "MoveNet, appearance (default)"
+    assert Table(table).cell("identity", *default, section="Far") == "4.0 [2.0, 6.0]"
     with pytest.raises(LookupError, match=r"own.md has no 'yaw'"):
-        Table(table).cell("yaw", default)
+        Table(table).cell("yaw", *default)
 
 
 def test_figure_of_an_older_table_disappears(table: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(readme, "ROWS", (Row("identity", "own", readme.real_people),))
-    measured = "identity correct in 94 %; best other package 78 %"
-    assert f"| identity ([own](benchmarks/own.md)) | {measured} |" in readme.block()
+    assert f"| identity ([own](benchmarks/own.md)) | {MEASURED} |" in readme.block()
     (table.parents[1] / "people4d" / "code.py").write_text("def f(x):\n    return x + 1\n")
     older = "Outdated tables, not shown here: [own](benchmarks/own.md)."
     assert readme.block() == f"{readme.BEGIN}\n{older}\n{readme.END}"
@@ -65,10 +68,10 @@ def test_check_fails_if_the_block_differs(table: Path, monkeypatch: pytest.Monke
     page.write_text(f"# Title\n\n{readme.BEGIN}\n{readme.END}\n")
     monkeypatch.setattr("sys.argv", ["readme"])
     readme.main()
-    assert "94 %" in page.read_text()
+    assert "94.3 [90.0" in page.read_text()
     monkeypatch.setattr("sys.argv", ["readme", "--check"])
     readme.main()
-    page.write_text(page.read_text().replace("94 %", "95 %"))
+    page.write_text(page.read_text().replace("94.3", "95.3"))
     with pytest.raises(SystemExit, match="differs from the tables"):
         readme.main()
 

@@ -91,7 +91,7 @@ def test_table_without_a_known_commit_is_older(
         ("benchmarks.together", "services/router/__main__.py"),
         ("benchmarks.together", "models"),
         ("benchmarks.faults", "deploy/launcher/prefork.py"),
-        ("benchmarks.real_people", "services/presets/*.toml"),
+        ("benchmarks.scoreboard", "services/presets/*.toml"),
         ("tests.fuzz.__main__", "services/camera/recording.py"),
     ],
 )

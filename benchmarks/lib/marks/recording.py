@@ -11,7 +11,12 @@ from benchmarks.lib.marks.annotations import Mark, MarkView
 from benchmarks.lib.marks.scores import MarkTruth, TrackedPerson
 from common.geometry.transforms import apply, invert, project
 from evaluation.methods import Method
-from evaluation.recordings.detections import DetectionJob, detect, read_tracker_input
+from evaluation.recordings.detections import (
+    DetectionFiles,
+    DetectionJob,
+    detect,
+    read_tracker_input,
+)
 from people4d.messages import (
     F64,
     CameraInfo,
@@ -54,12 +59,12 @@ class MarkedRecording:
         """Return the tracks in the image by frame."""
         return {frame: list(self._tracked(one)) for frame, one in enumerate(outputs)}
 
-    def detected(self, outputs: Sequence[FrameOutput]) -> dict[int, list[TrackedPerson]]:
-        """Return the detections as tracks of one frame each."""
+    def detected(self, found: Iterable[Detections]) -> dict[int, list[TrackedPerson]]:
+        """Return the detections of all frames as tracks of one frame each."""
         tracked, number = dict[int, list[TrackedPerson]](), 0
-        for frame, one in enumerate(outputs):
+        for frame, one in enumerate(found):
             tracked[frame] = []
-            for detection in one.detections.detections:
+            for detection in one.detections:
                 number += 1
                 tracked[frame].append(self._of_detection(number, detection))
         return tracked
@@ -133,12 +138,15 @@ def marked(
     return MarkedRecording(camera, view, truth), images
 
 
+def detect_all(method: Method, camera: CameraConfig, cache: Path) -> DetectionFiles:
+    """Return the detections and embeddings of a recording, cached."""
+    reids = tuple(filter(None, [method.reid]))
+    return detect(DetectionJob(Path(camera.source), camera, method.detector, reids, cache))
+
+
 def run(method: Method, camera: CameraConfig, cache: Path) -> list[FrameOutput]:
     """Play a recording through a method; its detections are cached."""
-    job = DetectionJob(
-        Path(camera.source), camera, method.detector, tuple(filter(None, [method.reid])), cache
-    )
-    files = detect(job)
+    files = detect_all(method, camera, cache)
     messages = read_tracker_input(files.detections, next(iter(files.embeddings), None))
     # Embeddings come before their detections here; later ones do not exist.
     config = msgspec.structs.replace(method.tracker, embedding_wait_s=0.0, reorder_wait_s=0.0)

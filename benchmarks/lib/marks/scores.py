@@ -7,8 +7,7 @@ its position comes first.
 """
 
 import math
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,8 +17,9 @@ from scipy.optimize import linear_sum_assignment
 from benchmarks.lib.marks.annotations import Mark
 from common.metrics.counts import ratio
 from common.metrics.matching import Matching, match
+from common.metrics.pose import rmse
 from common.metrics.record import EvaluationFrame, EvaluationSequence, GroundTruth, Hypotheses
-from common.metrics.scores import score_matching
+from common.metrics.scores import Row, score_matching
 from people4d.messages import F64
 from services.tracker.sort3d.association import assign
 
@@ -27,8 +27,6 @@ TORSO_HEIGHT = 0.35  # height of the torso in a box, from its top, as a share of
 PREDICTED_PX = 10_000.0  # [px] cost of a predicted track, above all distances in an image
 PX_PER_M = 250.0  # [px/m] cost of a distance on the ground: its size at a depth of about 2 m
 UNKNOWN_M = 1e6  # [m] coordinates of an unknown position
-# maximum number of frames of an unannotated track that is not invented
-INVENTED_FRAMES = 3
 FAR_M = 0.5  # [m] maximum error of a correct position
 FACING_RAD = math.radians(45)
 
@@ -62,7 +60,6 @@ class MarkOutcome:
     truth: MarkTruth
     track: TrackedPerson | None  # track on the mark
     is_owner: bool  # True: the track is assigned to this person, one to one
-    is_first: bool  # True: the first track of the person, and of no other person before
 
     @property
     def distance_m(self) -> float | None:
@@ -97,7 +94,6 @@ class Figures:
 
     found: Share
     owned: Share  # number of marks with the correct identity
-    first: Share  # number of marks with the first track of their person
     far: Share  # number of wrong positions among the measured positions
     facing: Share  # yaws within 45 degrees, of all annotated ones of tracks with a position
 
@@ -112,7 +108,6 @@ def figures(outcomes: Sequence[MarkOutcome]) -> Figures:
     return Figures(
         found=Share(sum(o.track is not None for o in outcomes), total),
         owned=Share(sum(o.is_owner for o in outcomes), total),
-        first=Share(sum(o.is_first for o in outcomes), total),
         far=Share(sum(d > FAR_M for d in distances_m), len(distances_m)),
         facing=Share(good, len(marked)),
     )
@@ -139,14 +134,13 @@ class MarkScores:
     def outcomes(self) -> tuple[MarkOutcome, ...]:
         """Outcome of every mark."""
         pairs = self._pairs
-        owner_of, first = _owners(pairs), _first_tracks(pairs)
+        owner_of = _owners(pairs)
         outcomes = []
         for frame, truths in self._truth.items():
             for truth in truths:
                 track, person = pairs.get((frame, truth.mark.person)), truth.mark.person
                 is_owner = track is not None and owner_of.get(person) == track.id
-                is_first = track is not None and first.get(person) == track.id
-                outcomes.append(MarkOutcome(frame, truth, track, is_owner, is_first))
+                outcomes.append(MarkOutcome(frame, truth, track, is_owner))
         return tuple(outcomes)
 
     @property
@@ -163,26 +157,29 @@ class MarkScores:
             last[track.id] = person
         return count
 
-    @property
-    def invented(self) -> int:
-        """Number of tracks with detections on no mark in more than INVENTED_FRAMES frames."""
-        frames = Counter(t.id for _, t in self._unmatched if not t.predicted)
-        return sum(count > INVENTED_FRAMES for count in frames.values())
+    def row(self) -> Row:
+        """Return the metrics of all marks, with errors of measured positions and known yaws."""
+        distances_m = [o.distance_m for o in self.outcomes if o.distance_m is not None]
+        yaws_rad = [o.yaw_error_rad for o in self.outcomes if o.yaw_error_rad is not None]
+        return score_matching(self._matching).row() | {
+            "position_rmse_m": rmse(np.array(distances_m)),
+            "yaw_rmse_deg": rmse(np.degrees(yaws_rad)),
+        }
 
     @property
-    def ghosts(self) -> int:
-        """Number of predicted tracks in the image on no mark, over all frames."""
-        return sum(track.predicted for _, track in self._unmatched)
+    def frames(self) -> list[int]:
+        """Annotated frames, in order."""
+        return list(self._truth)
 
-    def idf1_hota(self, frames: range) -> tuple[float, float]:
-        """Return IDF1 and HOTA over some frames."""
-        matching = match(self._sequence(frames), on_marks)
-        row = score_matching(matching).row()
-        return row["idf1"] or 0.0, row["hota"] or 0.0
+    def within(self, frames: Collection[int]) -> "MarkScores":
+        """Return the scores over some frames."""
+        chosen = {frame: truths for frame, truths in self._truth.items() if frame in frames}
+        return MarkScores(chosen, self._tracks, self._rate_hz)
 
     @cached_property
     def _matching(self) -> Matching:
-        return match(self._sequence(range(max(self._truth) + 1)), on_marks)
+        frames = tuple(self._frame(frame) for frame in self._truth)
+        return match(EvaluationSequence("marks", frames), on_marks)
 
     @cached_property
     def _pairs(self) -> dict[tuple[int, str], TrackedPerson]:
@@ -193,20 +190,6 @@ class MarkScores:
             for i, j in sorted(zip(matches.rows.tolist(), matches.columns.tolist(), strict=True)):
                 pairs[frame, truths[i].mark.person] = tracks[j]
         return pairs
-
-    @property
-    def _unmatched(self) -> list[tuple[int, TrackedPerson]]:
-        matched = {(frame, track.id) for (frame, _), track in self._pairs.items()}
-        return [
-            (frame, track)
-            for frame in self._truth
-            for track in self._tracks.get(frame, ())
-            if (frame, track.id) not in matched
-        ]
-
-    def _sequence(self, frames: range) -> EvaluationSequence:
-        chosen = [frame for frame in self._truth if frame in frames]
-        return EvaluationSequence("marks", tuple(self._frame(frame) for frame in chosen))
 
     def _frame(self, frame: int) -> EvaluationFrame:
         marks = [truth.mark for truth in self._truth[frame]]
@@ -276,12 +259,3 @@ def _owners(pairs: Mapping[tuple[int, str], TrackedPerson]) -> dict[str, int]:
         together[persons.index(person), tracks.index(track.id)] += 1
     rows, columns = linear_sum_assignment(together, maximize=True)
     return {persons[i]: tracks[j] for i, j in zip(rows, columns, strict=True) if together[i, j]}
-
-
-def _first_tracks(pairs: Mapping[tuple[int, str], TrackedPerson]) -> dict[str, int]:
-    """Return the first track of each person, unless it was another person's first."""
-    first, owner = dict[str, int](), dict[int, str]()
-    for (_, person), track in pairs.items():
-        owner.setdefault(track.id, person)
-        first.setdefault(person, track.id)
-    return {person: track for person, track in first.items() if owner[track] == person}

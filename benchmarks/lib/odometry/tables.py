@@ -1,37 +1,22 @@
 """Tables of SORT with odometry correction and dynamic survival on rides."""
 
-import time
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import msgspec
 import numpy as np
 
 from benchmarks.lib.odometry.faults import FAULTS
 from benchmarks.lib.odometry.rides import Ride
+from benchmarks.lib.peers.boxes import Tracked, track
 from benchmarks.lib.table import markdown
-from common.metrics.matching import match
-from common.metrics.scores import Scores, combine, score_matching
-from common.metrics.similarity import box_overlap
 from lab.camera.synthetic_detections import SyntheticDetectionsConfig
 from services.tracker.config import ImageSortConfig
-from services.tracker.image_sort.image_sort import BoxTracks, ImageSort
 
 SORT = ImageSortConfig()
 # The detector of [Park 2021], on small and blurred images, finds about half of the people.
 WEAK = SyntheticDetectionsConfig(recall=0.7, miss_s=0.1, box_share=0.02, false_alarms=0.02)
 STATED = 0.5  # [points of MOTA and IDF1] stated largest loss with faulty odometry
 Settings = dict[str, ImageSortConfig]
-
-
-@dataclass(frozen=True)
-class Run:
-    """One tracker on one ride."""
-
-    scores: Scores
-    switches: tuple[int, ...]  # number of the frame of each ID switch
-    mean_us: float  # mean time of an update
-    ride: Ride
 
 
 def variants(base: ImageSortConfig, dynamic: ImageSortConfig) -> Settings:
@@ -51,29 +36,15 @@ def variants(base: ImageSortConfig, dynamic: ImageSortConfig) -> Settings:
     }
 
 
-def run(config: ImageSortConfig, ride: Ride) -> Run:
-    """Track one ride."""
-    tracker = ImageSort(config)
-    tracks, times_us = list[BoxTracks](), []
-    for turned in ride.turned():
-        frame = replace(turned, fov_deg=ride.fov_deg)
-        start_ns = time.perf_counter_ns()
-        tracks.append(tracker.update(frame))
-        times_us.append((time.perf_counter_ns() - start_ns) / 1e3)
-    matching = match(ride.scored(tracks), box_overlap)
-    switches = tuple(switch.frame for switch in matching.id_switches)
-    return Run(score_matching(matching), switches, float(np.median(times_us)), ride)
-
-
-def figures(runs: Sequence[Run]) -> list[float]:
-    """Return MOTA, MOTP, FP, FN, IDF1, IDP, IDR, IDsw and Hz of several runs in total."""
-    row = combine(one.scores for one in runs).row()
+def figures(tracked: Tracked) -> list[float]:
+    """Return MOTA, MOTP, FP, FN, IDF1, IDP, IDR, IDsw and Hz of rides together."""
+    row = tracked.scores.row()
     shares = {k: 100 * float(row[k] or 0) for k in ("mota", "motp", "idf1", "idp", "idr")}
     counts = {k: float(row[k] or 0) for k in ("false_alarms", "misses", "id_switches")}
     return [
         *(shares["mota"], shares["motp"], counts["false_alarms"], counts["misses"]),
         *(shares["idf1"], shares["idp"], shares["idr"], counts["id_switches"]),
-        1e6 / float(np.mean([one.mean_us for one in runs])),
+        1e6 / float(np.median(tracked.times_us)),
     ]
 
 
@@ -83,7 +54,7 @@ def table4(rides: dict[int, list[Ride]], settings: Settings) -> str:
     digits = (1, 1, 0, 0, 1, 1, 1, 0, 0)
     rows = []
     for name, config in settings.items():
-        by_seed = np.array([figures([run(config, r) for r in rides[seed]]) for seed in rides])
+        by_seed = np.array([figures(track(config, rides[seed])) for seed in rides])
         cells = [
             f"{mean:.{n}f} ± {deviation:.{n}f}"
             for n, mean, deviation in zip(digits, by_seed.mean(0), by_seed.std(0), strict=True)
@@ -101,7 +72,7 @@ def table2(rides: dict[int, list[Ride]], dynamic: ImageSortConfig) -> str:
         row = [name]
         for ego_motion in ("none", "odometry"):
             changed = msgspec.structs.replace(config, ego_motion=ego_motion)
-            by_seed = [figures([run(changed, r) for r in rides[seed]]) for seed in rides]
+            by_seed = [figures(track(changed, rides[seed])) for seed in rides]
             means = np.mean(by_seed, axis=0)
             row += [f"{means[0]:.1f}", f"{means[3]:.0f}", f"{means[7]:.0f}", f"{means[4]:.1f}"]
         rows.append(row)
@@ -117,7 +88,7 @@ def faults(rides: dict[int, list[Ride]], settings: Settings) -> str:
     means = {}
     for name, chosen, fault in cases:
         by_seed = [
-            figures([run(chosen, replace(r, samples=fault(r.samples))) for r in rides[seed]])
+            figures(track(chosen, [replace(r, samples=fault(r.samples)) for r in rides[seed]]))
             for seed in rides
         ]
         means[name] = np.mean(by_seed, axis=0)

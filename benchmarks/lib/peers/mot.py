@@ -6,7 +6,7 @@
     python -m venv .venv-boxmot && .venv-boxmot/bin/pip install boxmot==25.0.0 torch==2.13.0
     .venv-peers/bin/python benchmarks/lib/peers/mot.py DETECTIONS.npz TRACKS.npz CHOSEN
 
-It needs nothing of this project; `benchmarks.trackers` and `benchmarks.real_people` call it.
+It needs nothing of this project; `benchmarks.scoreboard` calls it.
 Input: for each sequence NAME an array NAME (frame, left, top, right, bottom, score) and NAME:info
 (frames, rate in Hz). CHOSEN is JSON: settings by the name of the tracker, {} for all. Output: for
 each tracker T, setting K and sequence NAME an array T/K/NAME (frame, identity, left, top, right,

@@ -32,6 +32,10 @@ class PeerRun:
     rows: dict[str, F64]  # tracks by sequence: frame from 1, identity, left, top, right, bottom
     times_us: dict[str, list[float]]  # times of frames by sequence
 
+    def words(self, number: int) -> str:
+        """Return version and settings as text, given the number of the setting."""
+        return f"{self.settings.partition(': ')[0]}: own settings" if number == 0 else self.settings
+
 
 def run_peers(
     python: str, sequences: Mapping[str, PeerSequence], chosen: Mapping[str, Sequence[int]]

@@ -37,15 +37,14 @@ class PredictionPairs:
         """Return the mean errors of constant velocity at the horizons, H."""
         return _mean_distance(self.constant_m - self.truth_m)
 
-    def displacement_errors_m(self) -> dict[str, float]:
-        """Return ADE and FDE of both predictions with known truth at all horizons."""
+    def displacements_m(self) -> tuple[F64, F64]:
+        """Return the errors of the prediction and of constant velocity with known truth, KxH."""
         complete = np.isfinite(self.truth_m).all(axis=(1, 2))
-        found = {}
-        for name, paths in (("predicted", self.means_m), ("constant", self.constant_m)):
-            error = np.linalg.norm(paths[complete] - self.truth_m[complete], axis=2)
-            found[f"{name} ADE"] = float(error.mean())
-            found[f"{name} FDE"] = float(error[:, -1].mean())
-        return found
+        predicted, constant = (
+            np.linalg.norm(paths_m[complete] - self.truth_m[complete], axis=2)
+            for paths_m in (self.means_m, self.constant_m)
+        )
+        return predicted, constant
 
     def covered(self, probability: float) -> F64:
         """Return the share of truth inside the ellipses of a probability, H."""

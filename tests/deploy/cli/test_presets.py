@@ -7,6 +7,7 @@ import msgspec
 import pytest
 from typer.testing import CliRunner
 
+from benchmarks.readme import Table, number
 from common.config import load
 from deploy.cli import app
 from deploy.launcher.plan import CONFIG_FILE, LaunchRequest, plan
@@ -106,18 +107,15 @@ def test_the_odometry_paper_s_variants_differ_in_two_settings() -> None:
     assert not any(config.publish_lost for config in found)
 
 
-def test_best_settings_of_sort_are_those_that_the_benchmark_chose() -> None:
-    table = (ROOT / "benchmarks" / "trackers.md").read_text(encoding="utf-8")
-    (row,) = (line for line in table.splitlines() if line.startswith("| ours, chosen |"))
-    words = dict(words.rsplit(" ", 1) for words in row.rstrip(" |").rpartition("| ")[2].split(", "))
-    chosen = load(
-        ImageSortConfig,
-        "image_sort",
-        None,
-        [f"{name.replace('survival', 'lifetime')}={value}" for name, value in words.items()],
-        {},
-    )
-    assert config_of(TrackerConfig, "tracker", "image-sort-best").image_sort == chosen
+def test_best_preset_of_sort_has_the_best_figures_of_the_benchmark() -> None:
+    table = Table(ROOT / "benchmarks" / "scoreboard.md")
+
+    def quality(preset: str) -> float:
+        cells = (table.cell(c, "MOT15", f"preset {preset}") for c in ("MOTA %", "IDF1 %", "HOTA %"))
+        return sum(map(number, cells))
+
+    others = map(quality, ("image-sort", "image-sort-dynamic"))
+    assert quality("image-sort-best") > max(others)
     # Least scores are probabilities: a network's own scores would all be too low.
     assert config_of(DetectorConfig, "detector", "image-sort-best").scores == "probability"
 
