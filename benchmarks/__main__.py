@@ -17,6 +17,7 @@ GROUPS = {
         "ablation": "`best` without each of its parts, with intervals",
         "real_variations": "annotated people in augmented images, other orders and half the rate",
         "lab_people": "`best` on forty random scenes of the lab",
+        "postures": "postures, falls and gestures of simulated people, as geometry",
     },
     "speed": {
         "together": "services in one process and apart, beside the bare network; stages",

@@ -47,13 +47,38 @@ class Gesture(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
     for_s: float = 4.0  # [s] duration, at least twice `move_s`
     move_s: Annotated[float, Meta(ge=0.5)] = 1.0  # [s] duration of each movement
     hand: Literal["left", "right"] = "right"
-    move: Literal["before_torso", "raise"] = "before_torso"  # across the torso; above the head
+    # across the torso; above the head, at rest or waving; forward
+    move: Literal["before_torso", "raise", "wave", "point"] = "before_torso"
 
     def __post_init__(self) -> None:
         """Check the two durations against each other."""
         super().__post_init__()
         if self.for_s < 2 * self.move_s:
             raise ValueError(f"for_s: expected >= {2 * self.move_s}, got {self.for_s}")
+
+
+class Act(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Movement of the whole body, while standing; without its chair or bed."""
+
+    at_s: NonNegative  # [s] begin
+    move: Literal[
+        "bend",
+        "squat",
+        "tie_shoes",
+        "sit",
+        "sit_tie_shoes",
+        "lie",
+        "lie_back",
+        "lie_in_bed",
+        "fall_forward",
+        "fall_back",
+        "fall_left",
+        "fall_right",
+        "collapse",
+    ]
+    move_s: Annotated[float, Meta(ge=0.3)] = 1.5  # [s] duration of each movement, or of a fall
+    for_s: NonNegative = 3.0  # [s] stay in the last pose
+    stays: bool = False  # True: does not stand up
 
 
 class PersonPlan(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -69,6 +94,7 @@ class PersonPlan(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
     outfit: Outfit = "own"  # clothes
     size: Annotated[float, Meta(ge=0.8, le=1.2)] = 1.0  # stature relative to the cast
     gestures: tuple[Gesture, ...] = ()
+    acts: tuple[Act, ...] = ()  # in order, while the person stands
 
     def __post_init__(self) -> None:
         """Check the name of the body."""

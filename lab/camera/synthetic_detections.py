@@ -24,6 +24,7 @@ from lab.depth.noise import NoiseProcess, Persistence
 from lab.truth.silhouette import TORSO, Silhouette, facing, sideways, silhouettes
 from people4d.messages import F32, F64, CameraInfo, Detection, Detections
 from people4d.messages.base import NonNegative, Positive, Probability
+from services.skeleton.body import INSIDE_M
 
 KEY = 0x5169  # key of these random numbers
 ANKLE_FACTOR = 1.8  # factor of the noise of ankles; measured
@@ -38,7 +39,8 @@ SCORE_NONE, SCORE_FULL = 0.35, 0.9  # mean scores at these shares; the second is
 SCORE_SIGMA = 0.04  # standard deviation of the score
 FALSE_ALARM_S = 0.1  # duration of a false alarm [s]
 READINGS = 4  # number of independent depth readings in a position: shoulders and hips
-ERRORS, MISSES, FALSE_ALARMS = range(3)
+ERRORS, MISSES, FALSE_ALARMS, DEPTHS = range(4)
+OCCLUDER_M = 0.3  # distance of the surface in front of a hidden keypoint [m]
 SHOULDERS, HIPS, ANKLES = [5, 6], [11, 12], [15, 16]
 MIN_SIGMA_RAD = 0.01  # minimum published standard deviation [rad]
 MODEL = "geometry"
@@ -61,6 +63,7 @@ class SyntheticDetectionsConfig(Config, frozen=True, kw_only=True, forbid_unknow
     no_position: Probability = 0.01  # share of detections without depth
     heading_rad: NonNegative = 0.3  # [rad] standard deviation; measured: median of 11 to 14 deg
     reversals: Probability = 0.03  # share of reversed headings; measured: 0.03
+    keypoint_depths: bool = False  # True: the depth at each keypoint
     sensor: DepthSensorModel = DepthSensorModel()  # noise and range of positions
 
 
@@ -87,7 +90,12 @@ class SyntheticDetections:
         stamp_s = stamp_ns / 1e9
         up = optical_from_map[:3, 2]
         found = [
-            self._detection(silhouette, up, _Errors(self._noise(ERRORS, person).at(stamp_s)))
+            self._detection(
+                silhouette,
+                up,
+                _Errors(self._noise(ERRORS, person).at(stamp_s)),
+                self._depths_m(silhouette, person, stamp_s),
+            )
             for person, silhouette in silhouettes(
                 list(people), optical_from_map, self._info
             ).items()
@@ -113,7 +121,21 @@ class SyntheticDetections:
         probability = config.recall * _visibility(silhouette)
         return NormalDist().cdf(float(self._noise(MISSES, person).at(stamp_s)[0])) < probability
 
-    def _detection(self, silhouette: Silhouette, up: F64, errors: "_Errors") -> Detection:
+    def _depths_m(self, silhouette: Silhouette, person: int, stamp_s: float) -> F32 | None:
+        """Return the depths of the surface at all keypoints, 0 outside of the image."""
+        if not self._config.keypoint_depths:
+            return None
+        pixels, z_m = silhouette.keypoints_px, silhouette.keypoints_m[:, 2]
+        slant = np.linalg.norm(silhouette.keypoints_m, axis=1) / z_m
+        surface_m = z_m - np.where(silhouette.visible, INSIDE_M / slant, OCCLUDER_M)
+        noise = self._noise(DEPTHS, person).at(stamp_s).astype(np.float64)
+        read_m = surface_m + noise * [self._config.sensor.noise_m(float(z)) for z in z_m]
+        inside = np.all((pixels >= 0) & (pixels < self._edges()[:2]), axis=1) & (surface_m > 0)
+        return np.where(inside, read_m, 0.0).astype(np.float32)
+
+    def _detection(
+        self, silhouette: Silhouette, up: F64, errors: "_Errors", depths_m: F32 | None
+    ) -> Detection:
         config = self._config
         height_px = silhouette.box_xyxy_px[3] - silhouette.box_xyxy_px[1]
         box = silhouette.box_xyxy_px + errors.box * config.box_share * height_px
@@ -130,6 +152,7 @@ class SyntheticDetections:
             box_xyxy_px=box.clip(0, self._edges()).astype(np.float32),
             score=float(np.clip(score + errors.score * SCORE_SIGMA, 0.01, 0.99)),
             keypoints=keypoints.astype(np.float32),
+            keypoint_depths_m=depths_m,
             position_m=self._position_m(silhouette, moved_px[TORSO].mean(axis=0), errors),
             heading=heading,
             heading_sigma_rad=None if heading is None else max(config.heading_rad, MIN_SIGMA_RAD),
@@ -193,9 +216,9 @@ class SyntheticDetections:
 
     def _noise(self, kind: int, person: int) -> NoiseProcess:
         if (kind, person) not in self._noises:
-            lasts_s = NOISE_S if kind == ERRORS else self._config.miss_s
+            lasts_s = self._config.miss_s if kind == MISSES else NOISE_S
             persistence = Persistence(frozen_share=0.0, correlation_s=lasts_s)
-            count = _Errors.COUNT if kind == ERRORS else 1
+            count = {ERRORS: _Errors.COUNT, DEPTHS: 17}.get(kind, 1)
             seed = (self._seed, KEY, kind, person)
             self._noises[kind, person] = NoiseProcess((count,), seed, persistence)
         return self._noises[kind, person]

@@ -8,6 +8,7 @@ from scipy.ndimage import gaussian_filter1d
 from lab.bodies.rotations import about_x, about_y, about_z, turn
 from lab.bodies.skeleton import INDEX, PARENTS, SEGMENTS, Skeleton
 from lab.motion import stance
+from lab.motion.acts import perform
 from lab.motion.bouts import WalkPath
 from lab.motion.foot_path import FootPath, foot_path
 from lab.motion.footfalls import Individual, StepPlan, plan_steps
@@ -83,6 +84,7 @@ def pose_arrays(
         leg = _leg(person.skeleton, path, torso, feet[side], side)
         rotations[:, INDEX[f"thigh_{end}"]], rotations[:, INDEX[f"shank_{end}"]] = leg
         rotations[:, INDEX[f"foot_{end}"]] = feet[side].map_from_foot
+    perform(person, path, torso.pelvis_m, rotations)
     return torso.pelvis_m, _from_parents(rotations), steps
 
 

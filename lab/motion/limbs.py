@@ -1,7 +1,7 @@
 """Arms, with swing, rest and gestures, and legs, by inverse kinematics of the feet."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
@@ -34,7 +34,10 @@ class ArmAngles:
 GOALS: Mapping[str, ArmAngles] = {
     "before_torso": ArmAngles(38.0, 92.0, 0.10, 1.25),
     "raise": ArmAngles(150.0, 25.0, 0.25, 0.25),
+    "wave": ArmAngles(150.0, 25.0, 0.25, 0.25),
+    "point": ArmAngles(75.0, 2.0, 0.05, 0.25),
 }
+WAVE_HZ, WAVE_RAD = 1.5, 0.45  # frequency and amplitude of the abduction of a waving arm
 
 
 def with_gestures(
@@ -43,7 +46,11 @@ def with_gestures(
     """Return the angles of an arm (side 0 left, 1 right) with gestures at T times."""
     for gesture in gestures:
         if gesture.hand == HANDS[side]:
-            angles = _towards(angles, GOALS[gesture.move], raised(gesture, times_s))
+            goal = GOALS[gesture.move]
+            if gesture.move == "wave":
+                swing_rad = WAVE_RAD * np.sin(2 * np.pi * WAVE_HZ * (times_s - gesture.at_s))
+                goal = replace(goal, aside_rad=goal.aside_rad + swing_rad)
+            angles = _towards(angles, goal, raised(gesture, times_s))
     return angles
 
 

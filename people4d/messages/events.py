@@ -92,7 +92,9 @@ class Event(Message, frozen=True, kw_only=True):
 
     # appeared, returned (under an earlier identity), disappeared: of tracks; identity_uncertain:
     # see confidence; entered, left, dwelled, count_reached: of a zone; robot_near: a person comes
-    # closer to the robot than configured
+    # closer to the robot than configured; faces_robot: for longer than configured; approaches: for
+    # a second; with skeletons: fell, got_up, sat_down, stood_up, lies (longer than configured),
+    # raised_hand, waved, pointed (see direction)
     kind: Literal[
         "appeared",
         "returned",
@@ -103,16 +105,31 @@ class Event(Message, frozen=True, kw_only=True):
         "dwelled",
         "count_reached",
         "robot_near",
+        "faces_robot",
+        "approaches",
+        "fell",
+        "got_up",
+        "sat_down",
+        "stood_up",
+        "lies",
+        "raised_hand",
+        "waved",
+        "pointed",
     ]
     id: PositiveInt | None = None  # identity as in Tracks; absent in count_reached
     zone: Text = ""  # name of the zone; empty if none
     position_m: Vector3 | None = None  # [m] last position of the person, frame: frame_id
     frame_id: Name = "map"  # frame of position_m
-    dwell_s: NonNegative | None = None  # [s] duration of the stay, in left and dwelled
+    # [s] duration of the stay, in left and dwelled; of lying, in lies
+    dwell_s: NonNegative | None = None
     count: Count | None = None  # people in the zone after the event; absent without a zone
-    distance_m: NonNegative | None = None  # [m] distance to the robot on the ground, in robot_near
-    confidence: NonNegative | None = None  # confidence of the identity, in identity_uncertain
-    # reason of the identity, in identity_uncertain and returned; empty if unknown
+    distance_m: NonNegative | None = None  # [m] to the robot on the ground
+    # confidence of the identity, in identity_uncertain; probability of a posture or a raised hand
+    confidence: NonNegative | None = None
+    direction: Vector3 | None = None  # unit vector of the arm in pointed, frame: frame_id
+    # [m] meeting of the arm's line with the floor within 10 m, in pointed, frame: frame_id
+    target_m: Vector3 | None = None
+    # reason of the identity, in identity_uncertain and returned; of a fall; empty if unknown
     reason: Text = ""
     # [ns] wall clock of the stamp, for a recording the time of its playback; absent if unknown
     wall_ns: Annotated[int, Meta(ge=0, le=MAX_STAMP_NS)] | None = None

@@ -1,6 +1,6 @@
 """Skeletons: the joints of people in 3D."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from people4d.messages.base import (
     F32,
@@ -9,6 +9,7 @@ from people4d.messages.base import (
     Message,
     Name,
     PositiveInt,
+    Probability,
     Record,
 )
 from people4d.validation import Magnitude, Shape
@@ -19,6 +20,9 @@ JOINTS = (
     *("left_shoulder", "right_shoulder", "left_elbow", "right_elbow", "left_wrist", "right_wrist"),
     *("left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle"),
 )
+
+Posture = Literal["standing", "walking", "sitting", "lying", "bending", "unknown"]
+POSTURES: tuple[Posture, ...] = get_args(Posture)
 
 
 class PersonSkeleton(Record, frozen=True, kw_only=True):
@@ -32,6 +36,8 @@ class PersonSkeleton(Record, frozen=True, kw_only=True):
     covariances_m2: Annotated[F32, Shape(17, 3, 3), Magnitude(MAX_COVARIANCE)]
     # True for each joint visible in this frame, False if hidden and predicted
     measured: tuple[bool, ...]
+    posture: Posture = "unknown"  # bending: also squatting and kneeling
+    posture_probability: Probability = 0.0  # probability of the posture; 0 if it is unknown
 
     def __post_init__(self) -> None:
         """Check the fields, and that `measured` has one value per joint."""

@@ -121,6 +121,7 @@ def skeletons_of(skeletons: Skeletons) -> dict[str, Any]:
             one.id: [joint for joint, measured in enumerate(one.measured) if not measured]
             for one in people
         },
+        "postures": {one.id: one.posture for one in people if one.posture != "unknown"},
     }
 
 

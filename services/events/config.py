@@ -12,6 +12,8 @@ class EventsConfig(Config, frozen=True, kw_only=True):
     margin_m: NonNegative = 0.15  # [m] distance outside a zone at which a person has left it
     near_m: NonNegative = 1.0  # [m] maximum distance to the robot of a near person; 0: no event
     near_margin_m: NonNegative = 0.3  # [m] additional distance at which a person is no longer near
+    faces_s: Positive = 3.0  # [s] duration of facing the robot that is an event
+    lies_s: Positive = 10.0  # [s] duration of lying that is an event; with skeletons
     # confidences of an identity below which it is uncertain, and above which it is certain again
     uncertain_below: Probability = 0.5
     certain_above: Probability = 0.7

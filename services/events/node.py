@@ -1,4 +1,4 @@
-"""Node of the events: tracks and edits of zones in, events and zones out."""
+"""Node of the events: tracks, skeletons and edits of zones in, events and zones out."""
 
 import sqlite3
 import time
@@ -17,6 +17,7 @@ from people4d.messages import (
     Message,
     MovingTransform,
     Odometry,
+    Skeletons,
     StaticTransform,
     Tracks,
     Zone,
@@ -27,6 +28,7 @@ from services.events.config import EventsConfig
 from services.events.delivery import Delivery, Receiver
 from services.events.journal import JOURNAL, Journal
 from services.events.mqtt import MqttBroker
+from services.events.postures import PostureRules
 from services.events.rules import EventRules
 from services.events.webhook import Webhook
 from services.events.zones import read_zones, write_zones
@@ -48,13 +50,14 @@ class EventsNode(Node):
     """
 
     inputs: tuple[type[Message], ...] = (
-        *(Tracks, ZoneEdit, StaticTransform, MovingTransform, Odometry),
+        *(Tracks, Skeletons, ZoneEdit, StaticTransform, MovingTransform, Odometry),
     )
     required_inputs: ClassVar[tuple[type[Message], ...]] = (Tracks,)
 
     def __init__(self, config: EventsConfig, wall_ns: Callable[[], int] = time.time_ns) -> None:
         self._config = config
         self._rules = EventRules(config)
+        self._postures = PostureRules(config.lies_s)
         self._stream = StreamClock(wall_ns)
         self._transforms = TransformBuffer()
         self._journal = Journal(None, config.journal_max)
@@ -100,6 +103,15 @@ class EventsNode(Node):
         """Process a message; return the events that follow."""
         if isinstance(message, ZoneEdit):
             return self._edit(message)
+        if isinstance(message, Skeletons):
+            found = self._postures.update(message)
+            return self._recorded(
+                [
+                    event
+                    for kind, number, fields in found
+                    for event in self._rules.report(kind, number, message.stamp_ns, **fields)
+                ]
+            )
         if not isinstance(message, Tracks):
             if isinstance(message, StaticTransform | MovingTransform | Odometry):
                 self._transforms.add_transform(message)

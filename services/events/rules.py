@@ -7,11 +7,12 @@ journal of its predecessor without duplicate events.
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
+from common.geometry.transforms import wrap
 from people4d.messages import F64, Event, Track, Tracks, Zone
 from people4d.messages.base import MAX_STAMP_NS
 from services.events.config import EventsConfig
@@ -19,6 +20,27 @@ from services.events.config import EventsConfig
 GONE_MAX = 10_000  # maximum number of stored identities of disappeared people
 # Maximum burst and rate of new people [Hz], which protects the journal from invented tracks
 NEW_MAX, NEW_HZ = 256, 16.0
+FACING_RAD = math.radians(25)  # maximum angle between a facing person's yaw and the robot [rad]
+APPROACH_MPS, APPROACH_S = 0.4, 1.0  # minimum speed towards the robot, and its duration
+
+
+@dataclass(slots=True)
+class Lasting:
+    """A condition that is reported once after it has held for some time."""
+
+    since_ns: int | None = None
+    is_reported: bool = False
+
+    def update(self, holds: bool, stamp_ns: int, lasts_s: float) -> bool:
+        """Return True in the first frame in which the condition has held long enough."""
+        if not holds:
+            self.since_ns, self.is_reported = None, False
+            return False
+        self.since_ns = stamp_ns if self.since_ns is None else self.since_ns
+        if self.is_reported or stamp_ns - self.since_ns < lasts_s * 1e9:
+            return False
+        self.is_reported = True
+        return True
 
 
 @dataclass(slots=True)
@@ -31,6 +53,8 @@ class _Person:
     dwelled: set[str] = field(default_factory=set)  # zones with a dwell event
     is_near: bool = False
     is_uncertain: bool = False
+    facing: Lasting = field(default_factory=Lasting)
+    approaching: Lasting = field(default_factory=Lasting)
 
 
 class EventRules:
@@ -125,10 +149,19 @@ class EventRules:
             self._check_identity(track, person)
             self._check_zones(track.id, person)
             self._check_robot(track.id, person, robot_m)
+            self._check_attention(track, person, robot_m)
         absent_ns = self._config.absent_s * 1e9
         for number, person in list(self._people.items()):
             if stamp_ns - person.stamp_ns > absent_ns:
                 self._end(number, person)
+        return self._made
+
+    def report(self, kind: str, number: int, stamp_ns: int, **fields: Any) -> list[Event]:
+        """Return an event of a tracked person from another rule; none of an unknown person."""
+        self._made = []
+        person = self._people.get(number)
+        if person is not None and stamp_ns >= person.stamp_ns:
+            self._make(kind, number, replace(person, stamp_ns=stamp_ns), **fields)
         return self._made
 
     def close(self) -> list[Event]:
@@ -219,6 +252,22 @@ class EventRules:
             person.is_near = distance_m < self._config.near_m + self._config.near_margin_m
         elif distance_m < self._config.near_m:
             self._make("robot_near", number, person, distance_m=distance_m)
+
+    def _check_attention(self, track: Track, person: _Person, robot_m: F64 | None) -> None:
+        if robot_m is None:
+            return
+        to_m = robot_m[:2] - person.position_m[:2]
+        distance_m = max(float(np.linalg.norm(to_m)), 1e-3)
+        off_rad = math.pi
+        if track.yaw_rad is not None and track.state == "confirmed":
+            off_rad = abs(wrap(track.yaw_rad - math.atan2(to_m[1], to_m[0])))
+        limit_rad = FACING_RAD * (2 if person.facing.is_reported else 1)
+        if person.facing.update(off_rad < limit_rad, person.stamp_ns, self._config.faces_s):
+            self._make("faces_robot", track.id, person, distance_m=distance_m)
+        speed_mps = float(track.velocity_mps[:2] @ to_m) / distance_m
+        limit_mps = APPROACH_MPS / (2 if person.approaching.is_reported else 1)
+        if person.approaching.update(speed_mps > limit_mps, person.stamp_ns, APPROACH_S):
+            self._make("approaches", track.id, person, distance_m=distance_m)
 
     def _count(self, zone: str) -> int:
         return sum(zone in person.zones for person in self._people.values())

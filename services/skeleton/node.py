@@ -22,9 +22,11 @@ from people4d.messages import (
     Tracks,
 )
 from people4d.messages.base import MAX_CAMERAS
+from people4d.messages.skeleton import Posture
 from services.skeleton.config import SkeletonConfig
 from services.skeleton.joint_filter import JointStates
 from services.skeleton.observation import observe_joints
+from services.skeleton.posture import PostureFilter
 from services.skeleton.skeletons import Flags, People, SkeletonTracker
 
 NODE_COUNTERS = (
@@ -60,6 +62,7 @@ class SkeletonNode(Node):
         self._infos: dict[str, CameraInfo] = {}
         self._detections: dict[tuple[str, int], Detections] = {}
         self._skeletons = SkeletonTracker()
+        self._postures = PostureFilter()
         self._newest_ns: int | None = None
         self._frame_id = ""
         self._counters = Counter(dict.fromkeys(NODE_COUNTERS, 0))
@@ -113,7 +116,9 @@ class SkeletonNode(Node):
         found = self._people(tracks.tracks)
         detected = [detections.at(track.detection) for track in found]
         observation = observe_joints(detected, info, pose)
-        states, measured = self._skeletons.estimate_joints(dt_s, People.of(found), observation)
+        people = People.of(found)
+        postures, upright = self._postures.update(dt_s, people, observation)
+        states, measured = self._skeletons.estimate_joints(dt_s, people, observation, upright)
         return [
             Skeletons(
                 stamp_ns=stamp_ns,
@@ -121,7 +126,7 @@ class SkeletonNode(Node):
                 trace=tracks.trace,
                 frame_id=tracks.frame_id,
                 camera=tracks.camera,
-                people=_skeletons(found, states, measured),
+                people=_skeletons(found, states, measured, postures),
             )
         ]
 
@@ -132,6 +137,7 @@ class SkeletonNode(Node):
         moved, self._frame_id = tracks.frame_id != self._frame_id, tracks.frame_id
         if before_ns is None or moved or dt_s > GAP_MAX_S:
             self._skeletons.restart_skeletons()
+            self._postures.restart()
         return dt_s
 
     def _people(self, tracks: Sequence[Track]) -> list[Track]:
@@ -144,7 +150,10 @@ class SkeletonNode(Node):
 
 
 def _skeletons(
-    tracks: Sequence[Track], states: JointStates, measured: Flags
+    tracks: Sequence[Track],
+    states: JointStates,
+    measured: Flags,
+    postures: Sequence[tuple[Posture, float]],
 ) -> tuple[PersonSkeleton, ...]:
     positions_m = states.position_m.astype(np.float32)
     covariances_m2 = states.position_m2.astype(np.float32)
@@ -155,6 +164,8 @@ def _skeletons(
             positions_m=positions_m[row],
             covariances_m2=covariances_m2[row],
             measured=tuple(measured[row].tolist()),
+            posture=postures[row][0],
+            posture_probability=postures[row][1],
         )
         for row, track in enumerate(tracks)
     )

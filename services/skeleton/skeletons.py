@@ -50,6 +50,7 @@ HIDDEN_ACROSS_M = 0.08  # standard deviation of a hidden joint across the line o
 SURFACES_M = 0.3  # range within which any other surface is equally likely [m]
 OUTLIER_SIGMAS = 3.0  # distance above which the weight of a keypoint falls [standard deviations]
 POSE_S = 0.2  # duration in which a hidden joint returns to its usual pose [s]
+UNUSUAL_M = 0.6  # standard deviation of the usual pose without standing, or with a reading [m]
 BONE_M = 0.03  # standard deviation of the length of a bone between frames [m]
 BONE_FRAMES = 10.0  # number of correlated measurements of a bone
 LEARN_S = 10.0  # time constant of a person's usual pose [s]
@@ -101,7 +102,7 @@ class SkeletonTracker:
         self._ids = []
 
     def estimate_joints(
-        self, dt_s: float, people: People, observation: JointObservation
+        self, dt_s: float, people: People, observation: JointObservation, upright: F64
     ) -> tuple[JointStates, Flags]:
         """Return the joints of all people in a frame, and flags (Nx17) of measured joints.
 
@@ -109,10 +110,14 @@ class SkeletonTracker:
             dt_s: Time since the last frame.
             people: Tracks of the frame.
             observation: Observed joints of the frame.
+            upright: N, probability that the usual pose applies.
         """
         shapes = [self._shape(person) for person in people.ids]
         pose_m, pose_m2 = self._poses(people, shapes)
         states = self._predicted(dt_s, people, pose_m, pose_m2)
+        is_read = (observation.confidence > CONFIDENT) & np.isfinite(observation.range_m)
+        unusual = np.maximum(1 - upright[:, None], is_read)
+        pose_m2 = pose_m2 + unusual[..., None, None] * UNUSUAL_M**2 * np.eye(3)
         scale = max(dt_s, 1e-3) / POSE_S
         update_points(states, list(range(JOINT_COUNT)), pose_m, pose_m2 / min(scale, 1.0))
         self._order_sides(states, observation)

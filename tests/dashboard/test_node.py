@@ -132,6 +132,8 @@ def test_skeletons_of_shown_frames_are_sent_with_what_is_predicted(run: RunningN
         positions_m=feed.walkers[0].joints(1.0).astype(np.float32),
         covariances_m2=np.tile(1e-4 * np.eye(3, dtype=np.float32), (17, 1, 1)),
         measured=(True,) * 15 + (False,) * 2,
+        posture="sitting",
+        posture_probability=0.9,
     )
     header: dict[str, Any] = {"sequence": 3, "frame_id": "map", "camera": feed.info.camera}
     with run.connect() as socket:
@@ -140,6 +142,7 @@ def test_skeletons_of_shown_frames_are_sent_with_what_is_predicted(run: RunningN
         run.feed(*feed.frame(3, 10**9), Skeletons(stamp_ns=10**9, people=(person,), **header))
         skeletons = receive(socket, "skeletons")
     assert skeletons["predicted"] == {1: [15, 16]}
+    assert skeletons["postures"] == {1: "sitting"}
     np.testing.assert_allclose(skeletons["joints"][1], person.positions_m, atol=1e-3)
 
 

@@ -167,3 +167,32 @@ def test_invented_people_make_a_bounded_number_of_events_and_are_counted() -> No
     assert NEW_MAX <= len(appeared) < 2 * NEW_MAX  # of 20,000
     assert rules.left_out > 15_000
     assert not [event for event in made if event.id == 1 and event.sequence]
+
+
+def test_person_who_faces_the_robot_for_long_is_reported_once() -> None:
+    rules, robot_m, found = rules_of(faces_s=2.0), np.zeros(3), []
+    for step in range(50):
+        yaw_rad = np.pi if step < 40 else 0.0
+        found += rules.update(at(step / 10, (1, 3, 0), yaw_rad=yaw_rad), robot_m)
+    assert kinds(found) == [("appeared", 1), ("faces_robot", 1)]
+    assert (found[1].stamp_ns, found[1].distance_m) == (2 * SECOND_NS, 3.0)
+
+
+@pytest.mark.parametrize("fields", [{"yaw_rad": None}, {"yaw_rad": np.pi, "state": "lost"}])
+def test_unknown_yaw_and_lost_people_do_not_face_the_robot(fields: Any) -> None:
+    rules, found = rules_of(faces_s=1.0), []
+    rules.update(at(0, (1, 3, 0), yaw_rad=None), np.zeros(3))
+    for step in range(1, 30):
+        found += rules.update(at(step / 10, (1, 3, 0), **fields), np.zeros(3))
+    assert found == []
+
+
+@pytest.mark.parametrize(("speed_mps", "expected"), [(-0.8, ["approaches"]), (0.8, [])])
+def test_person_who_walks_towards_the_robot_approaches(
+    speed_mps: float, expected: list[str]
+) -> None:
+    rules, found = rules_of(near_m=0.0), []
+    for step in range(30):
+        velocity = {"velocity_mps": np.array([speed_mps, 0.0, 0.0]), "yaw_rad": None}
+        found += rules.update(at(step / 10, (1, 4, 0), **velocity), np.zeros(3))
+    assert [kind for kind, _ in kinds(found)] == ["appeared", *expected]

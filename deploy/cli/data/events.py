@@ -17,7 +17,7 @@ from services.events.journal import JOURNAL, Journal
 
 COLUMNS = (
     *("sequence", "stamp_ns", "kind", "id", "zone", "x_m", "y_m", "z_m", "frame_id"),
-    *("dwell_s", "count", "distance_m", "confidence", "reason"),
+    *("dwell_s", "count", "distance_m", "confidence", "reason", "target_x_m", "target_y_m"),
 )
 SHOWN = 30
 
@@ -55,7 +55,9 @@ def _row(event: Event) -> list[object]:
     x, y, z = ("", "", "") if event.position_m is None else event.position_m.round(3).tolist()
     first = (event.sequence, event.stamp_ns, event.kind, event.id, event.zone, x, y, z)
     rest = (event.frame_id, event.dwell_s, event.count, event.distance_m)
-    return ["" if v is None else v for v in (*first, *rest, event.confidence, event.reason)]
+    target = (None, None) if event.target_m is None else event.target_m[:2].round(3).tolist()
+    values = (*first, *rest, event.confidence, event.reason, *target)
+    return ["" if value is None else value for value in values]
 
 
 def _write(found: list[Event], out: TextIO) -> None:

@@ -254,3 +254,13 @@ def test_same_stamp_same_detections_in_any_order() -> None:
 def test_configuration_is_checked(change: dict[str, float], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         SyntheticDetectionsConfig(**change)  # type: ignore[arg-type]
+
+
+def test_depths_of_keypoints_are_on_the_surface_if_asked_for() -> None:
+    (without,) = in_view([person(4.0, 0.0)])
+    assert without.keypoint_depths_m is None
+    config = msgspec.structs.replace(FAULTLESS, keypoint_depths=True)
+    (found,) = in_view([person(4.0, 0.0)], config)
+    assert found.keypoint_depths_m is not None
+    # Shoulders and hips 0.055 and 0.11 m behind the surface, knees 0.062 m.
+    assert found.keypoint_depths_m[[5, 11, 13]] == pytest.approx([3.96, 3.89, 3.94], abs=0.06)

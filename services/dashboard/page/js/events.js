@@ -15,6 +15,16 @@ const TEXTS = {
   left: (e) => `left ${e.zone}${seconds(e.dwell_s)}`,
   dwelled: (e) => `stays in ${e.zone} for more than ${e.dwell_s?.toFixed(1)} s`,
   count_reached: (e) => `${e.count} people in ${e.zone}`,
+  faces_robot: () => "faces the robot",
+  approaches: (e) => `approaches the robot, ${e.distance_m?.toFixed(1)} m away`,
+  fell: (e) => `fell${e.reason ? `: ${e.reason}` : ""}`,
+  got_up: () => "got up",
+  sat_down: () => "sat down",
+  stood_up: () => "stood up",
+  lies: (e) => `lies for more than ${e.dwell_s?.toFixed(0)} s`,
+  raised_hand: () => "raised a hand",
+  waved: () => "waved",
+  pointed: () => "pointed",
   robot_near: (e) => `is ${e.distance_m?.toFixed(2)} m from the robot`,
 };
 

@@ -98,6 +98,7 @@ function drawBox(context, view, box, person, labels) {
   const texts = person ? [`#${box.id}`] : [box.score.toFixed(2)];
   if (person?.distance_m !== null && person) texts.push(`${person.distance_m.toFixed(2)} m`);
   if (person) texts.push(`${Math.hypot(...person.velocity_mps).toFixed(1)} m/s`);
+  if (person && store.postures[person.id]) texts.push(store.postures[person.id]);
   labels.push([texts.join("  "), Math.max(0, left - 1), Math.max(19, top), colour]);
 }
 

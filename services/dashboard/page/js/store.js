@@ -2,7 +2,7 @@
 const TRAJECTORY_MS = 60000;
 const SKELETONS_MS = 1000; // maximum age of skeletons
 export const store = {
-  people: [], cameras: {}, frames: {}, robot: null, joints: {}, predicted: {}, skeletonsMs: 0, predictions: [], trajectories: new Map(), zones: [], zonesBase: 0,
+  people: [], cameras: {}, frames: {}, robot: null, joints: {}, predicted: {}, postures: {}, skeletonsMs: 0, predictions: [], trajectories: new Map(), zones: [], zonesBase: 0,
   selected: null, paused: false, atMs: 0, historyMs: 60000, privacy: false, images: true,
 };
 const listeners = new Map();
@@ -31,15 +31,15 @@ export function takeScene(scene) {
   }
   store.frames[scene.camera] = scene.frame;
   // Keypoints at their depth replace skeletons that are not published, or not yet loaded for a past frame.
-  if (store.paused || Math.abs(scene.at_ms - store.skeletonsMs) > SKELETONS_MS) Object.assign(store, { joints: scene.joints, predicted: {} });
+  if (store.paused || Math.abs(scene.at_ms - store.skeletonsMs) > SKELETONS_MS) Object.assign(store, { joints: scene.joints, predicted: {}, postures: {} });
   emit("scene", scene);
 }
 
-export function takeSkeletons({ at_ms: atMs, camera, frame, joints, predicted }) {
+export function takeSkeletons({ at_ms: atMs, camera, frame, joints, predicted, postures }) {
   if (store.paused && frame !== store.frames[camera]) return;
   const ids = store.people.map(({ id }) => id);
   const known = (now, before) => Object.fromEntries(ids.flatMap((id) => (now[id] ?? before[id] ? [[id, now[id] ?? before[id]]] : [])));
-  Object.assign(store, { skeletonsMs: atMs, joints: known(joints, store.joints), predicted: known(predicted, store.predicted) });
+  Object.assign(store, { skeletonsMs: atMs, joints: known(joints, store.joints), predicted: known(predicted, store.predicted), postures: known(postures, store.postures) });
   emit("skeletons");
 }
 

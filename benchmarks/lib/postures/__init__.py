@@ -1,0 +1,1 @@
+"""Scenes of postures, falls and gestures, and the services that see them."""

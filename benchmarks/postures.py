@@ -1,0 +1,157 @@
+"""Postures, falls and gestures of simulated people, as geometry with the errors of a detector.
+
+Tracker, skeletons and events run in memory on detections without images. Constants are tuned on the
+seeds CHOOSING; TESTING is the test split. Frames within 0.5 s of a change of posture do not count.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from benchmarks.lib import options
+from benchmarks.lib.postures.run import Frame, frames, true_posture
+from benchmarks.lib.postures.scenes import daily_life, fall
+from benchmarks.lib.table import markdown, write
+from lab.bodies.skeleton import INDEX, map_from_segments
+from lab.motion.acts import down_s, is_fall
+from lab.world import World
+from people4d.messages import Event
+from people4d.messages.skeleton import POSTURES
+from services.events.build import build as build_events
+from services.events.config import EventsConfig
+
+CHOOSING = range(1, 1000)
+TESTING = range(1000, 2000)
+FOUND_S = 1.0  # maximum time from the end of a fall to its event [s]
+EARLY_S = 1.0  # maximum time from an event to the end of its fall [s]
+HEADER = ("true posture", "frames", *POSTURES, "no skeleton", "recall", "precision")
+GESTURES = {"raised_hand": ("raise", "wave"), "waved": ("wave",), "pointed": ("point",)}
+DAILY_S = 60.0  # duration of a scene of daily life [s]
+
+
+class Counts:
+    """Counts over all scenes."""
+
+    def __init__(self) -> None:
+        self.confusion = Counter[tuple[str, str]]()
+        self.figures = Counter[str]()
+        self.pointing_deg: list[float] = []
+        self.late_s: list[float] = []
+
+    def add_scene(self, world: World) -> None:
+        """Run a scene and count its frames and events."""
+        events, node = list[tuple[Event, Frame]](), build_events(EventsConfig())
+        for frame in frames(world):
+            for message in frame.messages:
+                found = node.handle(message, 0)
+                events += [(event, frame) for event in found if isinstance(event, Event)]
+            for person, skeleton in enumerate(frame.skeletons):
+                label = true_posture(world, person, frame.time_s)
+                if label is not None:
+                    name = "no skeleton" if skeleton is None else skeleton.posture
+                    self.confusion[label, name] += 1
+        self.figures["person_s"] += round(world.scenario.duration_s * len(world.scenario.people))
+        self._count_falls(world, events)
+        self._count_gestures(world, events)
+
+    def _count_falls(self, world: World, events: Sequence[tuple[Event, Frame]]) -> None:
+        times_s = [frame.time_s for event, frame in events if event.kind == "fell"]
+        for plan in world.scenario.people:
+            for act in plan.acts:
+                if is_fall(act):
+                    end_s = down_s(act)
+                    near = [t for t in times_s if end_s - EARLY_S <= t <= end_s + FOUND_S]
+                    self.figures["falls"] += 1
+                    self.figures["falls_found"] += bool(near)
+                    times_s = [t for t in times_s if t not in near]
+        self.figures["false_falls"] += len(times_s)
+
+    def _count_gestures(self, world: World, events: Sequence[tuple[Event, Frame]]) -> None:
+        for kind, moves in GESTURES.items():
+            reported = [(event, frame) for event, frame in events if event.kind == kind]
+            for number, plan in enumerate(world.scenario.people):
+                for gesture in plan.gestures:
+                    if gesture.move not in moves:
+                        continue
+                    begin_s, end_s = gesture.at_s, gesture.at_s + gesture.for_s
+                    near = [
+                        (event, frame)
+                        for event, frame in reported
+                        if begin_s <= frame.time_s <= end_s + 0.5 and _is_of(event, frame, number)
+                    ]
+                    self.figures[kind] += 1
+                    self.figures[f"{kind}_found"] += bool(near)
+                    reported = [one for one in reported if one not in near]
+                    if kind == "pointed" and near:
+                        event, frame = near[0]
+                        self.pointing_deg.append(_error_deg(world, number, event, frame.time_s))
+            self.figures[f"false_{kind}"] += len(reported)
+
+
+def _is_of(event: Event, frame: Frame, person: int) -> bool:
+    track = frame.tracks[person]
+    return track is not None and track.id == event.id
+
+
+def _error_deg(world: World, person: int, event: Event, time_s: float) -> float:
+    """Return the angle between the direction of an event and the higher true arm."""
+    pose = world.poses(time_s)[person]
+    arms = [-map_from_segments(pose)[INDEX[f"upper_arm_{end}"]][:, 2] for end in "lr"]
+    arm = max(arms, key=lambda direction: float(direction[2]))
+    assert event.direction is not None
+    return float(np.degrees(np.arccos(np.clip(arm @ event.direction, -1, 1))))
+
+
+def rows(confusion: Counter[tuple[str, str]]) -> Iterator[list[str]]:
+    """Yield a row of the confusion matrix for each posture."""
+    for label in POSTURES[:-1]:
+        given = {name: confusion[label, name] for name in (*POSTURES, "no skeleton")}
+        total = sum(given.values())
+        with_skeleton = total - given["no skeleton"]
+        named = sum(confusion[other, label] for other in POSTURES)
+        recall = f"{given[label] / with_skeleton:.3f}" if with_skeleton else "-"
+        precision = f"{given[label] / named:.3f}" if named else "-"
+        yield [label, str(total), *map(str, given.values()), recall, precision]
+
+
+def summary(counts: Counts) -> list[str]:
+    """Return the figures of events in sentences."""
+    n, hours = counts.figures, counts.figures["person_s"] / 3600
+    lines = [f"{hours:.2f} person-hours."]
+    lines.append(
+        f"Falls found within {FOUND_S:g} s: {n['falls_found']} of {n['falls']}; "
+        f"false: {n['false_falls']}."
+    )
+    lines += [
+        f"`{kind}`: {n[f'{kind}_found']} of {n[kind]}; false: {n[f'false_{kind}']}, "
+        f"{n[f'false_{kind}'] / hours:.1f} a person-hour."
+        for kind in GESTURES
+    ]
+    if counts.pointing_deg:
+        lines.append(f"Error of the pointing arm: median {np.median(counts.pointing_deg):.1f} deg.")
+    return lines
+
+
+def main() -> None:
+    """Run the scenes and write the table."""
+    parser = options.parser(__doc__)
+    parser.add_argument("--scenes", type=int, default=30, help="of daily life, 60 s each")
+    parser.add_argument("--falls", type=int, default=60, help="scenes with a fall, 14 s each")
+    parser.add_argument("--choose", action="store_true", help="seeds for choosing; nothing written")
+    asked = parser.parse_args()
+    seeds = CHOOSING if asked.choose else TESTING
+    counts = Counts()
+    for number, seed in enumerate(seeds[: max(asked.scenes, asked.falls)]):
+        if number < asked.scenes:
+            counts.add_scene(daily_life(seed, DAILY_S))
+        if number < asked.falls:
+            counts.add_scene(fall(seed))
+        print(seed, *summary(counts), flush=True)
+    note = " ".join(summary(counts)) + " Recall is of frames with a skeleton."
+    table = markdown(HEADER, list(rows(counts.confusion)))
+    write(__file__, "Postures, falls and gestures in the lab", note, table, dry=asked.choose)
+
+
+if __name__ == "__main__":
+    main()

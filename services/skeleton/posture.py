@@ -1,0 +1,162 @@
+"""Posture of people: a hidden Markov model of the observed joints.
+
+States are postures. The observation is a few angles and distances relative to the person's own
+bones, in a frame with z up; joints without a reading widen its distribution. A broad state holds
+observations that fit no posture (docs/method.md section 26).
+"""
+
+import numpy as np
+
+from people4d.messages import F64
+from people4d.messages.skeleton import POSTURES, Posture
+from services.skeleton.observation import JointObservation
+from services.skeleton.skeletons import People
+
+SHOULDERS, HIPS, KNEES, ANKLES = [5, 6], [11, 12], [13, 14], [15, 16]
+CONFIDENCE_MIN = 0.5  # minimum confidence of a keypoint
+REACH_M = 1.3  # maximum distance of a joint from its track [m]
+JOINT_M = 0.05  # minimum standard deviation of a joint [m]
+MISSING_M2 = 100.0  # variance of a joint without a reading [m^2]
+TORSO_M, LEG_M = (0.3, 0.8), (0.22, 0.65)  # range of the lengths of the torso and of leg bones [m]
+DWELL_S = 5.0  # mean duration of a posture [s]
+CORRELATION_S = 0.2  # interval in which the errors of joints are alike [s]
+LEARN_S = 1.0  # time constant of the height of a standing torso [s]
+UPRIGHT = 0.9  # minimum probability of standing and walking at which that height is learned
+PROBABILITY_MIN = 0.6  # minimum probability of a published posture
+NONE: tuple[Posture, float] = ("unknown", 0.0)
+OTHER = [POSTURES.index(name) for name in ("sitting", "lying", "bending")]
+# Posture of each state: the last two are squatting and kneeling, and none of the postures
+STATES = (*range(len(POSTURES) - 1), POSTURES.index("bending"), POSTURES.index("unknown"))
+# Means and standard deviations of the observation in each state: see `observe_posture`, and the
+# height of the torso below its height while standing [m]
+MEANS: F64 = np.array(
+    [
+        [0.97, 0.98, 0.97, 0.05, 0.05, 0.0],
+        [0.97, 0.93, 0.90, 0.15, 0.80, 0.0],
+        [0.85, 0.05, 0.95, 0.48, 0.05, 0.4],
+        [0.00, 0.05, 0.05, 0.90, 0.10, 0.8],
+        [0.40, 0.97, 0.95, 0.10, 0.05, 0.2],
+        [0.75, 0.15, 0.65, 0.20, 0.05, 0.6],
+        [0.30, 0.30, 0.30, 0.40, 0.30, 0.4],
+    ]
+)
+SIGMAS: F64 = np.array(
+    [
+        [0.08, 0.10, 0.10, 0.10, 0.15, 0.10],
+        [0.08, 0.12, 0.15, 0.12, 0.30, 0.10],
+        [0.20, 0.25, 0.15, 0.15, 0.20, 0.15],
+        [0.25, 0.35, 0.35, 0.20, 0.50, 0.25],
+        [0.25, 0.12, 0.12, 0.12, 0.30, 0.15],
+        [0.30, 0.40, 0.35, 0.20, 0.30, 0.20],
+        [0.70, 0.70, 0.70, 0.50, 1.00, 0.60],
+    ]
+)
+
+
+class PostureFilter:
+    """Postures of all people."""
+
+    def __init__(self) -> None:
+        self._beliefs: dict[int, F64] = {}
+        self._standing_m: dict[int, float] = {}  # height of each torso while standing
+
+    def restart(self) -> None:
+        """Restart all postures."""
+        self._beliefs, self._standing_m = {}, {}
+
+    def update(
+        self, dt_s: float, people: People, observation: JointObservation
+    ) -> tuple[list[tuple[Posture, float]], F64]:
+        """Return the posture of each person and its probability; the probability of no other pose.
+
+        Args:
+            dt_s: Time since the last frame, at least 0.
+            people: Tracks of the frame, N.
+            observation: Observed joints of the frame.
+        """
+        if not people.ids:
+            return [], np.ones(0)
+        joints, joint_variances = observe_posture(people, observation)
+        drop_m = [self._standing_m.get(n, np.nan) for n in people.ids] - people.position_m[:, 2]
+        values = np.column_stack([joints, np.nan_to_num(drop_m)])
+        variances = np.column_stack([joint_variances, np.where(np.isnan(drop_m), MISSING_M2, 0.0)])
+        # Without legs and without a height a bent torso lies as well as it bends.
+        variances[:, 0] += np.minimum(variances[:, 1], variances[:, 5])
+        uniform = np.full(len(STATES), 1 / len(STATES))
+        before = np.array([self._beliefs.get(person, uniform) for person in people.ids])
+        stays = np.exp(-dt_s / DWELL_S)
+        spread = variances[:, None] + SIGMAS**2
+        fit = -0.5 * ((values[:, None] - MEANS) ** 2 / spread + np.log(spread)).sum(axis=2)
+        fit = np.exp((fit - fit.max(axis=1, keepdims=True)) * min(dt_s / CORRELATION_S, 1.0))
+        beliefs = (stays * before + (1 - stays) * uniform) * fit
+        beliefs /= beliefs.sum(axis=1, keepdims=True)
+        self._beliefs = dict(zip(people.ids, beliefs, strict=True))
+        sums = np.zeros((len(beliefs), len(POSTURES)))
+        np.add.at(sums.T, list(STATES), beliefs.T)
+        self._learn(dt_s, people, sums[:, :2].sum(axis=1), joint_variances)
+        best = sums.argmax(axis=1)
+        known = [
+            (POSTURES[k], float(row[k])) if row[k] >= PROBABILITY_MIN and k in STATES[:-1] else NONE
+            for row, k in zip(sums, best.tolist(), strict=True)
+        ]
+        return known, 1 - sums[:, OTHER].sum(axis=1)
+
+    def _learn(self, dt_s: float, people: People, upright: F64, variances: F64) -> None:
+        """Learn the heights of upright people whose legs are observed; forget other people."""
+        share = 1 - np.exp(-dt_s / LEARN_S)
+        learned = {n: self._standing_m[n] for n in people.ids if n in self._standing_m}
+        for row in np.flatnonzero((upright > UPRIGHT) & (variances[:, 1] < 1.0)).tolist():
+            number, now_m = people.ids[row], float(people.position_m[row, 2])
+            before_m = learned.get(number, now_m)
+            learned[number] = before_m + share * (now_m - before_m)
+        self._standing_m = learned
+
+
+def observe_posture(people: People, observation: JointObservation) -> tuple[F64, F64]:
+    """Return the observations of N people and their variances, both Nx5.
+
+    Columns: upward parts of torso, thighs and shanks, from -1 to 1; distance of hips and ankles on
+    the ground in lengths of the leg; speed on the ground [m/s].
+    """
+    points_m = (
+        observation.origin_m + np.nan_to_num(observation.range_m)[..., None] * observation.rays
+    )
+    away_m = np.linalg.norm(points_m - people.position_m[:, None], axis=2)
+    is_read = np.isfinite(observation.range_m) & (observation.confidence > CONFIDENCE_MIN)
+    variance_m2 = np.where(
+        is_read & (away_m < REACH_M), JOINT_M**2 + observation.along_m**2 / 3, MISSING_M2
+    )
+
+    def bones(first: list[int], second: list[int], range_m: tuple[float, float]) -> F64:
+        """Return vectors from the second to the first joints, with their variances, Nx2x4."""
+        bone_m = points_m[:, first] - points_m[:, second]
+        length_m = np.linalg.norm(bone_m, axis=2)
+        fits = (length_m > range_m[0]) & (length_m < range_m[1])
+        spread_m2 = np.where(fits, variance_m2[:, first] + variance_m2[:, second], 2 * MISSING_M2)
+        return np.concatenate([bone_m, spread_m2[..., None]], axis=2)
+
+    torso, thigh = bones(SHOULDERS, HIPS, TORSO_M), bones(HIPS, KNEES, LEG_M)
+    shank = bones(KNEES, ANKLES, LEG_M)
+    leg_m = np.linalg.norm(thigh[..., :3], axis=2) + np.linalg.norm(shank[..., :3], axis=2)
+    leg_m = np.maximum(leg_m, 1e-3)
+    apart = np.linalg.norm((thigh + shank)[..., :2], axis=2) / leg_m
+    columns = [_upward(torso), _upward(thigh), _upward(shank)]
+    columns.append(_mean(apart, (thigh + shank)[..., 3] / leg_m**2))
+    speed_mps = np.linalg.norm(people.velocity_mps[:, :2], axis=1)
+    # Speed alone is no sign of walking.
+    columns.append((speed_mps, columns[0][1] + columns[1][1]))
+    values, variances = zip(*columns, strict=True)
+    return np.stack(values, axis=1), np.stack(variances, axis=1)
+
+
+def _upward(bones: F64) -> tuple[F64, F64]:
+    """Return the upward part of left and right bones with variances (Nx2x4)."""
+    length_m = np.maximum(np.linalg.norm(bones[..., :3], axis=2), 1e-3)
+    return _mean(bones[..., 2] / length_m, bones[..., 3] / length_m**2)
+
+
+def _mean(value: F64, variance: F64) -> tuple[F64, F64]:
+    """Return the weighted means of left and right (Nx2) and their variances."""
+    weight = 1 / variance
+    total = weight.sum(axis=1)
+    return (weight * value).sum(axis=1) / total, 1 / total
