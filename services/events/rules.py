@@ -25,7 +25,7 @@ APPROACH_MPS, APPROACH_S = 0.4, 1.0  # minimum speed towards the robot, and its 
 
 
 @dataclass(slots=True)
-class Lasting:
+class HeldCondition:
     """A condition that is reported once after it has held for some time."""
 
     since_ns: int | None = None
@@ -53,8 +53,8 @@ class _Person:
     dwelled: set[str] = field(default_factory=set)  # zones with a dwell event
     is_near: bool = False
     is_uncertain: bool = False
-    facing: Lasting = field(default_factory=Lasting)
-    approaching: Lasting = field(default_factory=Lasting)
+    facing: HeldCondition = field(default_factory=HeldCondition)
+    approaching: HeldCondition = field(default_factory=HeldCondition)
 
 
 class EventRules:

@@ -25,29 +25,39 @@ UPRIGHT = 0.9  # minimum probability of standing and walking at which that heigh
 PROBABILITY_MIN = 0.6  # minimum probability of a published posture
 NONE: tuple[Posture, float] = ("unknown", 0.0)
 OTHER = [POSTURES.index(name) for name in ("sitting", "lying", "bending")]
-# Posture of each state: the last two are squatting and kneeling, and none of the postures
-STATES = (*range(len(POSTURES) - 1), POSTURES.index("bending"), POSTURES.index("unknown"))
+# Posture of each state; a person also sits bent, squats and kneels
+STATES = tuple(
+    POSTURES.index(name)
+    for name in (
+        *("standing", "walking", "sitting", "sitting", "lying"),
+        *("bending", "bending", "bending", "unknown"),
+    )
+)
 # Means and standard deviations of the observation in each state: see `observe_posture`, and the
 # height of the torso below its height while standing [m]
 MEANS: F64 = np.array(
     [
-        [0.97, 0.98, 0.97, 0.05, 0.05, 0.0],
-        [0.97, 0.93, 0.90, 0.15, 0.80, 0.0],
-        [0.85, 0.05, 0.95, 0.48, 0.05, 0.4],
-        [0.00, 0.05, 0.05, 0.90, 0.10, 0.8],
-        [0.40, 0.97, 0.95, 0.10, 0.05, 0.2],
-        [0.75, 0.15, 0.65, 0.20, 0.05, 0.6],
-        [0.30, 0.30, 0.30, 0.40, 0.30, 0.4],
+        [0.97, 0.98, 0.97, 0.05, 0.05, 0.00],
+        [0.97, 0.93, 0.90, 0.15, 0.80, 0.00],
+        [0.90, 0.05, 0.97, 0.48, 0.05, 0.40],
+        [0.45, 0.08, 0.97, 0.47, 0.05, 0.55],
+        [0.00, 0.05, 0.05, 0.90, 0.10, 0.80],
+        [0.40, 0.97, 0.95, 0.10, 0.05, 0.20],
+        [0.80, -0.10, 0.85, 0.15, 0.05, 0.65],
+        [0.70, 0.45, 0.55, 0.42, 0.05, 0.55],
+        [0.30, 0.30, 0.30, 0.40, 0.30, 0.40],
     ]
 )
 SIGMAS: F64 = np.array(
     [
-        [0.08, 0.10, 0.10, 0.10, 0.15, 0.10],
-        [0.08, 0.12, 0.15, 0.12, 0.30, 0.10],
-        [0.20, 0.25, 0.15, 0.15, 0.20, 0.15],
+        [0.08, 0.10, 0.10, 0.10, 0.25, 0.10],
+        [0.08, 0.12, 0.15, 0.12, 0.35, 0.10],
+        [0.12, 0.20, 0.12, 0.12, 0.20, 0.12],
+        [0.22, 0.20, 0.12, 0.12, 0.20, 0.15],
         [0.25, 0.35, 0.35, 0.20, 0.50, 0.25],
         [0.25, 0.12, 0.12, 0.12, 0.30, 0.15],
-        [0.30, 0.40, 0.35, 0.20, 0.30, 0.20],
+        [0.20, 0.25, 0.15, 0.12, 0.30, 0.15],
+        [0.22, 0.20, 0.20, 0.15, 0.30, 0.15],
         [0.70, 0.70, 0.70, 0.50, 1.00, 0.60],
     ]
 )
@@ -96,7 +106,7 @@ class PostureFilter:
         self._learn(dt_s, people, sums[:, :2].sum(axis=1), joint_variances)
         best = sums.argmax(axis=1)
         known = [
-            (POSTURES[k], float(row[k])) if row[k] >= PROBABILITY_MIN and k in STATES[:-1] else NONE
+            (POSTURES[k], float(row[k])) if row[k] >= PROBABILITY_MIN and k != STATES[-1] else NONE
             for row, k in zip(sums, best.tolist(), strict=True)
         ]
         return known, 1 - sums[:, OTHER].sum(axis=1)

@@ -31,7 +31,7 @@ def test_act_keeps_the_person_on_the_floor_and_ends_standing(move: str) -> None:
     assert found.torso[-1] == pytest.approx(found.torso[0], abs=0.02)
 
 
-def test_height_of_the_torso_tells_postures_apart() -> None:
+def test_postures_have_different_heights_of_the_torso() -> None:
     heights_m = {}
     for move in ("sit", "fall_back", "lie_in_bed", "bend"):
         act = act_of(move)
