@@ -65,12 +65,13 @@ def write(script: str, title: str, *parts: str, dry: bool = False) -> None:
     """Print a report and write it next to its script.
 
     Args:
-        script: `__file__` of the benchmark.
+        script: `__file__` of the benchmark, or the folder of a package.
         title: First line.
         parts: Paragraphs and tables.
         dry: Whether it is only printed.
     """
-    command = f"`python -m benchmarks {Path(script).stem}`"
+    dot = "." if Path(script).is_dir() else " "
+    command = f"`python -m benchmarks{dot}{Path(script).stem}`"
     text = "\n\n".join([f"# {title}", f"Made by {command} on {machine()}.", *parts]) + "\n"
     print(text)
     if not dry:

@@ -4,20 +4,17 @@ from collections.abc import Container
 
 import msgspec
 
-from common.appearance import (
-    NEAREST_VIEWS,
-    REIDENTIFICATION_MAX,
-    TEMPERATURE,
-    add_view,
-    view_distance,
-)
+from common.appearance import NEAREST_VIEWS, REIDENTIFICATION_MAX, add_view, view_distance
 from people4d.messages import F64
 
 OTHERS_MAX = 16  # maximum number of other people with views
-ALIKE = 0.05  # minimum difference of the distances of two people that are not alike
 LIMIT_OTHER = 0.2  # maximum cosine distance of one person by an unknown embedder
-RATIO_MAX = 2.0  # maximum logarithm of the likelihood ratio of one crop
-LEARNT_RATIO_MIN = 0.5  # minimum logarithm of the ratio of a new view
+# Shares of the maximum distance of one person, measured on rendered people who are dressed alike:
+# distance at which the chosen person and an unknown one are equally likely (there 0.19), and
+# distance that divides their ratio by e (0.02 to 0.03)
+UNKNOWN, SCALE = 0.68, 0.08
+RATIO_MAX = 5.0  # maximum logarithm of the likelihood ratio
+LEARNT_RATIO_MIN = 1.0  # minimum logarithm of the ratio of a new view
 
 
 class Appearance(msgspec.Struct):
@@ -27,26 +24,23 @@ class Appearance(msgspec.Struct):
     own: list[F64] = []  # views of the chosen person
     others: dict[int, list[F64]] = {}  # views of other people by track, oldest first
 
-    def log_ratio(self, embedding: F64, absent: Container[int], ambiguous: bool) -> float:
+    def log_ratio(self, embedding: F64, elsewhere: Container[int], unknown: bool) -> float:
         """Return the log likelihood ratio of the chosen person to the likeliest other person.
-
-        A person at distance d has the likelihood exp(-d / TEMPERATURE).
 
         Args:
             embedding: Unit vector of the crop.
-            absent: Tracks of other people that cannot be in this crop.
-            ambiguous: The crop may show any person: an unknown one is at the maximum distance of
-                one person, and a known one has to be farther than the chosen person by ALIKE.
+            elsewhere: Tracks of other people that cannot be in this crop.
+            unknown: The crop may show an unknown person.
         """
+        limit = REIDENTIFICATION_MAX.get(self.embedder[0], LIMIT_OTHER)
         own = view_distance(embedding, self.own, NEAREST_VIEWS)
         rivals = [
-            view_distance(embedding, views, NEAREST_VIEWS) - ALIKE * ambiguous
+            view_distance(embedding, views, NEAREST_VIEWS)
             for track, views in self.others.items()
-            if track not in absent
+            if track not in elsewhere
         ]
-        if ambiguous:
-            rivals.append(REIDENTIFICATION_MAX.get(self.embedder[0], LIMIT_OTHER))
-        ratio = (min(rivals) - own) / TEMPERATURE if rivals else RATIO_MAX
+        rivals += [UNKNOWN * limit] if unknown else []
+        ratio = (min(rivals) - own) / (SCALE * limit) if rivals else RATIO_MAX
         return min(max(ratio, -RATIO_MAX), RATIO_MAX)
 
     def learn_own(self, embedding: F64) -> None:

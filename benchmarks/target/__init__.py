@@ -1,0 +1,1 @@
+"""Benchmark of the chosen person, beside following the identities of trackers."""
