@@ -14,6 +14,7 @@ Output = Literal[
     "agents",
     "tracked_persons",
     "humans",
+    "target",
     "boxes",
     "odometry",
     "tf",
@@ -39,6 +40,8 @@ class OutputConfigs(Config, frozen=True, kw_only=True):
     agents: OutputConfig = OutputConfig(topic="/tracked_agents")
     tracked_persons: OutputConfig = OutputConfig(topic="/spencer/perception/tracked_persons")
     humans: OutputConfig = OutputConfig(topic="/humans")
+    # Chosen person: PoseStamped, and below it person, marker and the commands follow
+    target: OutputConfig = OutputConfig(topic="people4d/target")
     boxes: OutputConfig = OutputConfig(topic="people4d/boxes")
     odometry: OutputConfig = OutputConfig(topic="people4d/odometry")
     # Topic of transforms; static ones have the suffix _static
@@ -52,8 +55,9 @@ class Ros2BridgeConfig(Config, frozen=True, kw_only=True):
 
     ros2: Ros2Config = Ros2Config()  # connection and name of the node
     # outputs: people (people_msgs), markers and prediction_markers (RViz), pedestrians
-    # (social_nav_msgs), agents (CoHAN), tracked_persons (SPENCER), humans (ROS4HRI), boxes
-    # (vision_msgs), odometry, tf, clock (of the recording, for use_sim_time), diagnostics
+    # (social_nav_msgs), agents (CoHAN), tracked_persons (SPENCER), humans (ROS4HRI), target (the
+    # chosen person), boxes (vision_msgs), odometry, tf, clock (of the recording, for use_sim_time),
+    # diagnostics
     publish: tuple[Output, ...] = ("people", "markers")
     outputs: OutputConfigs = OutputConfigs()
     # convention of people_msgs: nav2 (nav2_social_costmap_plugin, people in RViz) or sfm

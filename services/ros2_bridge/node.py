@@ -23,6 +23,7 @@ from people4d.messages import (
     Odometry,
     Predictions,
     StaticTransform,
+    Target,
     Tracks,
 )
 from services.ros2_bridge.config import Ros2BridgeConfig
@@ -31,6 +32,7 @@ from services.ros2_bridge.motion import MotionOutputs
 from services.ros2_bridge.output import Ros2Output
 from services.ros2_bridge.people import PeopleOutputs
 from services.ros2_bridge.reader_frames import ReaderFrames
+from services.ros2_bridge.target import TargetOutput
 
 COUNTERS = ("reader_unlinked", "reader_restamped", "reader_waits", "not_extrapolated")
 STAMP_MAX_NS = 2**31 * 10**9  # builtin_interfaces/Time has 31 bits of seconds
@@ -59,7 +61,7 @@ class Ros2BridgeNode(Node):
     """
 
     inputs: tuple[type[Message], ...] = (
-        *(Tracks, Predictions, Detections, Health),
+        *(Tracks, Predictions, Detections, Health, Target),
         *(StaticTransform, MovingTransform, Odometry),
     )
     required_inputs: ClassVar[tuple[type[Message], ...]] = (Tracks,)
@@ -86,6 +88,9 @@ class Ros2BridgeNode(Node):
         self._humans: Humans | None = None
         if "humans" in config.publish:
             self._humans = Humans(config.outputs.humans, transport, self._counters)
+        self._target: TargetOutput | None = None
+        if "target" in config.publish:
+            self._target = TargetOutput(config, transport, self._counters, self._wake)
         self._diagnostics: Ros2Output | None = None
         if "diagnostics" in config.publish:
             kind, counters = DIAGNOSTICS, self._counters
@@ -115,6 +120,10 @@ class Ros2BridgeNode(Node):
         elif isinstance(message, Detections):
             if self._humans:
                 self._humans.add_detections(message)
+        elif isinstance(message, Target):
+            matrix, frame_id = self._people.frame_of(message.frame_id, message.stamp_ns)
+            if self._target and matrix is not None:
+                self._target.send(message, self._stamp_ns(message), matrix, frame_id)
         elif isinstance(message, Health):
             if message.instance in self._healths or len(self._healths) < INSTANCES_MAX:
                 self._healths[message.instance] = message, now_ns
@@ -124,7 +133,7 @@ class Ros2BridgeNode(Node):
         return ()
 
     def tick(self, now_ns: int) -> Sequence[Message]:
-        """Publish people whose transforms arrived, and diagnostics when they are due."""
+        """Publish people whose transforms arrived and due diagnostics; return commands of ROS."""
         waiting, self._pending = self._pending, []
         for pending in waiting:
             self._send_when_linked(pending, now_ns)
@@ -140,7 +149,7 @@ class Ros2BridgeNode(Node):
             self._diagnostics.send(diagnostics(healths, self._wall_ns()))
             rate_hz = self._config.outputs.diagnostics.rate_max_hz or 1.0
             self._report_ns = now_ns + round(1e9 / rate_hz)
-        return ()
+        return list(self._target.take_commands()) if self._target else ()
 
     def wake_ns(self) -> int | None:
         """Return the time at which waiting people or diagnostics are due [ns]."""

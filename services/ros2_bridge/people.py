@@ -66,7 +66,7 @@ class PeopleOutputs:
 
     def in_frame(self, message: RosPeople) -> RosPeople | None:
         """Return people in the frame of ROS; None if no transform leads to it."""
-        matrix, frame_id = self._target(message.frame_id, message.stamp_ns)
+        matrix, frame_id = self.frame_of(message.frame_id, message.stamp_ns)
         if matrix is None:
             return None
         if frame_id != message.frame_id:
@@ -83,12 +83,12 @@ class PeopleOutputs:
         """Publish predictions, with a stamp for readers."""
         if not self._predictions or not self._predictions.is_due(message.stamp_ns):
             return
-        matrix, frame_id = self._target(message.frame_id, message.stamp_ns)
+        matrix, frame_id = self.frame_of(message.frame_id, message.stamp_ns)
         if matrix is not None:
             head = header(stamp_ns, frame_id)
             self._predictions.send(markers.prediction_markers(_moved(message, matrix), head))
 
-    def _target(self, source: str, stamp_ns: int) -> tuple[F64 | None, str]:
+    def frame_of(self, source: str, stamp_ns: int) -> tuple[F64 | None, str]:
         """Return the transform from a frame to the frame of ROS, and the latter's name."""
         target = self._config.frame_id or source
         frame_id = self._config.frame_names.get(target, target)
