@@ -4,6 +4,7 @@ Every person is chosen in turn by the first track that is beyond doubt. Rendered
 detections stay in the cache; rendering takes minutes a scene.
 """
 
+import argparse
 import importlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -58,10 +59,9 @@ class GroupRun:
     run: EvaluationRun
 
 
-def runs_by_group(
-    split: str, other: Path | None, cache: Path, jobs: int, pool: Pool
-) -> list[GroupRun]:
+def runs_by_group(split: str, asked: argparse.Namespace, pool: Pool) -> list[GroupRun]:
     """Render and detect all scenes of a split."""
+    cache, jobs, other = asked.cache.absolute(), asked.jobs, asked.other
     seeds, rendered = SEEDS[split]
     plans = {
         f"rendered, {'unlike' if outfit == 'own' else 'alike'}": plan_recordings(
@@ -75,7 +75,7 @@ def runs_by_group(
         for name, found in runs.items()
     }
     kinds = list(banks)
-    for run in _runs([long_scene(seed, cache) for seed in seeds], cache, jobs, pool):
+    for run in _runs([long_scene(seed, cache) for seed in seeds[: asked.long]], cache, jobs, pool):
         seed = run.recording.seed or 0
         kind = kinds[seed // 2 % 2]
         first = 4 * (seed // 4) % max(1, len(banks[kind]) - 6)
@@ -137,11 +137,12 @@ def main() -> None:
     importlib.import_module("cv2").setNumThreads(1)
     parser = options.parser(__doc__, "shared", "jobs", "cache", "dry")
     parser.add_argument("--other", type=Path, help="folder of the second simulator's scenes")
+    parser.add_argument("--long", type=int, default=6, help="number of long scenes")
     parser.add_argument("--tuning", action="store_true", help="tuning seeds; nothing is written")
     asked = parser.parse_args()
     split = "tuning" if asked.tuning else "judging"
     with Pool(asked.jobs, report_progress) as pool:
-        scenes = runs_by_group(split, asked.other, asked.cache.absolute(), asked.jobs, pool)
+        scenes = runs_by_group(split, asked, pool)
         played = pool.do("following", play, scenes)
     text = tables(scenes, played)
     script = str(Path(__file__).parent)

@@ -26,9 +26,9 @@ from lab.scenario import CapturePlan, PersonPlan, Scenario, Waypoint
 from people4d.messages import F64, Detections, Embeddings
 
 # Seeds of long scenes, and of rendered scenes with own and with dark clothes
-SEEDS = {
+SEEDS: dict[str, tuple[range, dict[str, tuple[int, ...]]]] = {
     "tuning": (range(1, 5), {"own": (1, 2, 3), "dark": (11, 12, 13)}),
-    "judging": (range(50, 56), {"own": (50, 51), "dark": (50, 51)}),
+    "judging": (range(50, 56), {"own": (50, 51), "dark": (50,)}),
 }
 RENDERED = "lab:random?people=4&duration_s=30&width=320&height=240&outfit="
 DURATION_S, FPS = 150.0, 10.0
