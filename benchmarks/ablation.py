@@ -16,8 +16,6 @@ import numpy as np
 
 from benchmarks.lib import options
 from benchmarks.lib.gait.drawn_scenes import drawn_scenes
-from benchmarks.lib.intervals import Difference, Figure, compare, pool
-from benchmarks.lib.marks.annotations import read_frames
 from benchmarks.lib.marks.crossing import crossing_camera
 from benchmarks.lib.marks.methods import DEFAULT, HALVES, MARKS, variants
 from benchmarks.lib.marks.recording import MarkedRecording, marked
@@ -25,6 +23,8 @@ from benchmarks.lib.marks.scores import MarkOutcome, figures
 from benchmarks.lib.marks.variations import IMAGES, Cache, VariedDetections, detect, vary
 from benchmarks.lib.table import markdown, write
 from benchmarks.real_variations import VariationScores, score_detected
+from common.metrics.intervals import Difference, PooledFigure, compare, pool
+from evaluation.annotations.marks import read_frames
 from evaluation.methods import Method, read_method
 from evaluation.pool import Pool
 from evaluation.recordings.recordings import EvaluationRecording, plan_recordings
@@ -69,18 +69,18 @@ PARTS = {
 }
 
 SIMULATED = (
-    Figure("position m", root=True),
-    Figure("velocity m/s", root=True),
-    Figure("yaw deg", "{:.1f}", root=True),
-    Figure("ID switches a min", "{:.2f}"),
-    Figure("coverage %", "{:.1f}", 100.0, higher_is_better=True),
-    Figure("IDF1 %", "{:.1f}", 100.0, higher_is_better=True),
-    Figure("false tracks s/min", "{:.2f}"),
+    PooledFigure("position m", root=True),
+    PooledFigure("velocity m/s", root=True),
+    PooledFigure("yaw deg", "{:.1f}", root=True),
+    PooledFigure("ID switches a min", "{:.2f}"),
+    PooledFigure("coverage %", "{:.1f}", 100.0, higher_is_better=True),
+    PooledFigure("IDF1 %", "{:.1f}", 100.0, higher_is_better=True),
+    PooledFigure("false tracks s/min", "{:.2f}"),
 )
 REAL = (
-    Figure("identity %", "{:.1f}", 100.0, higher_is_better=True),
-    Figure("facing %", "{:.1f}", 100.0, higher_is_better=True),
-    Figure("> 0.5 m off %", "{:.1f}", 100.0),
+    PooledFigure("identity %", "{:.1f}", 100.0, higher_is_better=True),
+    PooledFigure("facing %", "{:.1f}", 100.0, higher_is_better=True),
+    PooledFigure("> 0.5 m off %", "{:.1f}", 100.0),
 )
 DETECTORS = {"MoveNet": DEFAULT, "YOLO": "YOLOv8n-pose, OSNet"}
 EVENT_FRAMES = 20  # number of frames of an event: two seconds
@@ -238,7 +238,7 @@ def real_units(people: RealPeople, parts: Mapping[str, Part]) -> dict[tuple[str,
     return found
 
 
-def table(units: Units, of: tuple[Figure, ...]) -> str:
+def table(units: Units, of: tuple[PooledFigure, ...]) -> str:
     """Return `best`, and the differences without each part, with intervals."""
     best = pool(units["best"].sum(axis=0), of).tolist()
     rows = [["best", *(figure.form.format(x) for figure, x in zip(of, best, strict=True))]]
@@ -247,14 +247,16 @@ def table(units: Units, of: tuple[Figure, ...]) -> str:
     return markdown(("method", *(figure.title for figure in of)), rows)
 
 
-def _differences(units: Units, of: tuple[Figure, ...]) -> Iterator[tuple[str, list[Difference]]]:
+def _differences(
+    units: Units, of: tuple[PooledFigure, ...]
+) -> Iterator[tuple[str, list[Difference]]]:
     for name, sums in units.items():
         if name != "best":
             yield name, compare(sums, units["best"], of)
 
 
 def verdicts(
-    parts: Mapping[str, Part], test: Mapping[str, tuple[Units, tuple[Figure, ...]]]
+    parts: Mapping[str, Part], test: Mapping[str, tuple[Units, tuple[PooledFigure, ...]]]
 ) -> str:
     """Return a verdict on each part, from the figures of the test split."""
     worse: dict[str, list[str]] = {name: [] for name in parts}
@@ -281,7 +283,7 @@ def main() -> None:
     asked = parser.parse_args()
     parts = {name: part for name, part in PARTS.items() if name in (asked.part or PARTS)}
     parts = {name: part for name, part in parts.items() if part.is_tracker or not asked.tracker}
-    found: dict[tuple[str, str], tuple[Units, tuple[Figure, ...]]] = {
+    found: dict[tuple[str, str], tuple[Units, tuple[PooledFigure, ...]]] = {
         key: (simulated_units(scenes, parts, asked.cache.absolute(), asked.jobs), SIMULATED)
         for key, scenes in recordings(asked.other, asked.lab_scenes, asked.cache).items()
     }

@@ -15,10 +15,10 @@ import numpy as np
 
 from benchmarks.gait_bodies import NO_KEYPOINTS
 from benchmarks.lib import options
-from benchmarks.lib.marks.annotations import Mark, read_frames
 from benchmarks.lib.marks.crossing import MOUNT_RPY_RAD, MOUNT_XYZ_M, TORSO_MM, Pixel
 from benchmarks.lib.table import markdown, write
 from common.geometry.transforms import apply, invert, project
+from evaluation.annotations.marks import Mark, read_frames
 from evaluation.gait.report import read_run
 from evaluation.gait.run import BoxCorners, estimate_gait
 from evaluation.gait.tables import GaitTables

@@ -9,7 +9,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from benchmarks.lib import options
-from benchmarks.lib.marks.annotations import read_frames
 from benchmarks.lib.marks.crossing import FPS, crossing_camera
 from benchmarks.lib.marks.methods import HALVES, MARKS, variants
 from benchmarks.lib.marks.recording import MarkedRecording, marked
@@ -28,6 +27,7 @@ from benchmarks.lib.marks.variations import (
 )
 from benchmarks.lib.table import markdown, write
 from common.metrics.counts import ratio
+from evaluation.annotations.marks import read_frames
 from evaluation.methods import Method
 from services.detector.config import shipped_model
 

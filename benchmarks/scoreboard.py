@@ -16,7 +16,6 @@ from benchmarks.lib import options
 from benchmarks.lib.each import each
 from benchmarks.lib.intervals import Interval, jackknife
 from benchmarks.lib.marks import stills
-from benchmarks.lib.marks.annotations import read_frames
 from benchmarks.lib.marks.crossing import FPS, crossing_camera
 from benchmarks.lib.marks.methods import MARKS, ROOT, variants
 from benchmarks.lib.marks.peers import crossing_peers
@@ -29,6 +28,7 @@ from benchmarks.lib.prediction.score import predict_walks
 from benchmarks.lib.table import markdown, write
 from common.metrics.pose import rmse
 from common.metrics.scores import Row, combine
+from evaluation.annotations.marks import read_frames
 from evaluation.datasets.walks import read_walks
 from evaluation.methods import read_method
 from evaluation.pool import Pool

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from benchmarks.lib.intervals import Figure, compare, jackknife, pool
+from benchmarks.lib.intervals import jackknife
+from common.metrics.intervals import PooledFigure, compare, pool
 from people4d.messages import F64
 
-ERROR = Figure("error m", root=True)
-SHARE = Figure("right %", "{:.1f}", 100.0, higher_is_better=True)
+ERROR = PooledFigure("error m", root=True)
+SHARE = PooledFigure("right %", "{:.1f}", 100.0, higher_is_better=True)
 
 
 def units(*rights: float) -> F64:

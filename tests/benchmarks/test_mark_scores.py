@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.lib.marks.annotations import Mark, MarkView
 from benchmarks.lib.marks.scores import MarkScores, MarkTruth, TrackedPerson, figures
+from evaluation.annotations.marks import Mark, MarkView
 from services.camera.config import CameraConfig
 from tests import builders
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from benchmarks.lib.marks.annotations import Mark, MarkView
 from benchmarks.lib.marks.scores import MarkTruth, TrackedPerson
 from common.geometry.transforms import apply, invert, project
+from evaluation.annotations.marks import Mark, MarkView
 from evaluation.methods import Method
 from evaluation.recordings.detections import (
     DetectionFiles,

@@ -14,12 +14,12 @@ from functools import cached_property
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from benchmarks.lib.marks.annotations import Mark
 from common.metrics.counts import ratio
 from common.metrics.matching import Matching, match
 from common.metrics.pose import rmse
 from common.metrics.record import EvaluationFrame, EvaluationSequence, GroundTruth, Hypotheses
 from common.metrics.scores import Row, score_matching
+from evaluation.annotations.marks import Mark
 from people4d.messages import F64
 from services.tracker.sort3d.association import assign
 

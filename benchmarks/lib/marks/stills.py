@@ -10,11 +10,11 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.lib.marks.annotations import Mark
 from benchmarks.lib.marks.methods import MARKS
 from benchmarks.lib.marks.recording import detect_all, marked
 from benchmarks.lib.marks.scores import MarkScores, MarkTruth, TrackedPerson
 from common.io.recording import open_recording
+from evaluation.annotations.marks import Mark
 from evaluation.methods import Method
 from people4d.messages import Detections
 from services.camera.config import CameraConfig

@@ -9,9 +9,9 @@ import cv2
 import msgspec
 import numpy as np
 
-from benchmarks.lib.marks.annotations import MarkView
 from benchmarks.lib.marks.recording import FrameOutput, MarkedRecording
 from benchmarks.lib.marks.scores import MarkTruth
+from evaluation.annotations.marks import MarkView
 from evaluation.methods import Method
 from people4d.messages import (
     F64,
