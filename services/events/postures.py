@@ -200,9 +200,10 @@ def _pointing_ray(skeleton: PersonSkeleton) -> tuple[F64, F64] | None:
         if not all(skeleton.measured[joint] for joint in joints):
             continue
         shoulder_m, elbow_m, wrist_m = skeleton.positions_m[list(joints)].astype(np.float64)
-        upper, lower = _unit(elbow_m - shoulder_m), _unit(wrist_m - elbow_m)
         direction = _unit(wrist_m - shoulder_m)
-        if upper @ lower > STRAIGHT and HANGING < direction[2] < STEEP:
+        if not HANGING < direction[2] < STEEP:
+            continue
+        if _unit(elbow_m - shoulder_m) @ _unit(wrist_m - elbow_m) > STRAIGHT:
             return shoulder_m, direction
     return None
 
