@@ -28,6 +28,8 @@ from people4d.messages import F64
 
 MAX_BYTES = 256 * 2**20  # maximum size of a text: three hours of thirty people
 MAX_NUMBER = 2**53  # maximum number of a frame or an identity
+FRAMES_MAX = 10**6  # maximum number of frames of a sequence: nine hours at 30 Hz
+RATE_MIN_HZ = 1e-3  # minimum frame rate [Hz]
 CLASSES_MAX = 1000  # maximum number of a class
 LAYOUT = (
     "frame,id,left,top,width,height,confidence (a frame from 1, a whole id, a positive size) and "
@@ -128,8 +130,10 @@ def read_info(path: Path) -> MotInfo:
             width=int(section["imWidth"]),
             height=int(section["imHeight"]),
         )
-        if not 0 < info.rate_hz < math.inf:
+        if not RATE_MIN_HZ <= info.rate_hz < math.inf:
             raise ValueError(f"frameRate {info.rate_hz}")
+        if not (0 < info.frames <= FRAMES_MAX and info.width > 0 and info.height > 0):
+            raise ValueError(f"{info.frames} frames of {info.width} x {info.height} pixels")
     except (configparser.Error, KeyError, ValueError) as error:
         raise DecodeError(
             f"{path}: expected [Sequence] with name, frameRate, seqLength, imWidth and imHeight, "

@@ -128,6 +128,8 @@ def read_walks(folder: Path) -> Walks:
         raise SourceError(f"{folder}/obsmat.txt: expected 8 finite columns, got {table.shape[1]}")
     table = table[np.lexsort((table[:, 1], table[:, 0]))]
     numbers = np.unique(table[:, 0])
+    if len(numbers) < 2:
+        raise SourceError(f"{folder}/obsmat.txt: expected two or more frames, got {len(numbers)}")
     steps, counts = np.unique(np.diff(numbers), return_counts=True)
     step = steps[counts.argmax()]  # frames between two annotations
     pairs = (frozenset((a, b)) for group in members for a in group for b in group if a < b)

@@ -72,6 +72,16 @@ def test_a_rate_must_be_positive(tmp_path: Path) -> None:
         read_info(written(tmp_path, text))
 
 
+@pytest.mark.parametrize(
+    "changed", ["seqLength=0", "seqLength=2000000000", "imWidth=-4", "frameRate=1e-300"]
+)
+def test_a_sequence_without_extent_is_refused(tmp_path: Path, changed: str) -> None:
+    text = "name=walk\nframeRate=25\nseqLength=3\nimWidth=640\nimHeight=480\n"
+    lines = [x for x in text.splitlines() if not x.startswith(changed.partition("=")[0])]
+    with pytest.raises(DecodeError, match="frameRate"):
+        read_info(written(tmp_path, "\n".join(["[Sequence]", *lines, changed])))
+
+
 def test_flagged_truth_is_dropped_and_frames_have_stamps(tmp_path: Path) -> None:
     truth = read_rows(written(tmp_path, "1,7,0,0,10,10,1\n1,8,50,0,10,10,0\n3,7,0,0,10,10,1\n"))
     tracks = {1: Hypotheses(ids=(1,), boxes_xyxy_px=np.array([[0.0, 0.0, 10.0, 10.0]]))}

@@ -107,3 +107,9 @@ def test_scene_of_the_test_split_is_refused_for_tuning() -> None:
 def test_presets_are_refused() -> None:
     with pytest.raises(ConfigError, match="expected no preset and no setting, got image-sort"):
         ETH_UCY.methods(["image-sort"], [])
+
+
+def test_a_scene_of_one_frame_is_refused(tmp_path: Path) -> None:
+    write_scene(tmp_path, [np.zeros((1, 2))])
+    with pytest.raises(SourceError, match="expected two or more frames, got 1"):
+        ETH_UCY.evaluate(job(tmp_path))
