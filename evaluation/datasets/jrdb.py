@@ -69,7 +69,7 @@ class JrdbTracking(Dataset):
         tracks = track_boxes(job.method, one.frames)
         split = f"{job.path.parent.name}/"
         others = [name for name in self.sequences(job.folder) if name.startswith(split)]
-        files = {f"{others.index(job.sequence):04}.txt": submission(tracks)}
+        files = {f"{split}{others.index(job.sequence):04}.txt": submission(tracks)}
         if one.truth is None:
             return SequenceResult(None, files)
         return SequenceResult(OspaFigures(one.score(tracks), ospa(one.truth, tracks)), files)
@@ -136,7 +136,8 @@ JRDB = JrdbTracking(
     licence="CC BY-NC-SA 3.0",
     obtain="Get labels and detections of https://jrdb.erc.monash.edu, and name their folder.",
     metric="OSPA, HOTA, MOTA, IDF1 of 2D boxes as the toolkit's JRDB2DBox",
-    server="NNNN.txt, sequences of a split by name: frame, id, Pedestrian and 15 more columns",
+    server="SPLIT/NNNN.txt, sequences of a split by name: frame, id, Pedestrian and 15 more "
+    "columns",
     preset="image-sort-dynamic",
     columns=("ospa", "hota", "mota", "idf1", "id_switches"),
     tuning=(f"{TRAINING}/*",),

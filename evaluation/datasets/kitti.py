@@ -7,6 +7,7 @@ alpha, left, top, right, bottom, seven numbers in 3D, and in detections a score.
 frame: its columns 4 to 6 are roll, pitch and yaw of the car.
 """
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -53,7 +54,7 @@ class KittiTracking(Dataset):
         one = self.load(job.folder, job.sequence)
         tracks = track_boxes(job.method, one.frames)
         figures = None if one.truth is None else one.score(tracks)
-        return SequenceResult(figures, {f"{one.name}.txt": submission(tracks)})
+        return SequenceResult(figures, {f"{job.sequence}.txt": submission(tracks)})
 
     def load(self, folder: Path, sequence: str) -> BoxSequence:
         """Read one sequence.
@@ -82,8 +83,9 @@ class KittiTracking(Dataset):
         rows: list[list[list[str]]] = [[] for _ in range(frames)]
         for number, row in enumerate(self._lines(path), 1):
             where = Path(f"{path}, line {number}")
-            if len(row) != columns or not row[0].isdecimal():
-                raise self.mismatch(where, f"{columns} columns, a frame first", " ".join(row)[:60])
+            if len(row) != columns or not row[0].isdecimal() or not _finite(row[1:2] + row[3:]):
+                expected = f"{columns} columns, a frame first, and numbers except the class"
+                raise self.mismatch(where, expected, " ".join(row)[:60])
             if int(row[0]) >= frames:
                 raise self.mismatch(
                     where, f"frames 0 to {frames - 1} as in oxts", f"frame {row[0]}"
@@ -94,8 +96,8 @@ class KittiTracking(Dataset):
     def _directions(self, path: Path) -> list[CameraDirection | None]:
         directions = []
         for row in self._lines(path):
-            if len(row) != 30:
-                raise self.mismatch(path, "30 columns", len(row))
+            if len(row) != 30 or not _finite(row):
+                raise self.mismatch(path, "30 columns of numbers", " ".join(row)[:60])
             rotation = rotation_from_rpy(*map(float, row[3:6]))
             pose = transform_from(np.zeros(3), rotation) @ LINK_FROM_OPTICAL
             directions.append(camera_direction(pose))
@@ -111,12 +113,19 @@ class KittiTracking(Dataset):
 def _truth(rows: list[list[str]]) -> BoxTruth:
     people = [row for row in rows if row[2].lower() in ("pedestrian", "person") and row[1] != "-1"]
     clear = np.array(
-        [int(r[3]) <= TRUNCATION_MAX and int(r[4]) <= OCCLUSION_MAX for r in people], np.bool_
+        [float(r[3]) <= TRUNCATION_MAX and float(r[4]) <= OCCLUSION_MAX for r in people], np.bool_
     )
     evaluated = clear & np.array([row[2].lower() == "pedestrian" for row in people], np.bool_)
     regions = _boxes([row for row in rows if row[2].lower() == "dontcare"])
-    ids = tuple(int(row[1]) for row in people)
+    ids = tuple(int(float(row[1])) for row in people)
     return BoxTruth(ids, _boxes(people), evaluated, ~evaluated, regions, HEIGHT_MIN_PX)
+
+
+def _finite(words: list[str]) -> bool:
+    try:
+        return all(math.isfinite(float(word)) for word in words)
+    except ValueError:
+        return False
 
 
 def _boxes(rows: list[list[str]]) -> F64:
@@ -140,7 +149,7 @@ KITTI = KittiTracking(
     obtain="Get labels, GPS/IMU data and L-SVM or regionlet detections of "
     "https://www.cvlibs.net/datasets/kitti/eval_tracking.php, and name the folder of training.",
     metric="HOTA, MOTA, IDF1 of pedestrians as TrackEval's Kitti2DBox",
-    server="NNNN.txt: frame, id, Pedestrian and 15 more columns of the devkit",
+    server="SPLIT/NNNN.txt: frame, id, Pedestrian and 15 more columns of the devkit",
     preset="image-sort-odom-dynamic",
     columns=("hota", "mota", "idf1", "id_switches"),
     tuning=tuple(f"training/{n:04}" for n in range(21) if n not in VALIDATION),

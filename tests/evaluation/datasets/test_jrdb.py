@@ -106,7 +106,7 @@ def test_a_submission_is_numbered_in_its_split(tmp_path: Path) -> None:
     job = DatasetJob(tmp_path, f"{TEST}/{NAME}", read_method("image-sort-best"), tmp_path)
     result = JRDB.evaluate(job)
     assert result.figures is None
-    rows = [line.split() for line in result.submission["0001.txt"].splitlines()]
+    rows = [line.split() for line in result.submission[f"{TEST}/0001.txt"].splitlines()]
     assert {len(row) for row in rows} == {18}
     assert rows[0][:6] == ["0", "1", "Pedestrian", "0", "0", "-1"]
     assert tuple(map(float, rows[0][6:10])) == lab_people()[0][0].box_px

@@ -52,7 +52,7 @@ def test_a_submission_has_18_columns_and_frames_from_0(tmp_path: Path) -> None:
     job = DatasetJob(tmp_path, "testing/0000", read_method("image-sort-best"), tmp_path)
     result = KITTI.evaluate(job)
     assert result.figures is None
-    rows = [line.split() for line in result.submission["0000.txt"].splitlines()]
+    rows = [line.split() for line in result.submission["testing/0000.txt"].splitlines()]
     assert {len(row) for row in rows} == {18}
     left, top, width, height = lab_people()[0][0].box_px
     assert rows[0][:6] == ["0", "1", "Pedestrian", "-1", "-1", "-10"]
@@ -69,7 +69,9 @@ def test_half_a_download_is_named(tmp_path: Path, part: str) -> None:
 def test_labels_of_single_images_are_refused(tmp_path: Path) -> None:
     path = write_kitti(tmp_path) / "training" / "label_02" / "0000.txt"
     path.write_text("Pedestrian 0.00 0 -0.20 712 143 810 307 1.89 0.48 1.20 1.84 1.47 8.41 0.01\n")
-    with pytest.raises(SourceError, match=r"line 1: expected 17 columns, a frame first, got Pede"):
+    with pytest.raises(
+        SourceError, match=r"line 1: expected 17 columns, a frame first, .* got Pede"
+    ):
         KITTI.load(tmp_path, TRAIN)
 
 
@@ -84,3 +86,15 @@ def test_validation_split_is_refused_for_tuning() -> None:
     KITTI.check_tuning([TRAIN, "training/0002"])
     with pytest.raises(ConfigError, match="got training/0001"):
         KITTI.check_tuning([TRAIN, "training/0001"])
+
+
+@pytest.mark.parametrize("part", ["oxts", "label_02", "det_02"])
+@pytest.mark.parametrize("word", ["nan", "half"])
+def test_lines_without_numbers_are_refused(tmp_path: Path, part: str, word: str) -> None:
+    path = write_kitti(tmp_path) / "training" / part / "0000.txt"
+    first, *others = path.read_text().splitlines()
+    words = first.split()
+    words[3] = word
+    path.write_text("\n".join([" ".join(words), *others]))
+    with pytest.raises(SourceError, match="numbers"):
+        KITTI.load(tmp_path, TRAIN)
