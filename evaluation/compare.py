@@ -97,6 +97,11 @@ def compare_reports(first: Path, second: Path) -> dict[tuple[str, str], list[Com
             np.concatenate([sums for (method, _), sums in sorted(run.items()) if method == name])
             for run, name in zip(runs, pair, strict=True)
         ]
+        if len(sums[0]) != len(sums[1]):
+            raise SourceError(
+                f"{first} and {second} have {len(sums[0])} and {len(sums[1])} parts of {pair[0]}",
+                f"A {parts.FILE} is incomplete: evaluate again.",
+            )
         found[pair] = list(compare_sums(*sums))
     return found
 

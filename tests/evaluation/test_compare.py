@@ -13,6 +13,7 @@ from evaluation.evaluate import evaluate
 from evaluation.protocol import commit
 from evaluation.report.page import write
 from evaluation.report.parts import FIGURES
+from people4d.errors import SourceError
 from tests.evaluation import builders
 from tests.evaluation.test_by_hand import plan, quiet
 
@@ -97,3 +98,11 @@ def test_figures_of_parts_add_up_to_the_figures_of_the_run(tmp_path: Path) -> No
     assert sums[0, 0] / sums[0, 1] == pytest.approx(row["idf1"])
     assert sums[1, 0] / sums[1, 1] == pytest.approx(row["recall"])
     assert 60 * sums[3, 0] / sums[3, 1] == pytest.approx(row["id_switches_per_min"])
+
+
+def test_report_with_half_its_parts_is_refused(tmp_path: Path) -> None:
+    first, second = report(tmp_path / "a", 0.1), report(tmp_path / "b", 0.1)
+    path = second / "parts.csv"
+    path.write_text("".join(path.read_text().splitlines(keepends=True)[:5]))
+    with pytest.raises(SourceError, match="have 8 and 4 parts of seg-sort"):
+        compare_reports(first, second)
