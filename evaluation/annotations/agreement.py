@@ -64,6 +64,7 @@ def agreement(camera: CameraConfig, first: Path, second: Path) -> Agreement:
     images = read_images(camera, 1, lambda _: None, common)
     for path, annotations in zip((first, second), files, strict=True):
         check_recording(path, annotations, images.digest)
+    common &= images.images.keys()
     pairs = [pair for frame in sorted(common) for pair in _pairs(images, frame, files)]
     apart = [
         (p, q) for pair in pairs for p, q in [pair.points_m] if p is not None and q is not None

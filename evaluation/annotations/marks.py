@@ -1,6 +1,7 @@
 """Annotations of people in images: a point on the torso, identity, yaw and occlusion."""
 
 import hashlib
+import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,8 +30,8 @@ class Mark(msgspec.Struct, frozen=True, omit_defaults=True):
     """One person in one image."""
 
     person: Annotated[str, Meta(min_length=1, max_length=40)]
-    u_px: float
-    v_px: float
+    u_px: Annotated[float, Meta(ge=0)]
+    v_px: Annotated[float, Meta(ge=0)]
     # [deg] yaw of the chest: 0 away from the camera, 90 to the image's left; None: uncertain
     yaw_deg: Annotated[float, Meta(ge=-180, le=180)] | None
     hidden: Hidden = "no"  # occlusion
@@ -144,7 +145,7 @@ def write_marks(path: Path, image: MarkedImage, digest: str) -> None:
     images = {one.frame: one for one in old.marks} | {image.frame: image}
     fields |= {"recording": msgspec.Raw(msgspec.json.encode(digest))}
     fields.pop("marks", None)
-    lines = [f'"{name}": {bytes(value).decode()},' for name, value in fields.items()]
+    lines = [f"{json.dumps(name)}: {bytes(value).decode()}," for name, value in fields.items()]
     marks = [msgspec.json.encode(images[frame]).decode() for frame in sorted(images)]
     text = "\n".join(["{", *lines, '"marks": [', ",\n".join(marks), "]", "}", ""])
     try:

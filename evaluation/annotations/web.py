@@ -64,7 +64,9 @@ class AnnotationApp:
             Route("/frames/{frame:int}/image", self._image),
             Mount("/", files),
         ]
-        return Guard(Starlette(routes=routes), tokens, allowed_hosts(config))
+        handlers = {SourceError: _refuse}  # the file was changed by another program
+        app = Starlette(routes=routes, exception_handlers=handlers)
+        return Guard(app, tokens, allowed_hosts(config))
 
     async def _list(self, _: Request) -> Response:
         """List the images, those with marks, and all people."""
@@ -126,6 +128,10 @@ class AnnotationApp:
         annotations = read_annotations(self._path)
         check_recording(self._path, annotations, self._images.digest)
         return {image.frame: image.people for image in annotations.marks}
+
+
+async def _refuse(_: Request, error: Exception) -> Response:
+    return PlainTextResponse(f"{error}\n", 400)
 
 
 def _json(value: Any) -> Response:

@@ -3,6 +3,8 @@
 import json
 from collections.abc import Mapping
 from pathlib import Path
+from urllib.error import HTTPError
+from urllib.request import urlopen
 
 import cv2
 import numpy as np
@@ -14,11 +16,14 @@ from evaluation.annotations.agreement import agreement
 from evaluation.annotations.images import read_images
 from evaluation.annotations.marks import Mark, MarkedImage, read_annotations, write_marks
 from evaluation.annotations.truth import annotated_truth
+from evaluation.annotations.web import AnnotationApp
 from people4d.errors import SourceError
 from people4d.messages import StaticTransform
 from services.camera.config import CameraConfig
 from services.camera.source import SourceFrame
 from services.camera.sources import open_source
+from services.dashboard.config import DashboardConfig
+from services.dashboard.server import WebServer
 from services.detector.position.axis import BODY
 from tests import DEMO, ROOT, builders
 
@@ -108,6 +113,30 @@ def test_description_in_a_file_survives_a_change(tmp_path: Path) -> None:
     assert changed == original
 
 
+def test_field_with_a_quotation_mark_survives_a_change(tmp_path: Path) -> None:
+    file = tmp_path / "marks.json"
+    file.write_text(json.dumps({'a"b': 1}))
+    write_marks(file, MarkedImage(0, ()), "abc")
+    assert json.loads(file.read_text())['a"b'] == 1
+
+
+def test_marks_of_absent_images_are_left_out_of_the_agreement(tmp_path: Path) -> None:
+    camera = folder(tmp_path / "wall")
+    marks = {0: (Mark("a", 80, 60, 0),), FRAMES: (Mark("a", 80, 60, 0),)}
+    file = write(tmp_path / "marks.json", camera, marks)
+    assert agreement(camera, file, file).frames == 1
+
+
+def test_current_folder_is_a_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The file of annotations is beside the folder."""
+    camera = folder(tmp_path / "wall")
+    file = write(tmp_path / "wall.annotations.json", camera, {0: (Mark("a", 80, 60, 0),)})
+    monkeypatch.chdir(camera.source)
+    flags = ["--compare", str(file), "--set", "camera.options.fps=10"]
+    result = CliRunner().invoke(app, ["annotate", ".", *flags])
+    assert result.exit_code == 0, result.stderr
+
+
 def test_agreement_of_two_annotators_by_hand(tmp_path: Path) -> None:
     """Ten pixels at 2 m and 100 px focal length are 0.2 m.
 
@@ -159,6 +188,11 @@ def test_annotations_of_another_recording_are_refused(tmp_path: Path) -> None:
         ('{"marks": [{"frame": -1, "people": []}]}', ">= 0"),
         ('{"marks": [{"frame": 0, "people": [{"person": "a", "u_px": 1}]}]}', "v_px"),
         ('{"marks": [], "recording": NaN}', "malformed"),
+        (
+            '{"marks": [{"frame": 0, "people": [{"person": "a", "u_px": -9, "v_px": 1, '
+            '"yaw_deg": 0}]}]}',
+            ">= 0",
+        ),
     ],
 )
 def test_wrong_file_has_a_clear_error(tmp_path: Path, text: str, message: str) -> None:
@@ -176,6 +210,30 @@ def test_unreadable_images_are_left_out_or_refused(tmp_path: Path) -> None:
         file.write_bytes(b"no image")
     with pytest.raises(SourceError, match="readable image"):
         read_images(camera, 1, lambda _: None)
+
+
+def test_wrong_truth_is_refused_before_a_recording_is_played(tmp_path: Path) -> None:
+    cache = tmp_path / "cache"
+    arguments = ["evaluate", "best", "--recordings", str(DEMO), "--cache", str(cache)]
+    result = CliRunner().invoke(app, [*arguments, "--truth", str(tmp_path / "none.json")])
+    assert result.exit_code == 1
+    assert "is no file of annotations" in result.stderr
+    assert not cache.exists()
+
+
+def test_page_states_that_its_file_was_broken(tmp_path: Path) -> None:
+    file, config = tmp_path / "marks.json", DashboardConfig(port=0)
+    images = read_images(folder(tmp_path / "wall"), 1, lambda _: None)
+    page = AnnotationApp("wall", images, file)
+    server = WebServer(config, lambda tokens: page.guarded(config, tokens))
+    try:
+        file.write_text("x")
+        with pytest.raises(HTTPError) as raised:
+            urlopen(f"{server.address.url}frames", timeout=20)
+        assert raised.value.code == 400
+        assert b"is no file of annotations" in raised.value.read()
+    finally:
+        server.close()
 
 
 def test_number_of_truth_files_must_be_that_of_recordings() -> None:

@@ -41,7 +41,8 @@ def annotate(
     from evaluation.methods import read_method  # noqa: PLC0415
 
     need("people4d annotate", "dashboard")
-    out = out or recording.with_name(f"{recording.name}.annotations.json")
+    # A recording may be the current folder
+    out = out or Path(f"{os.path.abspath(recording)}.annotations.json")
     camera = read_method("best", set_).camera
     camera = msgspec.structs.replace(camera, source=str(recording))
     if compare:

@@ -172,12 +172,16 @@ def _show(table: "ReportTable") -> None:
 def _annotated(
     recordings: "list[EvaluationRecording]", files: list[Path]
 ) -> "tuple[EvaluationRecording, ...]":
+    from evaluation.annotations.marks import read_annotations  # noqa: PLC0415
+
     if not files:
         return tuple(recordings)
     if len(files) != len(recordings):
         raise ConfigError(
             f"--truth: expected one file for each of {len(recordings)} recordings, got {len(files)}"
         )
+    for file in files:
+        read_annotations(file)  # wrong files are refused before detections are made
     pairs = zip(recordings, files, strict=True)
     return tuple(replace(recording, annotations=file) for recording, file in pairs)
 
