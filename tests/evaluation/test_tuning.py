@@ -109,6 +109,7 @@ def test_first_half_never_lowers_the_second_half_beyond_its_interval(tmp_path: P
     ("flags", "message"),
     [
         (("--minutes", "0"), "--minutes: expected more than 0, got 0"),
+        (("--candidates", "1"), "--candidates: expected 2 or more, got 1"),
         (("--minutes", "nan"), "--minutes: expected more than 0, got nan"),
         (("--minutes", "1", "--set", "tracker.max_lost_s=nan"), "settings of the camera only"),
         (("--minutes", "1", "--preset", "bets"), "Did you mean best?"),
@@ -122,6 +123,12 @@ def test_wrong_input_has_a_clear_error(
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 1
     assert message in result.stderr
+
+
+def test_seed_beyond_32_bits_is_refused() -> None:
+    result = CliRunner().invoke(app, ["tune", str(DEMO), "--seed", str(2**32)])
+    assert result.exit_code == 2
+    assert "--seed" in result.stderr
 
 
 def test_recordings_of_the_test_split_are_refused(tmp_path: Path) -> None:

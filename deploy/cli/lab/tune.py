@@ -22,7 +22,7 @@ def tune(
     recording: Annotated[
         str, typer.Argument(help="Recording with ground truth or annotations, or lab:SCENARIO.")
     ],
-    minutes: Annotated[float, typer.Option(help="Duration of the search [min].")],
+    minutes: Annotated[float, typer.Option(help="Duration of the search [min].")] = 10.0,
     truth: Annotated[
         Path | None,
         typer.Option(
@@ -33,7 +33,7 @@ def tune(
     out: Annotated[Path, typer.Option(help="Preset to write if there is a gain.")] = Path(
         "tuned.toml"
     ),
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the search.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Seed of the search.")] = 1,
     candidates: Annotated[
         int,
         typer.Option(
