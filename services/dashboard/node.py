@@ -1,4 +1,4 @@
-"""Node of the dashboard: publishes packets to the pages, and their edits of zones."""
+"""Node of the dashboard: publishes packets to the pages, and their commands."""
 
 import time
 from collections import deque
@@ -26,6 +26,8 @@ from people4d.messages import (
     RgbdFrame,
     Skeletons,
     StaticTransform,
+    Target,
+    TargetCommand,
     Tracks,
     ZoneEdit,
     Zones,
@@ -53,7 +55,7 @@ class DashboardNode(Node):
     inputs: tuple[type[Message], ...] = (*(Tracks, CameraInfo, StaticTransform, Event, Zones),)
     inputs_on_demand: ClassVar[tuple[type[Message], ...]] = (
         *(RgbdFrame, CompressedRgbdFrame, Detections, Predictions, Health),
-        *(MovingTransform, Odometry, Skeletons),
+        *(MovingTransform, Odometry, Skeletons, Target),
     )
 
     def __init__(self, config: DashboardConfig) -> None:
@@ -71,14 +73,16 @@ class DashboardNode(Node):
         self._cloud_ns: dict[str, int] = {}
         self._last: dict[str, tuple[int, dict[str, Any]]] = {}  # newest scene of each camera
         self._events: deque[dict[str, Any]] = deque(maxlen=EVENTS_MAX)
-        self._edits: deque[ZoneEdit] = deque(maxlen=8)
-        self._edit_sequence = 0
+        self._commands: deque[ZoneEdit | TargetCommand] = deque(maxlen=8)
+        self._command_sequence = 0
         self._images = self._images_failed = 0
 
     def attach(self, loop: LoopCallbacks) -> None:
         """Use the callbacks of the loop, and open the page."""
         self._loop = loop
-        self._server = serve_dashboard(self._config, self._hub, self._take_edit, loop.state_folder)
+        self._server = serve_dashboard(
+            self._config, self._hub, self._take_command, loop.state_folder
+        )
         self._hub.about |= {
             "robot": loop.robot,
             "privacy": self._config.privacy,
@@ -114,6 +118,9 @@ class DashboardNode(Node):
             packet = {"frame": str(message.stamp_ns), "camera": message.camera}
             packet |= skeletons_of(message)
             self._publish(f"skeletons {message.camera}", packet, stamp_ns=message.stamp_ns)
+        elif isinstance(message, Target):
+            state: dict[str, Any] = {"state": message.state, "id": message.id}
+            self._publish("target", {"type": "target", **state, "reason": message.reason})
         elif isinstance(message, Event):
             self._events.append(event_of(message, time.time() * 1000))
             self._publish("events", {"type": "events", "events": list(self._events)}, stays=True)
@@ -126,7 +133,7 @@ class DashboardNode(Node):
         return ()
 
     def tick(self, now_ns: int) -> Sequence[Message]:
-        """Follow the demand of the pages; send detections without tracks, health and edits."""
+        """Follow the demand of the pages; send detections without tracks, health and commands."""
         if self._wanted != self._demand:
             self._follow(self._wanted)
         for key, (detections, until_ns) in list(self._detected.items()):
@@ -136,12 +143,12 @@ class DashboardNode(Node):
         if self._demand.viewers:
             for name, packet in self._overview.due(now_ns):
                 self._publish(name, packet, stays=True)
-        edits = []
-        while self._edits:
-            self._edit_sequence += 1
-            sequence = self._edit_sequence - 1
-            edits.append(msgspec.structs.replace(self._edits.popleft(), sequence=sequence))
-        return edits
+        commands = []
+        while self._commands:
+            self._command_sequence += 1
+            sequence = self._command_sequence - 1
+            commands.append(msgspec.structs.replace(self._commands.popleft(), sequence=sequence))
+        return commands
 
     def wake_ns(self) -> int | None:
         """Return the time of the next packet [ns]."""
@@ -171,8 +178,8 @@ class DashboardNode(Node):
         self._wanted = demand
         self._loop.wake()
 
-    def _take_edit(self, edit: ZoneEdit) -> None:
-        self._edits.append(edit)
+    def _take_command(self, command: ZoneEdit | TargetCommand) -> None:
+        self._commands.append(command)
         self._loop.wake()
 
     def _follow(self, demand: Demand) -> None:
@@ -180,7 +187,7 @@ class DashboardNode(Node):
         images = demand.images and not self._config.privacy
         kinds: list[type[Message]] = []
         if demand.viewers:
-            kinds += [Detections, Predictions, Skeletons, Health, MovingTransform, Odometry]
+            kinds += [Detections, Predictions, Skeletons, Health, MovingTransform, Odometry, Target]
         if images:
             kinds += [RgbdFrame, CompressedRgbdFrame]
         if demand.viewers and not self._demand.viewers:

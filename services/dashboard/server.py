@@ -15,7 +15,7 @@ from starlette.types import ASGIApp
 
 from common.io.files import write_private
 from people4d.errors import ConfigError
-from people4d.messages import ZoneEdit
+from people4d.messages import TargetCommand, ZoneEdit
 from services.dashboard.access import allowed_hosts
 from services.dashboard.address import ADDRESS_FILE, PageAddress, Tokens, read_tokens
 from services.dashboard.config import DashboardConfig
@@ -109,13 +109,16 @@ class WebServer:
 
 
 def serve_dashboard(
-    config: DashboardConfig, hub: Hub, on_edit: Callable[[ZoneEdit], None], folder: Path | None
+    config: DashboardConfig,
+    hub: Hub,
+    on_command: Callable[[ZoneEdit | TargetCommand], None],
+    folder: Path | None,
 ) -> WebServer:
-    """Serve the dashboard to viewers; `on_edit` is called with edits of zones."""
+    """Serve the dashboard to viewers; `on_command` is called with their commands."""
 
     def app_of(tokens: Tokens) -> ASGIApp:
         secure = bool(config.certificate)
-        return WebApp(hub, tokens, allowed_hosts(config), on_edit, secure).guard
+        return WebApp(hub, tokens, allowed_hosts(config), on_command, secure).guard
 
     return WebServer(config, app_of, folder, hub.attach)
 

@@ -1,4 +1,4 @@
-"""Web application: the page, its stream and people as JSON over WebSockets, edits of zones."""
+"""Web application: the page, its stream and people as JSON over WebSockets, and its commands."""
 
 import asyncio
 import time
@@ -17,7 +17,8 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from people4d.errors import DecodeError
-from people4d.messages import ZoneEdit
+from people4d.messages import TargetCommand, ZoneEdit
+from people4d.messages.base import PositiveInt
 from services.dashboard.access import Guard
 from services.dashboard.address import Tokens
 from services.dashboard.hub import Hub, Viewer
@@ -44,6 +45,12 @@ class PageRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     at_ms: float = 0.0  # request seek on a paused page: wall clock of the packets [ms]
 
 
+class FollowRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Request of a page to follow a person."""
+
+    id: PositiveInt | None  # identity as in Tracks; None: no person
+
+
 REQUESTS = msgspec.msgpack.Decoder(PageRequest)
 
 
@@ -54,7 +61,7 @@ class WebApp:
         hub: Viewers.
         tokens: Tokens of the roles.
         hosts: Names of this machine that browsers may use.
-        on_edit: Called with edits of zones.
+        on_command: Called with edits of zones, and with choices of the followed person.
         secure: The page is served by https.
     """
 
@@ -63,15 +70,16 @@ class WebApp:
         hub: Hub,
         tokens: Tokens,
         hosts: frozenset[str],
-        on_edit: Callable[[ZoneEdit], None],
+        on_command: Callable[[ZoneEdit | TargetCommand], None],
         secure: bool = False,
     ) -> None:
-        self._hub, self._tokens, self._on_edit = hub, tokens, on_edit
+        self._hub, self._tokens, self._on_command = hub, tokens, on_command
         self._logins = 0
         routes: list[BaseRoute] = [
             WebSocketRoute("/stream", self._stream),
             WebSocketRoute("/people", self._stream),
             Route("/zones", self._edit_zones, methods=["PUT"]),
+            Route("/target", self._follow_person, methods=["POST"]),
             Route("/login", self._login, methods=["POST"]),
             Mount("/", StaticFiles(directory=PAGE, html=True)),
         ]
@@ -110,7 +118,23 @@ class WebApp:
             edit = zone_edit(wanted)
         except (msgspec.DecodeError, DecodeError, ValueError) as error:
             return self._bad_request(error)
-        self._on_edit(edit)
+        self._on_command(edit)
+        return Response(status_code=202)
+
+    async def _follow_person(self, request: Request) -> Response:
+        try:
+            body = await read_body(request, REQUEST_MAX)
+            wanted = msgspec.json.decode(body, type=FollowRequest)
+        except (msgspec.DecodeError, ValueError) as error:
+            return self._bad_request(error)
+        command = TargetCommand(
+            stamp_ns=time.time_ns(),
+            sequence=0,
+            action="none" if wanted.id is None else "id",
+            id=wanted.id,
+            chooser="dashboard",
+        )
+        self._on_command(command)
         return Response(status_code=202)
 
     def _bad_request(self, error: Exception) -> Response:

@@ -11,7 +11,7 @@ from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
 
 from people4d.errors import ConfigError
-from people4d.messages import ZoneEdit
+from people4d.messages import TargetCommand, ZoneEdit
 from services.dashboard.access import allowed_hosts
 from services.dashboard.address import Tokens, read_tokens
 from services.dashboard.check import check_page
@@ -31,10 +31,10 @@ class Page:
     """The application and its clients."""
 
     def __init__(self, tokens: Tokens = OPEN) -> None:
-        self.edits: list[ZoneEdit] = []
+        self.commands: list[ZoneEdit | TargetCommand] = []
         self.hub = Hub(History(60, 2**20), lambda _: None)
         hosts = allowed_hosts(DashboardConfig(allowed_hosts=("robot.lan",)))
-        app = WebApp(self.hub, tokens, hosts, self.edits.append)
+        app = WebApp(self.hub, tokens, hosts, self.commands.append)
         self.guard = app.guard
 
     def client(self, token: str = "", origin: str | None = OWN, base: str = OWN) -> TestClient:
@@ -96,7 +96,7 @@ def test_name_of_another_site_as_host_is_refused(page: Page, host: str) -> None:
     client = page.client(origin=f"http://{host}")
     assert client.get("/", headers={"host": host}).status_code == 421
     assert client.put("/zones", headers={"host": host}).status_code == 421
-    assert not page.edits
+    assert not page.commands
 
 
 @pytest.mark.parametrize("host", ["robot.lan:7480", "192.168.1.5:7480", "[fe80::1]:7480"])
@@ -115,7 +115,7 @@ def test_stream_and_edits_are_refused_to_other_origins(page: Page, origin: str |
     client = page.client(origin=origin)
     assert refuses(client)
     assert client.put("/zones", json={"base": 0, "zones": []}).status_code == 403
-    assert not page.edits
+    assert not page.commands
 
 
 def test_stream_is_served_to_the_own_origin(page: Page) -> None:
@@ -177,7 +177,8 @@ def test_zones_of_the_operator_are_taken(page: Page) -> None:
     zone = {"name": " door ", "corners_m": SQUARE, "dwell_s": 3, "count": None}
     answer = page.client().put("/zones", json={"base": 2, "zones": [zone]})
     assert answer.status_code == 202
-    (edit,) = page.edits
+    (edit,) = page.commands
+    assert isinstance(edit, ZoneEdit)
     assert (edit.base, edit.zones[0].name, edit.zones[0].dwell_s) == (2, "door", 3.0)
 
 
@@ -199,8 +200,31 @@ def test_invalid_zone_is_refused_with_its_reason(
     answer = page.client().put("/zones", json={"base": 0, "zones": [zone]})
     assert answer.status_code == 400
     assert problem in answer.text
-    assert not page.edits
+    assert not page.commands
     assert page.hub.counters["bad_requests"] == 1
+
+
+@pytest.mark.parametrize("token", [TOKENS.operator, TOKENS.planner])
+def test_both_roles_choose_the_followed_person(locked: Page, token: str) -> None:
+    for id_ in (7, None):
+        assert locked.client(token).post("/target", json={"id": id_}).status_code == 202
+    chosen = [(c.action, c.id, c.chooser) for c in locked.commands if isinstance(c, TargetCommand)]
+    assert chosen == [("id", 7, "dashboard"), ("none", None, "dashboard")]
+
+
+@pytest.mark.parametrize("body", [{"id": 0}, {"id": "7"}, {}, {"id": 7, "other": 1}, []])
+def test_invalid_choice_is_refused_and_counted(page: Page, body: Any) -> None:
+    assert page.client().post("/target", json=body).status_code == 400
+    assert not page.commands
+    assert page.hub.counters["bad_requests"] == 1
+
+
+def test_choice_by_another_site_or_without_a_token_is_refused(page: Page, locked: Page) -> None:
+    foreign = page.client(origin="http://evil.example")
+    assert foreign.post("/target", json={"id": 7}).status_code == 403
+    assert locked.client().post("/target", json={"id": 7}).status_code == 401
+    assert not page.commands
+    assert not locked.commands
 
 
 def test_huge_body_is_refused(page: Page) -> None:

@@ -7,6 +7,7 @@ import { setPaused, setSender, step } from "./playback.js";
 import { emit, on, select, store, takeScene, takeSkeletons, takeTrajectories } from "./store.js";
 import { Stream } from "./stream.js";
 import "./table.js";
+import "./target.js";
 import "./zones.js";
 
 const $ = (id) => document.getElementById(id);

@@ -3,7 +3,7 @@ const TRAJECTORY_MS = 60000;
 const SKELETONS_MS = 1000; // maximum age of skeletons
 export const store = {
   people: [], cameras: {}, frames: {}, robot: null, joints: {}, predicted: {}, postures: {}, skeletonsMs: 0, predictions: [], trajectories: new Map(), zones: [], zonesBase: 0,
-  selected: null, paused: false, atMs: 0, historyMs: 60000, privacy: false, images: true,
+  selected: null, target: null, paused: false, atMs: 0, historyMs: 60000, privacy: false, images: true,
 };
 const listeners = new Map();
 

@@ -37,6 +37,7 @@ function draw() {
     if (body.children[k] !== row) body.insertBefore(row, body.children[k] ?? null);
     const chosen = person.id === store.selected;
     row.classList.toggle("chosen", chosen);
+    row.classList.toggle("target", person.id === store.target);
     button.setAttribute("aria-pressed", chosen);
     cells[1].textContent = person.state === "lost" ? `lost ${person.unseen_s.toFixed(1)} s` : person.state;
     cells[1].className = person.state === "confirmed" ? "state good" : "state warn";
@@ -57,3 +58,4 @@ on("scene", () => {
   draw();
 });
 on("selected", draw);
+on("target", draw);

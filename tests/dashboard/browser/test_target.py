@@ -1,0 +1,67 @@
+"""The followed person on the page in Chromium: chosen, shown, given up."""
+
+import time
+from typing import Any
+
+from playwright.sync_api import Page, expect
+
+from people4d.messages import Target, TargetCommand
+from tests.dashboard.browser.chromium import MARKS, until
+from tests.dashboard.browser.conftest import Open
+from tests.dashboard.browser.stack import HOSTILE, Stack
+from tests.network import Watcher
+
+pytestmark = MARKS
+
+
+def show(page: Page, stack: Stack, text: str, **fields: Any) -> None:
+    """Publish a state of the chosen person until the page shows it."""
+    state = page.locator("#target-state")
+
+    def is_shown() -> bool:
+        header: dict[str, Any] = {"stamp_ns": time.time_ns(), "sequence": 0}
+        stack.bus.publish(Target(**header, frame_id="map", camera="front", **fields))
+        return state.text_content() == text
+
+    until(is_shown, page)
+
+
+def test_click_follows_the_selected_person_and_another_one_stops(
+    open_page: Open, stack: Stack
+) -> None:
+    commands, page = Watcher(stack.bus, TargetCommand), open_page()
+    show(page, stack, "no person is followed", state="none")
+    expect(page.locator("#follow")).to_be_disabled()
+    expect(page.locator("#unfollow")).to_be_hidden()
+    page.keyboard.press("n")
+    page.get_by_role("button", name="Follow #1").click()
+    command = commands.wait(TargetCommand, lambda one: one.action == "id")
+    assert (command.id, command.chooser) == (1, "dashboard")
+    show(page, stack, "follows #1: locked", state="locked", id=1, stop=False)
+    expect(page.locator("tr.target button")).to_have_text("#1")
+    page.get_by_role("button", name="Stop following").click()
+    commands.wait(TargetCommand, lambda one: one.action == "none")
+
+
+def test_state_of_the_followed_person_is_shown_with_its_reason(
+    open_page: Open, stack: Stack
+) -> None:
+    page = open_page()
+    show(page, stack, "follows #2: occluded", state="occluded", id=2, stop=False)
+    expect(page.locator("tr.target button")).to_have_text("#2")
+    show(page, stack, "followed person: searching", state="searching", reason=HOSTILE)
+    expect(page.locator("#target-reason")).to_have_text(HOSTILE)
+    expect(page.locator("tr.target")).to_have_count(0)
+    show(page, stack, "followed person: lost", state="lost")
+
+
+def test_without_the_service_the_control_is_hidden_and_its_end_is_shown(
+    open_page: Open, stack: Stack
+) -> None:
+    page = open_page()
+    expect(page.locator("#target")).to_be_hidden()
+    page.keyboard.press("n")
+    show(page, stack, "follows #1: locked", state="locked", id=1, stop=False)
+    expect(page.locator("#target-state")).to_have_text("state of the followed person unknown")
+    expect(page.locator("#follow")).to_be_disabled()
+    expect(page.locator("#unfollow")).to_be_hidden()
