@@ -1,0 +1,71 @@
+"""Missing and poor input leads to a clear state, never to another person."""
+
+import math
+
+import numpy as np
+import pytest
+
+from tests import builders
+from tests.target.scene import BLUE, RED, Scene, followed
+
+OTHERS = {2: (5.0, 2.0, BLUE), 7: (3.5, 0.5, RED)}
+
+
+def test_new_track_is_not_locked_without_embeddings() -> None:
+    """Without appearance neither the person beside nor a new one nearby replaces the person."""
+    scene = followed(p2=(5, 2, BLUE))
+    targets = [scene.frame(OTHERS, with_embeddings=False) for _ in range(100)]
+    assert {target.state for target in targets} == {"searching", "lost"}
+    assert all(target.id is None and target.stop for target in targets)
+    assert targets[-1].reason.startswith("person 7 is the likeliest, with a probability of ")
+    assert scene.node.status().counters["without_embeddings"] == 100
+
+
+def test_person_chosen_without_embeddings_is_lost_with_its_track() -> None:
+    """Embeddings that arrive later show other people only, so no view of the person is known."""
+    scene = Scene()
+    scene.choose(id=1)
+    scene.frames(10, {1: (3, 0, RED)}, with_embeddings=False)
+    targets = [scene.frame(OTHERS) for _ in range(100)]
+    assert {target.id for target in targets} == {None}
+    assert targets[-1].state == "lost"
+    assert targets[-1].reason == "no clear view of the person is known"
+
+
+@pytest.mark.parametrize("tilt_deg", [20.0, 45.0])
+def test_distance_from_a_tilted_camera_is_on_the_ground_of_the_base(tilt_deg: float) -> None:
+    """Tracks are in the frame of a tilted camera; the base is level."""
+    c, s = math.cos(math.radians(tilt_deg)), math.sin(math.radians(tilt_deg))
+    tilt = np.array([[c, 0, s, 0], [0, 1, 0, 0], [-s, 0, c, 0], [0, 0, 0, 1]])
+    scene = followed()
+    scene.node.handle(builders.static_transform(tilt, "base_link"), 0)
+    target = scene.frame({1: (3, 0, RED)})
+    assert target.state == "locked"
+    assert target.bearing_rad == pytest.approx(0)
+    # The person is at (3, 0, 1) in the frame of the camera.
+    assert target.distance_m == pytest.approx(abs(3 * c - s))
+
+
+def test_nearest_person_without_a_transform_ends_without_a_person() -> None:
+    scene = Scene()
+    scene.choose("nearest")
+    targets = [scene.frame({1: (3, 0, RED), 2: (5, 2, BLUE)}) for _ in range(60)]
+    assert {target.id for target in targets} == {None}
+    assert (targets[0].state, targets[-1].state) == ("searching", "none")
+    assert all(target.stop for target in targets)
+
+
+def test_tracks_in_another_frame_without_a_transform_need_appearance() -> None:
+    """A change of the frame makes positions worthless; a person who differs is not locked."""
+    scene = followed(p2=(5, 2, BLUE))
+    targets = [scene.frame({2: (3, 0, BLUE)}, frame_id="odom") for _ in range(60)]
+    assert all(target.id is None and target.stop for target in targets)
+    assert targets[-1].distance_m is None
+
+
+def test_people_without_joints_are_followed_and_not_confused() -> None:
+    """Detections without keypoints and depth still have crops."""
+    scene = followed(p2=(5, 2, BLUE))
+    people = {1: (3.0, 0.0, RED), 2: (5.0, 2.0, BLUE)}
+    assert scene.frames(10, people).id == 1
+    assert {scene.frame({2: (5, 2, BLUE)}).id for _ in range(60)} == {None}
