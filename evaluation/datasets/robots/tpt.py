@@ -64,6 +64,8 @@ class TptDataset(Dataset):
         """Return the truth by time, in order."""
         try:
             found = msgspec.json.decode(read_bytes(path, MAX_BYTES), type=dict[str, TargetTruth])
+            if not any(one.is_exist for one in found.values()):
+                raise ValueError("no time at which the target exists")
             return {time: found[time] for time in sorted(found, key=int)}
         except (OSError, ValueError) as error:
             expected = "times with is_exist and bbox"

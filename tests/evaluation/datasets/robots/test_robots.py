@@ -269,3 +269,9 @@ def test_sequences_of_the_test_split_are_refused_for_tuning(name: str) -> None:
     assert name in DATASETS
     with pytest.raises(ConfigError, match=f"tuning expected .*, got {SEQUENCE}"):
         find_dataset(name).check_tuning([SEQUENCE])
+
+
+def test_tpt_truth_without_the_target_is_refused(tmp_path: Path) -> None:
+    (write_tpt(tmp_path) / "GTs" / "0000.json").write_text("{}")
+    with pytest.raises(SourceError, match="no time at which the target exists"):
+        run(tpt.TPT, tmp_path, "0000")
