@@ -189,7 +189,7 @@ def test_mot_text_that_would_cost_too_much_is_refused(tmp_path: Path) -> None:
     path.write_text(f"1,1,{row}\n")
     info = tmp_path / "seqinfo.ini"
     info.write_text(SEQINFO.replace("25", "1e-300"))
-    with pytest.raises(SourceError, match="has a rate of 1e-300 Hz"):
+    with pytest.raises(SourceError, match="got ValueError: frameRate 1e-300"):
         read(path)
     # Ten values, each ten times the one before.
     more = "".join(f"a{k}={f'%(a{k - 1})s' * 10}\n" for k in range(1, 10))
