@@ -22,7 +22,7 @@ from services.events.build import build as build_events
 from services.events.config import EventsConfig
 
 CHOOSING = range(1, 1000)
-TESTING = range(1000, 2000)
+TESTING = range(1200, 2000)  # earlier ones were seen while states were chosen
 FOUND_S = 1.0  # maximum time from the end of a fall to its event [s]
 EARLY_S = 1.0  # maximum time from an event to the end of its fall [s]
 HEADER = ("true posture", "frames", *POSTURES, "no skeleton", "recall", "precision")
