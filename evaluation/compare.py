@@ -64,12 +64,11 @@ class ComparedFigure:
 
 def compare_sums(first: F64, second: F64) -> Iterator[ComparedFigure]:
     """Yield the figures that both runs have, from the sums of the same parts (NxFx2)."""
-    values = zip(pool(first.sum(0), FIGURES), pool(second.sum(0), FIGURES), strict=True)
-    known = np.array([np.isfinite(pair).all() for pair in values])
+    before, after = (pool(sums.sum(axis=0), FIGURES) for sums in (first, second))
+    known = np.isfinite(before) & np.isfinite(after)
     chosen = tuple(figure for figure, one in zip(FIGURES, known, strict=True) if one)
-    first, second = first[:, known], second[:, known]
-    before, after = (pool(sums.sum(axis=0), chosen) for sums in (first, second))
-    for one in zip(before.tolist(), after.tolist(), compare(second, first, chosen), strict=True):
+    differences = compare(second[:, known], first[:, known], chosen)
+    for one in zip(before[known].tolist(), after[known].tolist(), differences, strict=True):
         yield ComparedFigure(*one, parts=len(first))
 
 

@@ -15,6 +15,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from common.metrics.intervals import pool
 from common.metrics.record import I64
 from evaluation.annotations.marks import read_annotations
 from evaluation.compare import ComparedFigure, compare_sums
@@ -34,6 +35,7 @@ from services.tracker.strongsort3d.config import COSINE_DISTANCE_MAX_OTHER
 
 FOLDS = 4
 IDF1 = 0  # index of the searched figure
+ALL = slice(None)  # all parts of a recording
 CANDIDATES_MIN = 2  # minimum number of settings in a search: the given ones and others
 
 Settings = dict[str, float]  # values by path in the configuration of the tracker
@@ -92,7 +94,7 @@ class TuningResult:
     """Settings found, and their gain in parts on which they were not searched."""
 
     settings: Settings
-    gain: ComparedFigure  # of IDF1
+    gain: ComparedFigure  # gain in IDF1
     worse: tuple[ComparedFigure, ...]  # other figures that are worse beyond their interval
     candidates: int  # number of settings in the last search
 
@@ -281,7 +283,6 @@ def _given(method: Method, ranges: Mapping[str, Any]) -> Iterator[tuple[str, flo
         yield path, min(max(value, limits.low), limits.high)
 
 
-def _idf1(sums: F64, parts: I64 | None = None) -> float:
-    chosen = sums if parts is None else sums[parts]
-    part, total = chosen[:, IDF1].sum(axis=0)
-    return float(FIGURES[IDF1].factor * part / total) if total else 0.0
+def _idf1(sums: F64, parts: I64 | slice = ALL) -> float:
+    """Return IDF1 of some parts; 0 without people and tracks."""
+    return float(np.nan_to_num(pool(sums[parts].sum(axis=0), FIGURES)[IDF1]))
