@@ -16,7 +16,7 @@ from people4d.errors import ConfigError
 from people4d.messages import F64
 from services.tracker.image_sort.image_sort import BoxFrame, BoxTracks, ImageSort
 
-# Of TrackEval: minimum overlap of a track with an annotated box, share of a track in a region
+# Minimum overlap of a track with an annotated box, minimum share in a region, as in TrackEval
 MATCH_IOU, REGION_SHARE = 0.5, 0.5
 ROUNDING = np.finfo(np.float64).eps
 

@@ -94,7 +94,7 @@ class PredictedWalks:
     """Predictions on annotated paths."""
 
     horizons_s: F64  # H
-    people: dict[int, PersonPrediction]  # by row
+    people: dict[int, PersonPrediction]  # predictions by row of the walks
     messages: list[Predictions]
 
 

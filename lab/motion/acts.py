@@ -36,7 +36,7 @@ class Pose:
     thighs: tuple[float, float]
     shanks: tuple[float, float]
     arms: tuple[float, float]  # upper arms, forearms
-    roll: float = 0.0  # of the whole body about the forward axis, right positive [deg]
+    roll: float = 0.0  # roll of the body about the forward axis, right positive [deg]
     support_m: float = 0.0  # height of the support of a lying body
 
     def values(self) -> F64:

@@ -157,7 +157,7 @@ class EventRules:
         return self._made
 
     def report(self, kind: str, number: int, stamp_ns: int, **fields: Any) -> list[Event]:
-        """Return an event of a tracked person from another rule; none of an unknown person."""
+        """Return an event of a person by another rule; no event if the person is unknown."""
         self._made = []
         person = self._people.get(number)
         if person is not None and stamp_ns >= person.stamp_ns:

@@ -30,8 +30,8 @@ class Frame:
     time_s: float
     messages: tuple[Message, ...]  # tracks and skeletons
     keypoints_m: list[F64]  # true joints of each person, 17x3
-    skeletons: list[PersonSkeleton | None]  # of each person
-    tracks: list[Track | None]  # of each person
+    skeletons: list[PersonSkeleton | None]  # skeleton of each person
+    tracks: list[Track | None]  # track of each person
 
 
 def frames(world: World) -> Iterator[Frame]:

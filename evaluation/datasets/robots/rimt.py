@@ -3,7 +3,7 @@
     Manually_annotated_bags/*.bag: /head_camera/..., /odom, /tf, /tf_static, /3D_ground_truth_N
 
 ROS 1 bags. Each person has a topic of the truth: stamped positions. Out of view and where motion
-capture failed it has gaps, so that only frames with a position of somebody are evaluated.
+capture failed it has gaps, so that only frames with the position of a person are evaluated.
 """
 
 from collections.abc import Mapping, Sequence

@@ -12,7 +12,7 @@ from people4d.messages import F64
 
 ABSENT = (0.0, 0.0, 0.0, 0.0, -1.0)
 LEVELS = 100  # number of thresholds of the confidence
-OVERLAPS = (0.01, *(k / 10 for k in range(1, 10)), 0.99)  # of the recall at full precision
+OVERLAPS = (0.01, *(k / 10 for k in range(1, 10)), 0.99)  # minimum overlaps of the recall
 Answer = tuple[float, float, float, float, float]  # left, top, width, height, confidence
 
 

@@ -21,7 +21,7 @@ from services.camera.folder.layout import LISTS, listed
 from services.visual_odometry.config import VisualOdometryConfig
 
 TRUTH = "groundtruth.txt"
-CALIBRATION = "fx = 535.4\nfy = 539.2\ncx = 320.1\ncy = 247.6\n"  # of freiburg3 [px]
+CALIBRATION = "fx = 535.4\nfy = 539.2\ncx = 320.1\ncy = 247.6\n"  # calibration of freiburg3 [px]
 
 
 @dataclass(frozen=True, kw_only=True)
