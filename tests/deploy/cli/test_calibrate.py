@@ -1,14 +1,18 @@
 """people4d calibrate on recordings: the files it writes, and nothing when it refuses."""
 
 import contextlib
+import itertools
 import threading
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from common.calibration.checks import PEOPLE_MIN
 from common.calibration.tags import Tag
 from common.calibration.transforms_file import read_pose, read_transforms
 from common.io.images import compress
@@ -16,7 +20,7 @@ from common.io.recording import RecordingWriter
 from deploy.cli import app
 from deploy.cli.live.calibrate import CalibrationSession, listen
 from people4d.errors import CalibrationError, SourceError
-from people4d.messages import CameraInfo, Message
+from people4d.messages import CameraInfo, Detections, Message
 from people4d.queue import Arrival
 from tests.builders import rgbd_frame, static_transform
 from tests.common.calibration.test_tags import image_of
@@ -30,7 +34,7 @@ from tests.common.calibration.walks import (
     wander,
 )
 from tests.common.calibration.walks import Path as WalkPath
-from tests.network import Network
+from tests.network import WAIT_S, Network
 
 
 def record(path: Path, cameras: list[WalkCamera], people: list[WalkPath], *others: Message) -> Path:
@@ -202,8 +206,21 @@ def test_ctrl_c_ends_the_walk_with_a_last_attempt() -> None:
 def test_cameras_of_two_hosts_with_a_router_each_are_heard(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    module = "deploy.cli.live.calibrate"  # shorter than --seconds allows
-    monkeypatch.setattr(f"{module}.listen", lambda session, heard, _: listen(session, heard, 2.0))
+    walks = [list(messages([one], [lambda _: (0.2, 0.1)], 4.0)) for one in square("a", "b")]
+    heard: Counter[str] = Counter()
+
+    def all_of_both(arrivals: Iterable[Arrival]) -> Iterator[Arrival]:
+        for arrival in arrivals:
+            yield arrival
+            if isinstance(arrival.message, Detections):
+                heard[arrival.message.camera] += 1
+            if min(heard["a"], heard["b"]) > PEOPLE_MIN:
+                return
+
+    monkeypatch.setattr(  # not by seconds: the sessions start late on a busy machine
+        "deploy.cli.live.calibrate.listen",
+        lambda session, arrivals, _: listen(session, all_of_both(arrivals), WAIT_S),
+    )
     with contextlib.ExitStack() as stack:
         hosts = [Network(), Network()]
         for host in hosts:
@@ -213,14 +230,13 @@ def test_cameras_of_two_hosts_with_a_router_each_are_heard(
         ended = threading.Event()
 
         def publish() -> None:
-            sent = [
-                (bus, m)
-                for bus, one in zip(buses, square("a", "b"), strict=True)
-                for _, m in messages([one], [lambda _: (0.2, 0.1)], 4.0)
-            ]
-            while not ended.wait(0.05):
+            sent = [(bus, m) for bus, walk in zip(buses, walks, strict=True) for _, m in walk]
+            for later_ns in itertools.count(0, 4 * SECOND_NS):  # old frames would be ignored
                 for bus, message in sent:
-                    bus.publish(message)
+                    later = message.stamp_ns + later_ns
+                    bus.publish(msgspec.structs.replace(message, stamp_ns=later))
+                if ended.wait(0.05):
+                    return
 
         thread = threading.Thread(target=publish)
         thread.start()
