@@ -1,10 +1,10 @@
 """Tracks and ground truth as rows of a table, for spreadsheets and data frames."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from people4d.messages import Track, Tracks, Truth, TruthPerson
+from people4d.messages import PersonSkeleton, Track, Tracks, Truth, TruthPerson
 
 Cell: TypeAlias = str | int | float | None  # None: unknown, or not in this kind of row
 
@@ -39,12 +39,22 @@ COLUMNS = (
     Column("hits", int, "track: matched frames", optional=True),
     Column("age", int, "track: frames since it began", optional=True),
     Column("camera", str, "track: camera whose frame it is of", optional=True),
+    Column("posture", str, "track: posture, if skeletons are recorded", optional=True),
+    Column("posture_probability", float, "track: its probability, 0: unknown", optional=True),
 )
 NAMES = tuple(column.name for column in COLUMNS)
 
 
-def rows_of(message: Truth | Tracks, start_ns: int) -> Iterator[dict[str, Cell]]:
-    """Yield one row for each person of a message, all columns in order."""
+def rows_of(
+    message: Truth | Tracks, start_ns: int, skeletons: Mapping[int, PersonSkeleton]
+) -> Iterator[dict[str, Cell]]:
+    """Yield one row for each person of a message, all columns in order.
+
+    Args:
+        message: Truth or tracks.
+        start_ns: Stamp of the first row.
+        skeletons: Skeletons of the frame of tracks, by identity.
+    """
     head: dict[str, Cell] = {
         "kind": "truth" if isinstance(message, Truth) else "track",
         "stamp_ns": message.stamp_ns,
@@ -54,6 +64,12 @@ def rows_of(message: Truth | Tracks, start_ns: int) -> Iterator[dict[str, Cell]]
     }
     for person in message.tracks if isinstance(message, Tracks) else message.people:
         row = head | _cells(person)
+        if isinstance(person, Track) and person.id in skeletons:
+            skeleton = skeletons[person.id]
+            row |= {
+                "posture": skeleton.posture,
+                "posture_probability": skeleton.posture_probability,
+            }
         yield {name: row.get(name) for name in NAMES}
 
 

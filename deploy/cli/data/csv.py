@@ -18,7 +18,7 @@ from common.io.people_table import COLUMNS, NAMES, Cell, rows_of
 from common.io.recording import Recording, open_recording
 from common.metrics.alignment.truth_buffer import TruthBuffer
 from people4d.errors import ConfigError, SourceError
-from people4d.messages import Message, Tracks, Truth
+from people4d.messages import Message, PersonSkeleton, Skeletons, Tracks, Truth
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.sources.registry import open_truth
 
@@ -55,8 +55,8 @@ def csv(
     )
     if at_tracks:
         truths = interpolated(truths, _of_kind(opened, Tracks))
-    people: Iterable[Truth | Tracks] = merge(
-        truths, _of_kind(opened, Tracks), key=attrgetter("stamp_ns")
+    people: Iterable[Truth | Tracks | Skeletons] = merge(  # skeletons before their tracks
+        truths, _of_kind(opened, Skeletons), _of_kind(opened, Tracks), key=attrgetter("stamp_ns")
     )
     rows = write(table, people)
     if not rows:
@@ -68,19 +68,27 @@ def csv(
     typer.echo(f"Wrote {rows} rows to {table}.")
 
 
-def write(file: Path, messages: Iterable[Truth | Tracks]) -> int:
-    """Write the people of messages, by rising stamp, to a table; return the number of rows."""
+def write(file: Path, messages: Iterable[Truth | Tracks | Skeletons]) -> int:
+    """Write the people of messages, by rising stamp, to a table; return the number of rows.
+
+    Skeletons give the postures of the next tracks, if these have the same stamp and camera.
+    """
     writers = {".csv": _open_csv, PARQUET: _open_parquet}
     if file.suffix not in writers:
         raise ConfigError(f"{file} has an unsupported format", f"Write {' or '.join(writers)}.")
     start_ns, count = None, 0
+    skeletons: Skeletons | None = None
     part = file.with_name(f".{file.name}.{os.getpid()}.part")  # renamed when complete
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         with writers[file.suffix](part) as put:
             for message in messages:
-                for row in rows_of(message, message.stamp_ns if start_ns is None else start_ns):
-                    start_ns = message.stamp_ns if start_ns is None else start_ns
+                if isinstance(message, Skeletons):
+                    skeletons = message
+                    continue
+                first_ns = message.stamp_ns if start_ns is None else start_ns
+                for row in rows_of(message, first_ns, _at(skeletons, message)):
+                    start_ns = first_ns
                     put(row)
                     count += 1
         if count:
@@ -91,6 +99,15 @@ def write(file: Path, messages: Iterable[Truth | Tracks]) -> int:
         with suppress(OSError):
             part.unlink()
     return count
+
+
+def _at(skeletons: Skeletons | None, message: Truth | Tracks) -> dict[int, PersonSkeleton]:
+    """Return the skeletons of a frame by identity; none for another frame or the truth."""
+    if skeletons is None or not isinstance(message, Tracks):
+        return {}
+    if (skeletons.stamp_ns, skeletons.camera) != (message.stamp_ns, message.camera):
+        return {}
+    return {person.id: person for person in skeletons.people}
 
 
 @contextmanager

@@ -6,13 +6,14 @@ import re
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from common.io.people_table import COLUMNS, NAMES
 from common.io.recording import RecordingWriter
 from deploy.cli import app
-from people4d.messages import Message
+from people4d.messages import Message, PersonSkeleton, Skeletons
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.sources.registry import open_truth
 from tests import ROOT
@@ -59,6 +60,29 @@ def test_rows_match_hand_worked_values(tmp_path: Path) -> None:
     assert (seven["kind"], seven["id"], seven["state"]) == ("track", "7", "lost")
     assert (seven["unseen_s"], seven["score"], seven["hits"]) == ("0.1", "0.5", "5")
     assert (seven["age"], seven["camera"], seven["frame_id"]) == ("6", "front", "map")
+
+
+def sitting(stamp_ms: int, id_: int) -> Skeletons:
+    person = PersonSkeleton(
+        id=id_,
+        state="confirmed",
+        positions_m=np.zeros((17, 3), np.float32),
+        covariances_m2=np.tile(np.eye(3, dtype=np.float32), (17, 1, 1)),
+        measured=(True,) * 17,
+        posture="sitting",
+        posture_probability=0.75,
+    )
+    return Skeletons(
+        stamp_ns=stamp_ms * MS, sequence=0, frame_id="map", camera="front", people=(person,)
+    )
+
+
+def test_posture_of_a_track_is_from_skeletons_of_its_frame(tmp_path: Path) -> None:
+    frames = (tracks(at, track(7, 1.0, 2.0), track(8, 3.0, 2.0)) for at in (1000, 1033))
+    file = record(tmp_path, *frames, sitting(1000, 7), sitting(1040, 8))
+    run(file, tmp_path / "x.csv")
+    found = [(row["posture"], row["posture_probability"]) for row in rows_of(tmp_path / "x.csv")]
+    assert found == [("sitting", "0.75"), ("", ""), ("", ""), ("", "")]
 
 
 def test_truth_at_the_stamps_of_the_tracks(tmp_path: Path) -> None:
