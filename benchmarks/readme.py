@@ -109,7 +109,7 @@ def simulated(table: Table) -> str:
 def mot15(table: Table) -> str:
     """Return the figures of SORT in the image and of the best other packages."""
     columns = ("MOTA %", "IDF1 %", "HOTA %")
-    ours = [(c[:4], table.cell(c, "MOT15", "preset image-sort-best")) for c in columns]
+    ours = [(c[:4], table.cell(c, "MOT15", "preset image-sort-dynamic")) for c in columns]
     others = [(c[:4], table.best(c, r"^MOT15 \| (?!preset)")) for c in columns]
     ours_, others_ = (
         ", ".join(f"{name} {median(cell)}" for name, cell in cells) for cells in (ours, others)

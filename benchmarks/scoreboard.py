@@ -44,7 +44,7 @@ ADE = PredictorConfig(step_s=0.4, steps=12)  # horizon of 4.8 s, as in published
 HISTORY_MIN = 8  # number of annotations before such a prediction
 SEED = 101  # seed of the detector's errors on KITTI
 DETECTION = ("recall", "position_rmse_m", "yaw_rmse_deg")  # figures of detections alone
-IMAGE_SORT = tuple(f"image-sort{end}" for end in ("", "-dynamic", "-best"))
+IMAGE_SORT = tuple(f"image-sort{end}" for end in ("", "-dynamic"))
 ODOMETRY = tuple(f"image-sort{end}" for end in ("-odom", "-odom-dynamic"))
 NOTE = """
 All recordings, with 95 % intervals [low, high] from a delete-one jackknife over units. `Found`:

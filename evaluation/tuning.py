@@ -64,7 +64,6 @@ SEARCHED = {  # settings by tracker
         SearchedSetting("sort3d.t_lost", 1, 150, integer=True),
     ),
     "image_sort": (
-        SearchedSetting("image_sort.score_new", 0.01, 0.9),
         SearchedSetting("image_sort.min_hits", 1, 6, integer=True),
         SearchedSetting("image_sort.t_lost", 1, 150, integer=True),
     ),

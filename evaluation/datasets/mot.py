@@ -35,7 +35,7 @@ class MotDataset(Dataset):
     licence: str = "CC BY-NC-SA 3.0"
     metric: str = "HOTA, MOTA, IDF1 as TrackEval's MotChallenge2DBox"
     server: str = "SEQUENCE.txt: frame, id, left, top, width, height, 1, -1, -1, -1"
-    preset: str = "image-sort-best"
+    preset: str = "image-sort-dynamic"
     columns: tuple[str, ...] = ("hota", "mota", "idf1", "id_switches")
     tuning: tuple[str, ...] = ("train/*",)  # validation and test splits are for judging
 

@@ -31,7 +31,6 @@ PRESETS = {
     "pose-strongsort-movenet": "the third on the shipped models: keypoints, colour histograms",
     "image-sort": "boxes alone: SORT in the image, the base of Park (2021)",
     "image-sort-dynamic": "with dynamic survival: long tracks survive more unmatched frames",
-    "image-sort-best": "boxes alone: SORT with the settings that were chosen on MOT15",
     "image-sort-odom": "with the robot's turns corrected by odometry",
     "image-sort-odom-dynamic": "with both: the method of Park (2021)",
 }

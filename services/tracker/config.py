@@ -15,7 +15,6 @@ from people4d.messages.base import (
     Positive,
     PositiveInt,
     PositiveOrInfinite,
-    Ratio,
 )
 from services.tracker.areas.config import SiteAreaConfig
 from services.tracker.strongsort3d.config import StrongSort3dConfig
@@ -37,16 +36,7 @@ class ImageSortConfig(Config, frozen=True, kw_only=True):
     The constants of the Kalman filter are SORT's and are in `box_kalman`.
     """
 
-    # association
-    # Two rounds by score, as in ByteTrack [Zhang 2022]: detections of at least this score match
-    # first; others only continue tracks matched in the previous frame. 0: one round, SORT
-    score_high: Ratio = 0.0
-    # life cycle
-    score_new: Ratio = 0.0  # minimum score of a detection that begins a track; 0: SORT
-    min_hits: Annotated[int, Meta(ge=0)] = 3  # matches after the first that confirm; SORT
-    # "streak": a miss ends the confirmation, but in the first min_hits frames all tracks are
-    # published, SORT; "once": a track stays confirmed
-    confirm: Literal["streak", "once"] = "streak"
+    min_hits: Annotated[int, Meta(ge=0)] = 3  # consecutive matches that confirm; SORT
     lifetime: Literal["fixed", "dynamic"] = "fixed"  # lifetime of an unmatched track; section 7
     t_lost: NonNegative = 1.0  # [frames] T_lost: longest lifetime without a match; section 7
     r: PositiveOrInfinite = 5.0  # R: tracked frames per additional frame, if dynamic; section 7

@@ -19,9 +19,7 @@ from tests.tracker.scene import BLUE, FRAME_NS, RED, frame, person, published, p
 ALL_POLICIES = "strongsort3d with all policies"
 STRONG = published(noise="measured", visibility=True, identity=IdentityConfig())
 CONFIGS = {
-    name: published_config(
-        tracker=name, image_sort=ImageSortConfig(confirm="once", min_hits=0), yaw="kalman"
-    )
+    name: published_config(tracker=name, image_sort=ImageSortConfig(min_hits=0), yaw="kalman")
     for name in TRACKERS
 } | {ALL_POLICIES: published_config(strongsort3d=STRONG, yaw="keypoints")}
 every_tracker = pytest.mark.parametrize("name", CONFIGS)

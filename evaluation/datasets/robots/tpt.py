@@ -80,7 +80,7 @@ TPT = TptDataset(
     "panoramic_images.",
     metric="average overlap, F-score and largest recall at full precision as evaluate_baselines.py",
     server="SEQUENCE.json: target_info of each time: left, top, width, height, confidence",
-    preset="image-sort-best",
+    preset="image-sort-dynamic",
     columns=("ao", "f_score", "max_recall"),
     tuning=(),
 )

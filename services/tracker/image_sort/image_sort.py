@@ -88,24 +88,21 @@ class ImageSort:
         tracks["missed"] = np.where(lost, ENDED, tracks["missed"] + 1)
 
     def _associate(self, boxes: F64, scores: F64) -> BOOL:
-        """Match in one round, or two by score; return the unmatched usable detections."""
+        """Match detections to tracks; return the unmatched usable detections."""
         size = boxes[:, 2:] - boxes[:, :2]
         free: BOOL = (size > 0).all(axis=1) & (size.prod(axis=1) < np.inf) & (scores >= 0)
         self._tracks["detection"] = NONE
-        high = scores >= self._config.score_high
-        self._match(boxes, free & high, missed_max=ENDED - 1)
-        self._match(boxes, free & ~high, missed_max=1)
+        self._match(boxes, free)
         free[self._tracks["detection"][self._tracks["detection"] != NONE]] = False
         return free
 
-    def _match(self, boxes: F64, free: BOOL, missed_max: int) -> None:
-        """Assign free detections (M) to unmatched tracks at the largest sum of overlaps.
+    def _match(self, boxes: F64, free: BOOL) -> None:
+        """Assign free detections (M) to tracks at the largest sum of overlaps.
 
-        Pairs that overlap less than IOU_MIN, and tracks unmatched for more than `missed_max` frames
-        including this one, are left out.
+        Pairs that overlap less than IOU_MIN and expired tracks are left out.
         """
-        open_tracks = (self._tracks["detection"] == NONE) & (self._tracks["missed"] <= missed_max)
-        rows, columns = np.flatnonzero(open_tracks), np.flatnonzero(free)
+        rows = np.flatnonzero(self._tracks["missed"] < ENDED)
+        columns = np.flatnonzero(free)
         if not len(rows) or not len(columns):
             return
         overlaps = iou_xyxy(self._tracks["box"][rows], boxes[columns])
@@ -137,8 +134,8 @@ class ImageSort:
         self._tracks = tracks[(tracks["missed"] <= t_age) & finite]
 
     def _begin(self, boxes: F64, scores: F64, free: BOOL) -> None:
-        """Begin a track from each unmatched detection with a sufficient score."""
-        columns = np.flatnonzero(free & (scores >= self._config.score_new))
+        """Begin a track from each unmatched detection."""
+        columns = np.flatnonzero(free)
         new = np.zeros(len(columns), TRACK)
         begin(new, boxes[columns])
         new["id"] = self._next_id + np.arange(len(new))
@@ -151,8 +148,7 @@ class ImageSort:
     def _published(self) -> BoxTracks:
         """Return confirmed and matched tracks."""
         tracks, config = self._tracks, self._config
-        by_streak = config.confirm == "streak"
-        confirmed = tracks["streak"] >= config.min_hits if by_streak else tracks["confirmed"]
+        confirmed = tracks["streak"] >= config.min_hits
         first_frames = self._frames <= config.min_hits
         chosen = tracks[(tracks["detection"] != NONE) & (confirmed | first_frames)]
         return BoxTracks(chosen["id"], chosen["box"], chosen["score"], chosen["detection"])

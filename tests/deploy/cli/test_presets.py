@@ -7,7 +7,6 @@ import msgspec
 import pytest
 from typer.testing import CliRunner
 
-from benchmarks.readme import Table, number
 from common.config import load
 from deploy.cli import app
 from deploy.launcher.plan import CONFIG_FILE, LaunchRequest, plan
@@ -105,19 +104,6 @@ def test_the_odometry_paper_s_variants_differ_in_two_settings() -> None:
     ]
     assert found[0].image_sort == ImageSortConfig()  # SORT as published
     assert not any(config.publish_lost for config in found)
-
-
-def test_best_preset_of_sort_has_the_best_figures_of_the_benchmark() -> None:
-    table = Table(ROOT / "benchmarks" / "scoreboard.md")
-
-    def quality(preset: str) -> float:
-        cells = (table.cell(c, "MOT15", f"preset {preset}") for c in ("MOTA %", "IDF1 %", "HOTA %"))
-        return sum(map(number, cells))
-
-    others = map(quality, ("image-sort", "image-sort-dynamic"))
-    assert quality("image-sort-best") > max(others)
-    # Least scores are probabilities: a network's own scores would all be too low.
-    assert config_of(DetectorConfig, "detector", "image-sort-best").scores == "probability"
 
 
 def test_a_later_setting_wins_over_the_preset() -> None:

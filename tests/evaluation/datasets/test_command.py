@@ -25,7 +25,7 @@ def rows(path: Path) -> list[dict[str, str]]:
 def test_scores_and_submission_of_two_methods(tmp_path: Path) -> None:
     folder, out = write_mot(tmp_path / "MOT17"), tmp_path / "out"
     write_mot(folder, name="MOT17-04-FRCNN")
-    methods = ("image-sort", "image-sort-best")
+    methods = ("image-sort", "image-sort-dynamic")
     status, output, errors = run(*methods, "--dataset", "mot17", folder, "--out", out)
     assert status == 0, errors
     assert "MOT17: HOTA, MOTA, IDF1 as TrackEval's MotChallenge2DBox" in output
@@ -46,7 +46,7 @@ def test_scores_and_submission_of_two_methods(tmp_path: Path) -> None:
 def test_default_method_of_the_data_set(tmp_path: Path) -> None:
     folder, out = write_mot(tmp_path / "MOT17"), tmp_path / "out"
     assert run("--dataset", "mot17", folder, "--out", out)[0] == 0
-    assert {row["method"] for row in rows(out / "scores.csv")} == {"image-sort-best"}
+    assert {row["method"] for row in rows(out / "scores.csv")} == {"image-sort-dynamic"}
 
 
 @pytest.mark.parametrize(

@@ -89,7 +89,7 @@ def test_fully_occluded_people_are_not_evaluated_but_tracks_on_them_count(tmp_pa
     write_jrdb(tmp_path)
     sequences = list(JRDB.sequences(tmp_path))
     assert sequences[-1] == f"{TRAINING}/{NAME}"
-    job = DatasetJob(tmp_path, sequences[-1], read_method("image-sort-best"), tmp_path)
+    job = DatasetJob(tmp_path, sequences[-1], read_method("image-sort-dynamic"), tmp_path)
     result = JRDB.evaluate(job)
     assert result.figures is not None
     row = result.figures.row()
@@ -103,7 +103,7 @@ def test_fully_occluded_people_are_not_evaluated_but_tracks_on_them_count(tmp_pa
 
 def test_a_submission_is_numbered_in_its_split(tmp_path: Path) -> None:
     write_jrdb(tmp_path)
-    job = DatasetJob(tmp_path, f"{TEST}/{NAME}", read_method("image-sort-best"), tmp_path)
+    job = DatasetJob(tmp_path, f"{TEST}/{NAME}", read_method("image-sort-dynamic"), tmp_path)
     result = JRDB.evaluate(job)
     assert result.figures is None
     rows = [line.split() for line in result.submission[f"{TEST}/0001.txt"].splitlines()]

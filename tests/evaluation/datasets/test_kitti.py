@@ -49,7 +49,7 @@ def test_real_labels_of_sequence_0019_are_read(tmp_path: Path, shared: Path) -> 
 
 def test_a_submission_has_18_columns_and_frames_from_0(tmp_path: Path) -> None:
     write_kitti(tmp_path)
-    job = DatasetJob(tmp_path, "testing/0000", read_method("image-sort-best"), tmp_path)
+    job = DatasetJob(tmp_path, "testing/0000", read_method("image-sort-dynamic"), tmp_path)
     result = KITTI.evaluate(job)
     assert result.figures is None
     rows = [line.split() for line in result.submission["testing/0000.txt"].splitlines()]

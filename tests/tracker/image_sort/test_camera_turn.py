@@ -90,7 +90,7 @@ def test_point_turned_behind_the_camera_stays_finite() -> None:
 
 def test_the_velocity_holds_only_the_persons_own_motion() -> None:
     # A steady turn of 12 px a frame; after ten frames a prediction without a turn stays in place.
-    config = ImageSortConfig(confirm="once", min_hits=0, ego_motion="odometry")
+    config = ImageSortConfig(min_hits=0, ego_motion="odometry")
     turn = Turn(math.radians(64 * 12 / 640))
     tracker = ImageSort(config)
     for number in range(10):

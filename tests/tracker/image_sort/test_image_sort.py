@@ -43,54 +43,29 @@ def test_later_track_is_published_after_three_matches() -> None:
     assert results(ImageSortConfig(), "----xxxxx") == [[]] * 7 + [[1], [1]]
 
 
-def test_confirmed_once() -> None:
-    config = ImageSortConfig(confirm="once", min_hits=1)
+def test_tracks_are_published_after_fewer_matches() -> None:
+    config = ImageSortConfig(min_hits=1)
     assert results(config, "--xx-xx") == [[], [], [], [1], [], [1], [1]]
-    assert results(ImageSortConfig(confirm="once", min_hits=0), "-x") == [[], [1]]
+    assert results(ImageSortConfig(min_hits=0), "-x") == [[], [1]]
 
 
 def test_fixed_lifetime() -> None:
-    config = ImageSortConfig(confirm="once", min_hits=0, t_lost=2)
+    config = ImageSortConfig(min_hits=0, t_lost=2)
     assert results(config, "xxxxxx--x")[-1] == [1]
     assert results(config, "xxxxxx---x")[-1] == [2]
 
 
 def test_dynamic_lifetime_grows_with_the_frames_tracked() -> None:
     # T_age = min(1 + T_hits / 2, 4): 2 hits give 2 frames, 4 give 3, 100 would give 51 but for 4.
-    base = ImageSortConfig(confirm="once", min_hits=0, lifetime="dynamic", r=2, max_age=4)
+    base = ImageSortConfig(min_hits=0, lifetime="dynamic", r=2, max_age=4)
     for hits, age in ((2, 2), (4, 3), (5, 3), (100, 4)):
         assert results(base, "x" * hits + "-" * age + "x")[-1] == [1]
         assert results(base, "x" * hits + "-" * (age + 1) + "x")[-1] == [2]
 
 
-def test_weak_detections_begin_no_track() -> None:
-    tracker = ImageSort(ImageSortConfig(confirm="once", min_hits=0, score_new=0.8))
-    scores = [0.7, 0.9, 0.3]
-    ids = [tracker.update(frame(k, BOX, scores=[s])).ids.tolist() for k, s in enumerate(scores)]
-    assert ids == [[], [1], [1]]
-
-
-def test_weak_detection_continues_only_a_track_matched_before() -> None:
-    config = ImageSortConfig(confirm="once", min_hits=0, t_lost=5, score_high=0.6, score_new=0.6)
-    tracker = ImageSort(config)
-    tracker.update(frame(0, BOX))
-    assert tracker.update(frame(1, BOX, scores=[0.4])).ids.tolist() == [1]
-    tracker.update(frame(2))
-    assert tracker.update(frame(3, BOX, scores=[0.4])).ids.tolist() == []
-    assert tracker.update(frame(4, BOX)).ids.tolist() == [1]
-
-
-def test_strong_detections_choose_before_weak_ones() -> None:
-    # The weak detection lies exactly on the track; the strong one overlaps by 40/60, and is taken.
-    tracker = ImageSort(ImageSortConfig(confirm="once", min_hits=0, score_high=0.6, score_new=0.6))
-    tracker.update(frame(0, BOX))
-    tracks = tracker.update(frame(1, BOX, [110.0, 100, 160, 200], scores=[0.4, 0.9]))
-    assert (tracks.ids.tolist(), tracks.detections.tolist()) == ([1], [1])
-
-
 def test_prediction_bridges_a_miss() -> None:
     # 20 px a frame, boxes 50 wide: after one miss the old box overlaps by 10/90 < 0.3 only.
-    config = ImageSortConfig(confirm="once", min_hits=0)
+    config = ImageSortConfig(min_hits=0)
     moving = [[100.0 + 20 * k, 100, 150 + 20 * k, 200] for k in range(6)]
     tracker = ImageSort(config)
     for k in range(4):
@@ -124,7 +99,7 @@ def run(config: ImageSortConfig, frames: list[BoxFrame]) -> list[BoxTracks]:
 SETTINGS = [
     ImageSortConfig(),
     ImageSortConfig(lifetime="dynamic", r=2, max_age=10),
-    ImageSortConfig(confirm="once", min_hits=0, score_high=0.6, score_new=0.5),
+    ImageSortConfig(min_hits=0),
 ]
 settled = pytest.mark.parametrize("config", SETTINGS)
 
@@ -209,7 +184,7 @@ def test_returned_arrays_are_copies() -> None:
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [
-        ({"score_new": 1.5}, "score_new: expected 0 to 1, got 1.5"),
+        ({"min_hits": -1}, "min_hits: expected >= 0, got -1"),
         ({"t_lost": -1.0}, "t_lost: expected a finite number >= 0, got -1.0"),
         ({"r": 0.0}, "r: expected > 0, got 0.0"),
     ],

@@ -24,7 +24,7 @@ from services.tracker.node import TrackerNode
 from tests import builders
 from tests.tracker.test_node import FRAME_MS, MS, START_NS, TRANSFORM, detected, node, person
 
-ONCE = {"confirm": "once", "min_hits": 0}
+AT_ONCE = {"min_hits": 0}
 INFO = CameraInfo(
     stamp_ns=0,
     sequence=0,
@@ -39,7 +39,7 @@ INFO = CameraInfo(
 )
 
 
-def image_node(sort: dict[str, Any] = ONCE, **fields: Any) -> TrackerNode:
+def image_node(sort: dict[str, Any] = AT_ONCE, **fields: Any) -> TrackerNode:
     return node(tracker="image_sort", image_sort=ImageSortConfig(**sort), **fields)
 
 
@@ -145,7 +145,7 @@ def test_a_robot_that_turns_left_sees_the_image_move_right(projection: str) -> N
     step_rad = math.radians(60 * 30 / 640)
     thetas = np.cumsum([step_rad * (k % 3 == 2) for k in range(12)]).tolist()
     moved = [odometry(k, theta) for k, theta in enumerate(thetas)]
-    corrected = {**ONCE, "ego_motion": "odometry", "projection": projection}
+    corrected = {**AT_ONCE, "ego_motion": "odometry", "projection": projection}
 
     def ids(sort: dict[str, Any], step_px: float) -> list[int]:
         target = image_node(sort, frame_id="map")
@@ -153,7 +153,7 @@ def test_a_robot_that_turns_left_sees_the_image_move_right(projection: str) -> N
         return ids_while_turning(target, moved, step_px)
 
     assert ids(corrected, 30.0) == [1] * 12
-    assert ids(ONCE, 30.0)[-1] > 3
+    assert ids(AT_ONCE, 30.0)[-1] > 3
     assert ids(corrected, -30.0)[-1] > 3  # the wrong sign is worse than none
 
 
@@ -170,7 +170,7 @@ def test_a_camera_on_a_turning_head_needs_no_odometry() -> None:
         )
         for k, theta in enumerate(thetas)
     ]
-    target = image_node({**ONCE, "ego_motion": "odometry"})
+    target = image_node({**AT_ONCE, "ego_motion": "odometry"})
     answers(target, INFO, on("head"))
     assert ids_while_turning(target, moved, 30.0) == [1] * 12
 
