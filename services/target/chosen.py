@@ -10,6 +10,7 @@ from people4d.messages.target import TargetState
 from services.target.appearance import Appearance
 from services.target.belief import (
     ARRIVAL,
+    PRIOR_MAX,
     TrackBelief,
     absence,
     exchange,
@@ -104,7 +105,8 @@ class ChosenPerson:
         counted = self._weigh_crops(frame)
         decision = self._decide(frame)
         if decision.track and decision.state == "locked" and decision.probability >= CERTAIN:
-            self._learn(decision.track.id, counted)
+            self._learn_own(decision.track.id, counted)
+        self._learn_others(counted)
         return decision
 
     def _check_clock(self, frame: TargetFrame) -> int:
@@ -239,16 +241,20 @@ class ChosenPerson:
             return f"the {len(self.memory.tracks)} people in view are others"
         return f"person {best} is the likeliest, with a probability of {probability:.2f}"
 
-    def _learn(self, target: int, counted: list[TargetCandidate]) -> None:
-        """Learn views of the person and of people beside it, if the lock is certain."""
+    def _learn_own(self, target: int, counted: list[TargetCandidate]) -> None:
+        """Learn views of the person, unless another person is close."""
         memory = self.memory
         if memory.tracks[target].contact:
             return
         settle(memory.tracks, target)
         for person in counted:
-            if person.embedding is None:
-                continue
-            if person.id == target:
+            if person.id == target and person.embedding is not None:
                 memory.appearance.learn_own(person.embedding)
-            elif not memory.tracks[person.id].contact:
-                memory.appearance.learn_other(person.id, person.embedding)
+
+    def _learn_others(self, counted: list[TargetCandidate]) -> None:
+        """Learn views of the people who are not the chosen person by continuity."""
+        for person in counted:
+            one = self.memory.tracks[person.id]
+            is_other = one.prior <= 1.0 - PRIOR_MAX and not one.contact
+            if is_other and person.embedding is not None:
+                self.memory.appearance.learn_other(person.id, person.embedding)

@@ -68,6 +68,19 @@ def test_alike_person_with_a_new_track_is_not_locked() -> None:
     assert states == {"searching", "lost"}
 
 
+def test_alike_person_in_view_during_an_absence_is_not_locked_later() -> None:
+    """Track 2 is another person by continuity, so its views count against its later tracks."""
+    scene = followed()
+    people = {1: (3.0, 0.0, RED), 2: (5.0, 2.0, 20.0)}
+    scene.frames(2, people, with_embeddings=False)
+    scene.frames(10, {2: people[2]})
+    scene.frames(30, {})
+    # At 20 degrees the distance is 0.06, and an unknown person is expected at 0.14.
+    assert {scene.frame({7: (4.0, 1.0, 20.0)}).id for _ in range(50)} == {None}
+    scene.frames(30, {})
+    assert scene.frames(10, {8: (3.0, 0.0, RED)}).id == 8
+
+
 def test_returning_person_is_locked_while_the_alike_one_stays_in_view() -> None:
     # The track of the other person was never interrupted.
     scene = followed(p2=(5, 2, RED))
