@@ -183,7 +183,7 @@ class ChosenPerson:
         return distance_m <= REACH_M + self._config.speed_max_mps * elapsed_s
 
     def _weigh_crops(self, frame: TargetFrame) -> list[TargetCandidate]:
-        """Add the crops to the evidence of their tracks; return the people whose crops count."""
+        """Add whole crops to the evidence of their tracks; return the people with new crops."""
         tracks, appearance = self.memory.tracks, self.memory.appearance
         counted = list[TargetCandidate]()
         others = {
@@ -195,7 +195,7 @@ class ChosenPerson:
                 continue
             one.crop_ns = frame.stamp_ns
             counted.append(person)
-            if appearance.own:
+            if appearance.own and not person.is_cut:
                 elsewhere, is_open = others - {person.id}, one.prior < CERTAIN
                 one.add_ratio(appearance.log_ratio(person.embedding, elsewhere, is_open))
         return counted
@@ -252,7 +252,7 @@ class ChosenPerson:
                 memory.appearance.learn_own(person.embedding)
 
     def _learn_others(self, counted: list[TargetCandidate]) -> None:
-        """Learn views of the people who are not the chosen person by continuity."""
+        """Learn views of each track that is another person by continuity."""
         for person in counted:
             one = self.memory.tracks[person.id]
             is_other = one.prior <= 1.0 - PRIOR_MAX and not one.contact

@@ -7,8 +7,8 @@ import numpy as np
 
 from people4d.messages import F64, Detection, Detections, Embeddings, Track, Tracks
 
-OVERLAP_MAX = 0.3  # maximum share of the box of a clear crop inside the box of a nearer person
-EDGE_SHARE = 0.02  # minimum distance of a clear crop from the sides of the image, of its width
+OVERLAP_MAX = 0.3  # maximum share of the box of an uncovered crop inside the box of a nearer person
+EDGE_SHARE = 0.02  # minimum distance of a whole crop from the sides of the image, of its width
 
 
 @dataclass(frozen=True)
@@ -16,7 +16,8 @@ class TargetCandidate:
     """One track of a frame."""
 
     track: Track
-    embedding: F64 | None  # embedding of the crop; None without a clear crop
+    embedding: F64 | None  # embedding of the crop; None without a crop, or if it is covered
+    is_cut: bool = False  # True: the crop touches a side of the image
 
     @property
     def id(self) -> int:
@@ -41,23 +42,30 @@ def observe_people(
     embeddings: Embeddings | None,
     robot_m: F64 | None,
 ) -> TargetFrame:
-    """Join the tracks of a frame with its clear crops; each track once, no tentative ones."""
+    """Join the tracks of a frame with their crops; each track once, no tentative ones."""
     found = {t.id: t for t in tracks.tracks if t.state != "tentative"}
-    vectors, embedder = dict[int, F64](), None
+    crops, embedder = dict[int | None, tuple[F64, bool]](), None
     if detections and embeddings:
         rows = dict(zip(embeddings.detections, embeddings.vectors, strict=True))
-        clear = clear_crops(detections.detections, detections.width)
-        vectors = {i: rows[i].astype(np.float64) for i in clear if i in rows}
+        for i in uncovered_crops(detections.detections):
+            if i in rows:
+                is_cut = touches_side(detections.detections[i], detections.width)
+                crops[i] = rows[i].astype(np.float64), is_cut
         embedder = embeddings.model, embeddings.vectors.shape[1]
     people = tuple(
-        TargetCandidate(t, None if t.detection is None else vectors.get(t.detection))
-        for t in found.values()
+        TargetCandidate(t, *crops.get(t.detection, (None, False))) for t in found.values()
     )
     return TargetFrame(tracks.stamp_ns, tracks.frame_id, people, embedder, robot_m)
 
 
-def clear_crops(detections: Sequence[Detection], width: int) -> list[int]:
-    """Return the detections that no nearer one covers, and that touch no side of the image."""
+def touches_side(detection: Detection, width: int) -> bool:
+    """Check that a box touches the left or right side of the image."""
+    left, _, right, _ = detection.box_xyxy_px.tolist()
+    return bool(min(left, width - right) < EDGE_SHARE * width)
+
+
+def uncovered_crops(detections: Sequence[Detection]) -> list[int]:
+    """Return the detections that no nearer one covers."""
     if not detections:
         return []
     boxes = np.array([d.box_xyxy_px for d in detections], np.float64)
@@ -69,7 +77,4 @@ def clear_crops(detections: Sequence[Detection], width: int) -> list[int]:
     common = np.where(is_behind, 0.0, np.maximum(across, 0.0) * np.maximum(down, 0.0))
     np.fill_diagonal(common, 0.0)
     area = np.maximum((right - left) * (bottom - top), 1e-9)
-    margin = EDGE_SHARE * width
-    clear = common.max(axis=1) <= OVERLAP_MAX * area
-    clear &= (left >= margin) & (right <= width - margin)
-    return [int(i) for i in np.flatnonzero(clear)]
+    return [int(i) for i in np.flatnonzero(common.max(axis=1) <= OVERLAP_MAX * area)]

@@ -39,6 +39,7 @@ class Scene:
         people: Mapping[int, Person],
         hidden: Sequence[int] = (),
         with_embeddings: bool = True,
+        cut: Sequence[int] = (),
         **fields: Any,
     ) -> Target:
         """Return the answer to one frame.
@@ -47,11 +48,13 @@ class Scene:
             people: People by track; each is in a box of its own.
             hidden: Tracks without a detection in this frame.
             with_embeddings: The appearance of the people arrives, too.
+            cut: Tracks at a side of the image.
             fields: Fields of Tracks.
         """
         self.stamp_ns += FRAME_NS
         visible = [track for track in people if track not in hidden]
-        boxes = [[20 + 100 * k, 50, 80 + 100 * k, 300] for k in range(len(visible))]
+        lefts = [0 if track in cut else 20 + 100 * k for k, track in enumerate(visible)]
+        boxes = [[left, 50, left + 60, 300] for left in lefts]
         found = builders.detections(
             *(builders.detection(box_xyxy_px=np.array(box, np.float32)) for box in boxes),
             stamp_ns=self.stamp_ns,

@@ -128,6 +128,15 @@ def test_person_without_a_clear_view_is_not_found_by_elimination() -> None:
     assert {scene.frame({7: (3.0, 0.0, BLUE)}).id for _ in range(100)} == {None}
 
 
+def test_person_at_the_side_of_the_image_is_learnt_and_not_locked_by_appearance() -> None:
+    scene = Scene()
+    scene.choose(id=1)
+    assert scene.frames(10, {1: (3, 0, RED)}, cut=[1]).state == "locked"
+    scene.frames(30, {})
+    assert scene.frames(10, {7: (3, 0, RED)}, cut=[7]).id is None
+    assert scene.frames(10, {7: (3, 0, RED)}).id == 7
+
+
 def test_track_with_another_appearance_loses_the_lock() -> None:
     """An identity switch of the tracker without any sign but the appearance."""
     scene = followed(p2=(5, 2, BLUE))
