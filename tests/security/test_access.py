@@ -42,7 +42,7 @@ PUBLISHERS = {
 MORE_PUBLISHERS = {
     "odometry": {"visual_odometry"},
     "people": {"site"},
-    "target_commands": {"operator", "ros2_bridge"},
+    "target_commands": {"dashboard", "operator", "ros2_bridge"},
 }
 PLANNER_READS = {
     "camera_info",
