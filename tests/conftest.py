@@ -13,22 +13,9 @@ from tests.network import Network
 RERUNS = 2
 NAME_MAX = 100  # maximum length of a value in the name of a test
 SLOWER = ("processes", "network", "render", "slow")  # markers of tests that run first
-# Tests that depend on the scheduler of the kernel, which may stop a process of a busy host for
-# seconds. Only these tests are repeated. The reason names what they measure or wait for.
-SCHEDULED = {
-    "tests/attacks/": "pauses of people during an attack",
-    "tests/common/ros2/": "discovery between processes by DDS and rmw_zenoh",
-    "tests/common/runtime/test_process.py": "the end of a process after a signal",
-    "tests/dashboard/browser/": "drawings of Chromium beside a running system",
-    "tests/deploy/cli/test_health.py": "a router that starts later than a command",
-    "tests/deploy/launcher/": "starts, ends and restarts by supervisord",
-    "tests/events/test_process.py": "deliveries of a process that is killed",
-    "tests/gt_bridge/sources/test_live.py": "discovery between processes by rmw_zenoh",
-    "tests/integration/": "processes that are stopped, killed and replaced",
-    "tests/people4d/test_install.py": "the start of a system beside the build of wheels",
-    "tests/security/test_outward.py": "a demo under observation of its system calls",
-    "tests/security/test_privacy.py": "links between network namespaces",
-}
+# Markers of tests that wait for other processes or sessions, which the kernel's scheduler may stop
+# for seconds on a busy host. Only these tests are repeated.
+SCHEDULED = ("processes", "network")
 
 
 @pytest.fixture(autouse=True)
@@ -64,7 +51,7 @@ def state_folder() -> Iterator[Path]:
 
 @pytest.hookimpl(tryfirst=True)  # xdist reads the groups in the same hook
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Give each file to one worker, slower files first, and repeat tests of `SCHEDULED`.
+    """Give each file to one worker, slower files first, and repeat failed tests of `SCHEDULED`.
 
     Fixtures of a module start once then, not once in each worker.
     """
@@ -73,7 +60,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if not item.get_closest_marker("xdist_group"):
             item.add_marker(pytest.mark.xdist_group(item.location[0]))
-        if item.nodeid.startswith(tuple(SCHEDULED)):
+        if any(map(item.get_closest_marker, SCHEDULED)):
             item.add_marker(pytest.mark.flaky(reruns=RERUNS, reruns_delay=1))
 
 
