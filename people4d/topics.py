@@ -168,7 +168,7 @@ TOPICS: tuple[Topic, ...] = (
     Topic("predictions", "predictions", Predictions, 10, "queue", 64, "predictor",
           readers="dashboard ros2_bridge report target planner operator"),
     Topic("skeletons", "skeletons", Skeletons, 30, "queue", 64, "skeleton",
-          readers="dashboard events report planner operator"),
+          readers="dashboard events report target planner operator"),
     Topic("events", "events", Event, 1, "queue", 256, "events",
           readers="dashboard planner operator"),
     Topic("zones", "zones", Zones, 0, "latched", 8, "events",

@@ -27,8 +27,9 @@ class TargetCommand(Message, frozen=True, kw_only=True):
     """Choice of the person to follow; the newest choice is in force."""
 
     # id: the track `id`; nearest: the nearest person to the robot; at: the nearest person within
-    # 1 m of `position_m`; none: no person
-    action: Literal["id", "nearest", "at", "none"]
+    # 1 m of `position_m`; raised_hand: the nearest person with a hand raised for 1 s; none: no
+    # person
+    action: Literal["id", "nearest", "at", "raised_hand", "none"]
     id: PositiveInt | None = None  # identity as in Tracks; absent unless action is id
     # [m] x, y on the ground, frame: frame of Tracks; absent unless action is at
     position_m: Vector2 | None = None

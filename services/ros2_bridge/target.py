@@ -3,6 +3,7 @@
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
+from typing import Literal
 
 import msgspec
 import numpy as np
@@ -22,6 +23,7 @@ TEXT = "std_msgs/msg/String"
 CYLINDER, LIFETIME_NS = 3, 500_000_000  # type and lifetime [ns] of the marker
 RING_M, GREEN = (0.9, 0.9, 0.02), {"r": 0.1, "g": 0.8, "b": 0.2, "a": 0.6}
 CHOOSER = "ROS 2"
+PLAIN: tuple[Literal["nearest", "raised_hand", "none"], ...] = ("nearest", "raised_hand", "none")
 COMMANDS_MAX = 8  # maximum number of commands that wait
 
 
@@ -99,22 +101,25 @@ class TargetOutput:
 
 
 def command_of(text: str) -> TargetCommand:
-    """Return the command of a text: the number of a track, `nearest`, `none`, or `X Y` in metres.
+    """Return the command of a text.
+
+    It is the number of a track, `nearest`, `raised_hand`, `none`, or `X Y` in metres.
 
     Raises:
         ValueError: The text is no command.
     """
     words, stamp_ns = text.split(), time.time_ns()
-    if words == ["nearest"]:
-        return TargetCommand(stamp_ns=stamp_ns, sequence=0, action="nearest", chooser=CHOOSER)
-    if words == ["none"]:
-        return TargetCommand(stamp_ns=stamp_ns, sequence=0, action="none", chooser=CHOOSER)
+    for action in PLAIN:
+        if words == [action]:
+            return TargetCommand(stamp_ns=stamp_ns, sequence=0, action=action, chooser=CHOOSER)
     if len(words) == 1:
         return TargetCommand(
             stamp_ns=stamp_ns, sequence=0, action="id", id=_positive(words[0]), chooser=CHOOSER
         )
     if len(words) != 2:
-        raise ValueError("expected the number of a track, nearest, none, or x and y in metres")
+        raise ValueError(
+            f"expected the number of a track, {', '.join(PLAIN)}, or x and y in metres"
+        )
     at_m = np.array([float(word) for word in words])
     if not np.isfinite(at_m).all():
         raise ValueError("expected finite numbers")

@@ -12,10 +12,16 @@ AT_M = 1.0  # maximum distance of a person from a chosen position [m]
 def find_person(command: TargetCommand, frame: TargetFrame) -> tuple[TargetCandidate | None, str]:
     """Return the visible person of a command, or None and the reason."""
     visible = [person for person in frame.people if person.track.detection is not None]
+    if command.action == "raised_hand":
+        visible = [person for person in visible if person.id in (frame.raised or ())]
+        if frame.raised is None:
+            return None, "no skeletons arrive, see people4d up --skeletons"
+        if len(visible) <= 1:
+            return next(iter(visible), None), "no person in view holds up a hand"
     if command.action == "id":
         found = next((person for person in visible if person.id == command.id), None)
         return found, f"person {command.id} is not in view"
-    origin_m = frame.robot_m if command.action == "nearest" else command.position_m
+    origin_m = command.position_m if command.action == "at" else frame.robot_m
     if origin_m is None:
         return None, "the nearest person is unknown without the pose of the robot's base"
     by_distance = sorted(_distances(visible, origin_m), key=lambda pair: pair[0])

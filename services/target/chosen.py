@@ -30,6 +30,7 @@ VISIBLE_NS = 150_000_000  # maximum time since the last match of a visible perso
 OCCLUDED_NS = 2_000_000_000  # maximum duration of an occlusion [ns]
 GAP_NS = 1_000_000_000  # interval between frames after which all tracks are ambiguous [ns]
 CHOICE_NS = 5_000_000_000  # maximum wait for a person that was chosen [ns]
+RAISED_HAND_NS = 30_000_000_000  # maximum wait for a raised hand [ns]
 REACH_M = 1.0  # reach of the person beyond its maximum speed, errors of positions included [m]
 
 
@@ -138,7 +139,8 @@ class ChosenPerson:
         memory.problem = problem
         if memory.command_ns is None:
             memory.command_ns = frame.stamp_ns
-        if frame.stamp_ns - memory.command_ns > CHOICE_NS:
+        wait_ns = RAISED_HAND_NS if command.action == "raised_hand" else CHOICE_NS
+        if frame.stamp_ns - memory.command_ns > wait_ns:
             memory.command = None
 
     def _prepare(self, frame: TargetFrame) -> None:

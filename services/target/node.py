@@ -21,6 +21,7 @@ from people4d.messages import (
     MovingTransform,
     Odometry,
     Predictions,
+    Skeletons,
     StaticTransform,
     Target,
     TargetCommand,
@@ -28,6 +29,7 @@ from people4d.messages import (
 )
 from services.target.chosen import ChosenPerson, Decision, Memory
 from services.target.config import TargetConfig
+from services.target.hands import RaisedHands
 from services.target.observe import observe_people
 
 TRANSFORMS = StaticTransform | MovingTransform | Odometry
@@ -50,7 +52,7 @@ class TargetNode(StatefulNode):
     """
 
     inputs: tuple[type[Message], ...] = (
-        *(Tracks, Detections, Embeddings, Predictions, TargetCommand),
+        *(Tracks, Detections, Embeddings, Predictions, Skeletons, TargetCommand),
         *(StaticTransform, MovingTransform, Odometry),
     )
     required_inputs: ClassVar[tuple[type[Message], ...]] = (Tracks, Detections, Embeddings)
@@ -64,6 +66,7 @@ class TargetNode(StatefulNode):
             Embeddings: {},
         }
         self._predictions: Predictions | None = None
+        self._hands = RaisedHands()
         self._replaced = ""  # note about the replaced chooser
         self._sequence = 0
         self._counters = Counter(dict.fromkeys(COUNTERS, 0))
@@ -79,6 +82,8 @@ class TargetNode(StatefulNode):
                 del waiting[next(iter(waiting))]
         elif isinstance(message, Predictions):
             self._predictions = message
+        elif isinstance(message, Skeletons):
+            self._hands.update(message)
         elif isinstance(message, TargetCommand):
             self._choose(message)
         elif isinstance(message, Tracks) and message.predicted:
@@ -131,7 +136,8 @@ class TargetNode(StatefulNode):
         is_joined = detections is not None and embeddings is not None
         self._counters["without_embeddings"] += bool(tracks.tracks) and not is_joined
         robot_m = None if base is None else invert(base)[:2, 3]
-        return self._chosen.update(observe_people(tracks, detections, embeddings, robot_m))
+        raised = self._hands.held(tracks.stamp_ns)
+        return self._chosen.update(observe_people(tracks, detections, embeddings, robot_m, raised))
 
     def _without_frames(self) -> Decision:
         """Return the state while no frames arrive."""

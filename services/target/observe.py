@@ -34,6 +34,7 @@ class TargetFrame:
     people: tuple[TargetCandidate, ...]
     embedder: tuple[str, int] | None  # name and length of the embeddings; None without any
     robot_m: F64 | None = None  # [m] x, y of the robot's base; None if unknown
+    raised: frozenset[int] | None = None  # tracks with a raised hand; None without skeletons
 
 
 def observe_people(
@@ -41,6 +42,7 @@ def observe_people(
     detections: Detections | None,
     embeddings: Embeddings | None,
     robot_m: F64 | None,
+    raised: frozenset[int] | None = None,
 ) -> TargetFrame:
     """Join the tracks of a frame with their crops; each track once, no tentative ones."""
     found = {t.id: t for t in tracks.tracks if t.state != "tentative"}
@@ -55,7 +57,7 @@ def observe_people(
     people = tuple(
         TargetCandidate(t, *crops.get(t.detection, (None, False))) for t in found.values()
     )
-    return TargetFrame(tracks.stamp_ns, tracks.frame_id, people, embedder, robot_m)
+    return TargetFrame(tracks.stamp_ns, tracks.frame_id, people, embedder, robot_m, raised)
 
 
 def touches_side(detection: Detection, width: int) -> bool:

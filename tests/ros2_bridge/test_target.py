@@ -59,7 +59,12 @@ def test_person_who_is_not_located_is_not_published(state: TargetState) -> None:
 
 @pytest.mark.parametrize(
     ("text", "action", "id_"),
-    [("3", "id", 3), (" nearest ", "nearest", None), ("none", "none", None)],
+    [
+        ("3", "id", 3),
+        (" nearest ", "nearest", None),
+        ("raised_hand", "raised_hand", None),
+        ("none", "none", None),
+    ],
 )
 def test_text_chooses(text: str, action: str, id_: int | None) -> None:
     node, ros = bridge()

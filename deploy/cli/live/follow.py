@@ -2,8 +2,9 @@
 
 import math
 import time
+from collections.abc import Mapping
 from contextlib import suppress
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import typer
@@ -13,6 +14,7 @@ from deploy.cli.terminal import shown
 from people4d.errors import People4dError
 from people4d.messages import Target, TargetCommand
 
+Action = Literal["id", "nearest", "raised_hand", "at", "none"]
 CHOOSER = "people4d follow"
 
 
@@ -21,6 +23,10 @@ def follow(
         int | None, typer.Argument(metavar="ID", min=1, help="Track of the person to follow.")
     ] = None,
     nearest: Annotated[bool, typer.Option("--nearest", help="Follow the nearest person.")] = False,
+    raised_hand: Annotated[
+        bool,
+        typer.Option("--raised-hand", help="Follow the nearest person with a raised hand."),
+    ] = False,
     at: Annotated[
         tuple[float, float] | None,
         typer.Option(metavar="X Y", help="Follow the person at this position in metres."),
@@ -35,7 +41,15 @@ def follow(
 
     Without a choice it shows the state only. It needs a system with --target.
     """
-    command = command_of(id_, nearest, at, stop)
+    command = command_of(
+        {
+            "id": id_,
+            "nearest": nearest,
+            "raised_hand": raised_hand,
+            "at": at,
+            "none": stop,
+        }
+    )
     with open_client(connect, robot) as client, suppress(KeyboardInterrupt):
         targets = client.messages(Target, timeout_s=timeout_s)
         if command:
@@ -53,20 +67,22 @@ def follow(
             )
 
 
-def command_of(
-    id_: int | None, nearest: bool, at: tuple[float, float] | None, stop: bool
-) -> TargetCommand | None:
+def command_of(asked: Mapping[Action, Any]) -> TargetCommand | None:
     """Return the choice of the options, None without one; BadParameter for several."""
-    choices: list[dict[str, Any]] = []
-    choices += [{"action": "id", "id": id_}] if id_ is not None else []
-    choices += [{"action": "nearest"}] if nearest else []
-    choices += [{"action": "at", "position_m": np.array(at)}] if at else []
-    choices += [{"action": "none"}] if stop else []
+    choices = [(action, value) for action, value in asked.items() if value not in (None, False)]
     if len(choices) > 1:
-        raise typer.BadParameter("give one of ID, --nearest, --at and --stop")
+        raise typer.BadParameter("give one of ID, --nearest, --raised-hand, --at and --stop")
     if not choices:
         return None
-    return TargetCommand(stamp_ns=time.time_ns(), sequence=0, chooser=CHOOSER, **choices[0])
+    action, value = choices[0]
+    return TargetCommand(
+        stamp_ns=time.time_ns(),
+        sequence=0,
+        chooser=CHOOSER,
+        action=action,
+        id=value if action == "id" else None,
+        position_m=np.array(value) if action == "at" else None,
+    )
 
 
 def line_of(target: Target) -> str:

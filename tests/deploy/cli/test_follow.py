@@ -31,18 +31,21 @@ TARGET = Target(
 
 
 def test_options_give_one_choice() -> None:
-    by_id, at = command_of(3, False, None, False), command_of(None, False, (1.0, 2.0), False)
+    by_id, at = command_of({"id": 3, "nearest": False}), command_of({"at": (1.0, 2.0)})
     assert by_id
     assert at
     assert at.position_m is not None
     assert (by_id.action, by_id.id) == ("id", 3)
     assert (at.action, at.position_m.tolist()) == ("at", [1.0, 2.0])
-    assert command_of(None, False, None, False) is None
+    raised = command_of({"id": None, "raised_hand": True})
+    assert raised
+    assert raised.action == "raised_hand"
+    assert command_of({"id": None, "nearest": False, "at": None}) is None
 
 
 def test_two_choices_are_refused() -> None:
     with pytest.raises(typer.BadParameter, match="give one of"):
-        command_of(3, True, None, False)
+        command_of({"id": 3, "nearest": True})
 
 
 def test_state_is_one_line() -> None:
