@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from common.geometry.boxes import iou_xyxy
+from common.geometry.boxes import intersections_xyxy, iou_xyxy
 from common.metrics.mot_text import MotInfo, MotRows
 from common.metrics.record import BOOL, EvaluationFrame, EvaluationSequence, GroundTruth, Hypotheses
 from common.metrics.scores import Scores, score
@@ -121,7 +121,5 @@ def neutral(truth: BoxTruth, boxes: F64) -> BOOL:
 
 def _covered(boxes: F64, regions: F64) -> F64:
     """Return the share (MxK) of boxes (Mx4) inside of regions (Kx4)."""
-    a, b = boxes[:, None], regions[None]
-    sides = np.minimum(a[..., 2:], b[..., 2:]) - np.maximum(a[..., :2], b[..., :2])
-    area = np.prod(a[..., 2:] - a[..., :2], axis=-1)
-    return np.asarray(np.prod(np.maximum(sides, 0.0), axis=-1) / area)
+    areas = np.prod(boxes[:, None, 2:] - boxes[:, None, :2], axis=-1)
+    return np.asarray(intersections_xyxy(boxes, regions) / areas)
