@@ -87,6 +87,7 @@ class CheckpointStore:
         try:
             if os.pwrite(descriptor, content, 0) < len(content):
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            os.ftruncate(descriptor, len(content))
         finally:
             os.close(descriptor)
 

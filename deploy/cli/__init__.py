@@ -26,6 +26,8 @@ COMMANDS = (
     ("logs", "system.logs", "Show the logs of the processes."),
     ("listen", "live.views", "Show the tracks, live."),
     ("follow", "live.follow", "Choose the person to follow; show the state, live."),
+    ("enrol", "live.enrol", "Store the views of the locked person under a name."),
+    ("forget", "live.enrol", "Delete the stored views of a person."),
     ("view", "live.view", "Show people and images in Rerun or Foxglove, or write a file for them."),
     ("open", "live.page", "Open the page of people4d up --dashboard in the browser."),
     ("score", "live.views", "Show the errors of the tracks against the ground truth, live."),

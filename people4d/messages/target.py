@@ -7,6 +7,7 @@ from msgspec import Meta
 from people4d.messages.base import (
     F64,
     MAX_M,
+    MAX_STAMP_NS,
     Message,
     Name,
     NonNegative,
@@ -20,6 +21,7 @@ from people4d.messages.base import (
 from people4d.messages.prediction import HORIZONS_MAX
 from people4d.validation import Magnitude, Shape
 
+VALUES = {"id": ("id",), "position_m": ("at",), "name": ("name", "enrol", "forget")}
 TargetState = Literal["locked", "occluded", "searching", "lost", "none"]
 
 
@@ -27,20 +29,22 @@ class TargetCommand(Message, frozen=True, kw_only=True):
     """Choice of the person to follow; the newest choice is in force."""
 
     # id: the track `id`; nearest: the nearest person to the robot; at: the nearest person within
-    # 1 m of `position_m`; raised_hand: the nearest person with a hand raised for 1 s; none: no
-    # person
-    action: Literal["id", "nearest", "at", "raised_hand", "none"]
+    # 1 m of `position_m`; raised_hand: the nearest person with a hand raised for 1 s; name: the
+    # person enrolled as `name`; none: no person; enrol: store the locked person's views as `name`;
+    # forget: delete them, and end a choice of that person
+    action: Literal["id", "nearest", "at", "raised_hand", "name", "none", "enrol", "forget"]
     id: PositiveInt | None = None  # identity as in Tracks; absent unless action is id
     # [m] x, y on the ground, frame: frame of Tracks; absent unless action is at
     position_m: Vector2 | None = None
+    name: Name | None = None  # absent unless action is name, enrol or forget
     chooser: Annotated[Text, Meta(max_length=64)] = ""  # name of the chooser; empty: unnamed
 
     def __post_init__(self) -> None:
         """Check the fields, and that the action has its value."""
         super().__post_init__()
-        for field, action in (("id", "id"), ("position_m", "at")):
-            if (getattr(self, field) is None) == (self.action == action):
-                given = "a value" if self.action == action else "none"
+        for field, actions in VALUES.items():
+            if (getattr(self, field) is None) == (self.action in actions):
+                given = "a value" if self.action in actions else "none"
                 raise ValueError(f"{field}: expected {given} with the action {self.action!r}")
 
 
@@ -70,6 +74,9 @@ class Target(Message, frozen=True, kw_only=True):
     # [m] predicted x, y at path_times_s, frame: frame_id; absent without a prediction
     path_m: Annotated[F64, Shape("H", 2), Magnitude(MAX_M)] | None = None
     chooser: Text = ""  # name of the chooser in force; empty: unnamed
+    # [ns] stamp of the last command enrol or forget; absent: none
+    answered_ns: Annotated[int, Meta(ge=-MAX_STAMP_NS, le=MAX_STAMP_NS)] | None = None
+    problem: Text = ""  # reason why that command was not executed; empty if it was
 
     def __post_init__(self) -> None:
         """Check the fields, and that each time of the path has a position."""

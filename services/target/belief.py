@@ -20,6 +20,7 @@ CONTACT_M = 0.7  # distance of two tracks below which earlier crops are forgotte
 UNMATCHED_NS = 300_000_000  # gap of a track that is no missed detection [ns]
 UNMATCHED_S = 5.0  # gap after which a track goes on with another person by 1 - 1/e [s]
 ARRIVAL = 0.5  # probability that a new track is the absent person
+ARRIVAL_NAMED = 0.2  # the same of an enrolled person that was not locked yet
 CROPS = 10  # number of crops of the mean
 
 
@@ -77,10 +78,15 @@ def settle(tracks: Mapping[int, TrackBelief], chosen: int) -> None:
         one.prior = PRIOR_MAX if track == chosen else 0.0
 
 
-def spread(tracks: Mapping[int, TrackBelief]) -> None:
-    """Make all tracks and absence equally likely: any exchange is possible."""
+def spread(tracks: Mapping[int, TrackBelief], arrival: float) -> None:
+    """Make all tracks and absence equally likely: any exchange is possible.
+
+    Args:
+        tracks: All tracks.
+        arrival: Probability that a new track is the absent person, the limit of each track.
+    """
     for one in tracks.values():
-        one.prior = 1.0 / (len(tracks) + 1)
+        one.prior = min(arrival, 1.0 / (len(tracks) + 1))
         one.forget_crops()
 
 

@@ -10,6 +10,7 @@ from people4d.messages.target import TargetState
 from services.target.appearance import Appearance
 from services.target.belief import (
     ARRIVAL,
+    ARRIVAL_NAMED,
     PRIOR_MAX,
     TrackBelief,
     absence,
@@ -20,6 +21,7 @@ from services.target.belief import (
 )
 from services.target.choice import find_person
 from services.target.config import TargetConfig
+from services.target.enrolment import Enrolled
 from services.target.observe import TargetCandidate, TargetFrame
 
 CROP_NS = 80_000_000  # minimum interval between two crops that count [ns]
@@ -41,6 +43,7 @@ class Memory(msgspec.Struct):
     command: TargetCommand | None = None  # choice without its person so far
     command_ns: int | None = None  # [ns] stamp of the first frame after the choice
     is_chosen: bool = False  # True: a person is chosen
+    name: str = ""  # name of an enrolled person; empty: not enrolled
     problem: str = ""  # reason for having no person
     locked: int = 0  # last locked track
     frame_id: str = ""
@@ -49,6 +52,11 @@ class Memory(msgspec.Struct):
     locked_m: tuple[float, float] = (0.0, 0.0)  # [m] position at that time
     tracks: dict[int, TrackBelief] = {}
     appearance: Appearance = msgspec.field(default_factory=Appearance)
+
+    @property
+    def arrival(self) -> float:
+        """Probability that a new track is the absent person."""
+        return ARRIVAL if self.locked or not self.name else ARRIVAL_NAMED
 
     @property
     def has_choice(self) -> bool:
@@ -85,10 +93,23 @@ class ChosenPerson:
             appearance=Appearance() if before.is_chosen else before.appearance,
         )
 
+    def choose_enrolled(self, command: TargetCommand, enrolled: Enrolled | None) -> None:
+        """Replace the choice by an enrolled person; by no person if it is None."""
+        memory = self.memory = Memory(
+            chooser=command.chooser,
+            stamp_ns=self.memory.stamp_ns,
+            frame_id=self.memory.frame_id,
+            tracks=self.memory.tracks,
+        )
+        if enrolled:
+            memory.is_chosen, memory.name = True, command.name or ""
+            memory.appearance = Appearance(enrolled.embedder, enrolled.views)
+            spread(memory.tracks, memory.arrival)
+
     def restore(self, memory: Memory) -> None:
         """Continue from the memory of another process; all tracks are ambiguous."""
         self.memory = memory
-        spread(memory.tracks)
+        spread(memory.tracks, memory.arrival)
 
     def update(self, frame: TargetFrame) -> Decision:
         """Process one frame."""
@@ -119,7 +140,7 @@ class ChosenPerson:
         elapsed_ns = 0 if last_ns is None else frame.stamp_ns - last_ns
         is_reset = elapsed_ns < 0 or (memory.frame_id != frame.frame_id)
         if is_reset or elapsed_ns > GAP_NS:
-            spread(memory.tracks)
+            spread(memory.tracks, memory.arrival)
         if is_reset:
             memory.locked_ns = memory.command_ns = None
             for one in memory.tracks.values():
@@ -154,9 +175,15 @@ class ChosenPerson:
                 self.memory.appearance.learn_other(person.id, person.embedding)
 
     def _check_embedder(self, frame: TargetFrame) -> None:
-        """Drop all views of another embedder."""
-        if frame.embedder and frame.embedder != self.memory.appearance.embedder:
-            self.memory.appearance = Appearance(frame.embedder)
+        """Drop all views of another embedder; then an enrolled person cannot be found."""
+        memory = self.memory
+        if frame.embedder is None or frame.embedder == memory.appearance.embedder:
+            return
+        if memory.name and not memory.locked:
+            before = " of length ".join(map(str, memory.appearance.embedder))
+            memory.problem = f"{memory.name} is enrolled with the embedder {before}: enrol again"
+            memory.is_chosen, memory.name = False, ""
+        memory.appearance = Appearance(frame.embedder)
 
     def _follow_tracks(self, frame: TargetFrame) -> None:
         """Find new and interrupted tracks; forget ended ones."""
@@ -164,7 +191,7 @@ class ChosenPerson:
         known = {i: e for i, e in self.memory.tracks.items() if e.age <= ages.get(i, -1)}
         tracks, absent = dict[int, TrackBelief](), absence(known)
         for person in frame.people:
-            arrival = ARRIVAL * absent * self._is_reachable(person.track, frame)
+            arrival = self.memory.arrival * absent * self._is_reachable(person.track, frame)
             one, before = known.get(person.id), 0.0
             if one is None:
                 one = TrackBelief(0, frame.stamp_ns, arrival)

@@ -11,8 +11,9 @@ import numpy as np
 from common.geometry.transform_buffer import TransformBuffer
 from common.geometry.transforms import apply, invert
 from common.io.packed import pack, unpack
-from common.runtime.node import StatefulNode, Status
+from common.runtime.node import LoopCallbacks, StatefulNode, Status
 from common.transport.trace import span
+from people4d.errors import ConfigError
 from people4d.messages import (
     F64,
     Detections,
@@ -29,6 +30,7 @@ from people4d.messages import (
 )
 from services.target.chosen import ChosenPerson, Decision, Memory
 from services.target.config import TargetConfig
+from services.target.enrolment import FILE, Enrolment
 from services.target.hands import RaisedHands
 from services.target.observe import observe_people
 
@@ -36,6 +38,7 @@ TRANSFORMS = StaticTransform | MovingTransform | Odometry
 FRAMES_MAX = 64  # maximum number of frames of detections that wait for their tracks
 CLOCK_JUMP_NS = 1_000_000_000  # minimum step back of the stamps that is a clock reset [ns]
 PREDICTION_NS = 1_000_000_000  # maximum age of a predicted path [ns]
+FORGOTTEN = TargetCommand(stamp_ns=0, sequence=0, action="none")
 COUNTERS = (
     "commands",
     "replaced_choices",  # choices in place of a choice of another chooser
@@ -67,9 +70,22 @@ class TargetNode(StatefulNode):
         }
         self._predictions: Predictions | None = None
         self._hands = RaisedHands()
+        self._enrolment = Enrolment(None, 0.0)
+        self._answered_ns: int | None = None  # [ns] stamp of the last command enrol or forget
+        self._problem = ""  # reason why it was not executed
         self._replaced = ""  # note about the replaced chooser
         self._sequence = 0
         self._counters = Counter(dict.fromkeys(COUNTERS, 0))
+
+    def attach(self, loop: LoopCallbacks) -> None:
+        """Open the file of enrolled people."""
+        days, folder = self._config.enrolment_days, loop.state_folder
+        if days and not folder:
+            raise ConfigError(
+                "target.enrolment_days needs a state folder",
+                "Set PEOPLE4D_STATE, or start it with people4d up --target.",
+            )
+        self._enrolment = Enrolment(folder and folder / FILE, days)
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
         """Process one message; return the state of the chosen person at tracks."""
@@ -103,9 +119,9 @@ class TargetNode(StatefulNode):
         return 0
 
     def save(self) -> bytes:
-        """Return the choice and what is known of the person; empty before any choice."""
+        """Return the choice and what is known of the person."""
         memory = self._chosen.memory
-        return pack(memory) if memory.has_choice else b""
+        return pack(memory if memory.has_choice else Memory())
 
     def restore(self, saved: bytes, next_number: int) -> None:  # noqa: ARG002
         """Continue from a saved state."""
@@ -113,13 +129,40 @@ class TargetNode(StatefulNode):
             self._chosen.restore(unpack(saved, Memory))
 
     def _choose(self, command: TargetCommand) -> None:
-        """Replace the choice; note the chooser whose choice was in force."""
-        memory = self._chosen.memory
+        """Replace the choice, and note the chooser whose choice was in force; or enrol a person."""
+        memory, name = self._chosen.memory, command.name or ""
+        if command.action in ("enrol", "forget"):
+            self._counters["commands"] += 1
+            self._answered_ns = command.stamp_ns
+            self._problem = self._enrol(name) if command.action == "enrol" else self._forget(name)
+            return
         is_replaced = memory.has_choice and memory.chooser != command.chooser
         self._replaced = f"; chosen in place of {memory.chooser!r}" if is_replaced else ""
         self._counters["commands"] += 1
         self._counters["replaced_choices"] += is_replaced
-        self._chosen.choose(command)
+        if command.action == "name":
+            enrolled, problem = self._enrolment.find(name)
+            self._chosen.choose_enrolled(command, enrolled)
+            self._chosen.memory.problem = problem
+        else:
+            self._chosen.choose(command)
+
+    def _enrol(self, name: str) -> str:
+        """Store the views of the locked person; return the reason if that fails."""
+        memory = self._chosen.memory
+        if memory.locked_ns is None or memory.locked_ns != memory.stamp_ns:
+            return "no person is locked: people4d follow"
+        if not memory.appearance.own:
+            return "no clear view of the person is known"
+        problem = self._enrolment.enrol(name, memory.appearance.embedder, memory.appearance.own)
+        memory.name = memory.name if problem else name
+        return problem
+
+    def _forget(self, name: str) -> str:
+        """Delete the views of a person, and end its choice; return the reason if that fails."""
+        if self._chosen.memory.name == name:
+            self._chosen.choose_enrolled(FORGOTTEN, None)
+        return self._enrolment.forget(name)
 
     def _is_next(self, tracks: Tracks) -> bool:
         """Check that tracks are not older than the last ones; count clock resets."""
@@ -166,6 +209,8 @@ class TargetNode(StatefulNode):
             probability=decision.probability,
             reason=reason + self._replaced,
             chooser=self._chosen.memory.chooser,
+            answered_ns=self._answered_ns,
+            problem=self._problem,
         )
         track = decision.track
         if track is None:

@@ -9,12 +9,13 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import typer
 
+from deploy.cli.live.enrol import check_name
 from deploy.cli.options import Connect, Once, Robot, Timeout, open_client
 from deploy.cli.terminal import shown
 from people4d.errors import People4dError
 from people4d.messages import Target, TargetCommand
 
-Action = Literal["id", "nearest", "raised_hand", "at", "none"]
+Action = Literal["id", "nearest", "raised_hand", "name", "at", "none"]
 CHOOSER = "people4d follow"
 
 
@@ -27,6 +28,9 @@ def follow(
         bool,
         typer.Option("--raised-hand", help="Follow the nearest person with a raised hand."),
     ] = False,
+    name: Annotated[
+        str, typer.Option(help="Follow the person enrolled under this name; see enrol.")
+    ] = "",
     at: Annotated[
         tuple[float, float] | None,
         typer.Option(metavar="X Y", help="Follow the person at this position in metres."),
@@ -46,6 +50,7 @@ def follow(
             "id": id_,
             "nearest": nearest,
             "raised_hand": raised_hand,
+            "name": name or None,
             "at": at,
             "none": stop,
         }
@@ -71,15 +76,18 @@ def command_of(asked: Mapping[Action, Any]) -> TargetCommand | None:
     """Return the choice of the options, None without one; BadParameter for several."""
     choices = [(action, value) for action, value in asked.items() if value not in (None, False)]
     if len(choices) > 1:
-        raise typer.BadParameter("give one of ID, --nearest, --raised-hand, --at and --stop")
+        raise typer.BadParameter("give one of ID, --nearest, --raised-hand, --name, --at, --stop")
     if not choices:
         return None
     action, value = choices[0]
+    if action == "name":
+        check_name(value)
     return TargetCommand(
         stamp_ns=time.time_ns(),
         sequence=0,
         chooser=CHOOSER,
         action=action,
+        name=value if action == "name" else None,
         id=value if action == "id" else None,
         position_m=np.array(value) if action == "at" else None,
     )
