@@ -15,6 +15,7 @@ import numpy as np
 
 from benchmarks.gait_bodies import NO_KEYPOINTS
 from benchmarks.lib import options
+from benchmarks.lib.gait.causes import STAGES, Scene, first_loss
 from benchmarks.lib.marks.crossing import MOUNT_RPY_RAD, MOUNT_XYZ_M, TORSO_MM, Pixel
 from benchmarks.lib.table import markdown, write
 from common.geometry.transforms import apply, invert, project
@@ -32,6 +33,7 @@ PLAYED: Mapping[str, tuple[float, tuple[str, ...]]] = {
     "10 Hz": (10.0, ()),
     "4 Hz, without keypoints": (4.0, (NO_KEYPOINTS,)),
 }
+WALKING_HZ = 4.0  # Rate at which the pictures show people walking
 NEAR_FRAMES = 1.2  # Maximum time between an annotated and a published step [frames]
 OWNER_FRAMES = 5  # Number of frames about a step that assign it to a person
 TORSO_HALF_PX, TORSO_TOP_PX = 90.0, 40.0  # Half width and top of the box in a TUE bag [px]
@@ -49,6 +51,9 @@ desks and each other) and stand before a robot (TUE, five single pictures).
   10 Hz, as other benchmarks play them, it would be 300 at more than 2 m/s.
 - On the depth: measured points with a depth within 0.10 m of their own, no farther than 4 px
   away.
+"""
+CAUSES = """
+Steps that are lost, by the first stage that fails in the landing's frame and its neighbours:
 """
 Run = list[tuple[CameraInfo, GaitFrame, Sequence[GaitResult]]]
 
@@ -85,6 +90,7 @@ class StepCounts:
     other_foot: int = 0  # number of found steps of the wrong foot
     invented: int = 0
     off_frames: list[float] = field(default_factory=list)
+    lost: list[StepByEye] = field(default_factory=list)  # true steps without a published one
 
     def add(self, other: "StepCounts") -> None:
         """Add the steps of another person."""
@@ -128,13 +134,12 @@ def owners(run: Run, marks: dict[int, tuple[Mark, ...]]) -> dict[tuple[int, int]
 
 
 def published_steps(
-    run: Run, marks: dict[int, tuple[Mark, ...]], rate_hz: float
+    run: Run, owner: Mapping[tuple[int, int], str], rate_hz: float
 ) -> dict[str, list[tuple[float, str]]]:
-    """Return frame and foot of the published steps of each person."""
+    """Return frame and foot of the steps of each person if frames come at a rate."""
     tables = GaitTables()
-    for _, frame, results in run:
-        tables.add_frame(frame.stamp_ns, results)
-    owner = owners(run, marks)
+    for index, (_, _, results) in enumerate(run):
+        tables.add_frame(round(index / rate_hz * 1e9), results)
     found: dict[str, list[tuple[float, str]]] = {}
     for track in tables.people:
         for step in tables.steps(track):
@@ -167,12 +172,28 @@ def counts(known: StepsByEye, published: Sequence[tuple[float, str]]) -> StepCou
             one.other_foot += inside[n][1] != known.steps[k].foot
     one.hidden = sum(step.hidden for step in known.steps)
     one.found = len(taken)
+    one.lost = [step for k, step in enumerate(known.steps) if k not in taken.values()]
     one.invented = sum(
         n not in taken and any(begin <= at <= end for begin, end in known.spans)
         for n, (at, _) in enumerate(inside)
     )
     one.published = one.found + one.invented
     return one
+
+
+def cause_cells(scene: Scene, known: StepsByEye, one: StepCounts, slower: StepCounts) -> list[str]:
+    """Return the number of lost steps by the first stage that fails.
+
+    `slower` are the counts of the same points at WALKING_HZ.
+    """
+    found = Counter(
+        "time base"
+        if (stage := first_loss(scene, known.person, step.frame, step.foot)) == "steps"
+        and step not in slower.lost
+        else stage
+        for step in one.lost
+    )
+    return [str(found[stage]) for stage in STAGES]
 
 
 def on_depth(run: Run, names: Sequence[str]) -> tuple[int, int]:
@@ -210,15 +231,21 @@ def main() -> None:
         f"camera.mount_xyz_m={list(MOUNT_XYZ_M)}",
         f"camera.mount_rpy_rad={list(MOUNT_RPY_RAD)}",
     )
-    steps, depth = [], []
+    steps, depth, causes = [], [], []
     for name, (rate_hz, settings) in PLAYED.items():
         rate = f"camera.options.fps={rate_hz:g}"
         run = play(data / "filinha", (rate, *mount, *settings, *arguments.settings))
-        found = published_steps(run, marks, rate_hz)
+        scene = Scene(run, owners(run, marks))
+        found = published_steps(run, scene.owner, rate_hz)
+        slower = published_steps(run, scene.owner, WALKING_HZ)
         halves = {"choose": StepCounts(), "judge": StepCounts()}
         for person in known.people:
             one = counts(person, found.get(person.person, ()))
             halves[person.half].add(one)
+            again = counts(person, slower.get(person.person, ()))
+            causes.append(
+                [name, person.person, person.half, *cause_cells(scene, person, one, again)]
+            )
             steps.append([name, person.person, person.half, *one.cells()])
         steps += [[name, "all", half, *one.cells()] for half, one in halves.items()]
         depth.append(_depth_row(f"filinha, {name}", [run]))
@@ -233,6 +260,8 @@ def main() -> None:
         "Gait of real people",
         INTRO.strip(),
         markdown(header, steps),
+        CAUSES.strip() + "\n\n" + "\n".join(f"- {name}: {text}" for name, text in STAGES.items()),
+        markdown(["played at", "person", "half", *STAGES], causes),
         markdown(["recording", "all points on the depth", "hands", "feet"], depth),
     )
 
