@@ -24,7 +24,7 @@ from people4d.errors import SourceError
 from people4d.messages import U8, CameraInfo
 from services.camera.describe import describe
 from services.camera.sources import kind_of
-from services.gait.config import GaitConfig
+from services.gait.config import POINTS_MODEL, GaitConfig
 from services.gait.estimator import GaitFrame, GaitResult
 from services.gait.points.keypoints import HEAD
 from services.presets import preset_settings
@@ -32,15 +32,13 @@ from services.report.even_sample import EvenSample
 from services.report.folder import AnnotatedFrame, VideoFile
 
 SERVICE = "gait."
-POINTS_MODEL = "movenet-multipose"  # float32
 STILLS, COLUMNS = 6, 2
 
 
 def read_run(source: str, box: BoxCorners | None, preset: str, settings: Sequence[str]) -> GaitRun:
     """Return a run with the configuration of a preset and the settings that override it.
 
-    Keypoints are from the float32 network, which finds more steps in turns than the int8 network
-    (benchmarks/gait_bodies.md) and is slower.
+    Keypoints are of POINTS_MODEL unless a setting names another model.
 
     Raises:
         ConfigError: A preset or setting is unknown, or a value is out of range.

@@ -19,7 +19,6 @@ from common.geometry.transforms import apply
 from common.io.images import decompress
 from common.io.recording import open_recording
 from evaluation.cache import default_folder, key_of
-from evaluation.gait.report import POINTS_MODEL
 from evaluation.recordings.detections import DetectionJob, detect, read_tracker_input
 from lab.catalogue import FOLDER, load_scenario
 from lab.drawing.mesh import Material, Mesh
@@ -41,6 +40,7 @@ from people4d.messages import (
 )
 from services.camera.config import CameraConfig
 from services.detector.config import DetectorConfig
+from services.gait.config import POINTS_MODEL
 
 DETECTOR = DetectorConfig(model=POINTS_MODEL)
 POINTS = ("head", "left_hand", "right_hand", "left_foot", "right_foot")

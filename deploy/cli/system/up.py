@@ -14,6 +14,7 @@ from deploy.launcher.plan import CAMERA, COMPOSE_FILE, HOST, PORT, REPORT, Launc
 from lab import catalogue as scenarios
 from people4d.errors import ConfigError
 from services.camera.sources import PLUGIN, ROS2, named_cameras
+from services.gait.config import POINTS_MODEL
 from services.gt_bridge.sources.registry import is_live
 from services.presets import preset_settings
 
@@ -147,7 +148,8 @@ def up(
         f"{CAMERA}.transforms": str(transforms.absolute()) if transforms else "",
         "ros2_bridge.ros2.transport": ros2 or "",
     }
-    settings = preset_settings(preset)
+    settings = _points_model(config) if gait else []
+    settings += preset_settings(preset)
     settings += [setting(name, text) for name, text in texts.items() if text]
     if scenarios.is_scenario(truth):
         settings += scenarios.truth_settings(truth, loop)
@@ -182,6 +184,12 @@ def up(
         together=[name for name in together.split(",") if name],
     )
     launch(request, timeout_s, detach)
+
+
+def _points_model(config: Path | None) -> list[str]:
+    """Return the setting of the model that `people4d gait` uses; empty if the user chose models."""
+    chosen = config is not None or "PEOPLE4D_DETECTOR_MODEL" in os.environ
+    return [] if chosen else [setting("detector.model", POINTS_MODEL)]
 
 
 def _is_demo(source: str) -> bool:

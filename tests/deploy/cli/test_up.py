@@ -8,6 +8,7 @@ from typer.testing import CliRunner
 from deploy.cli import app
 from deploy.cli.system import demo, up
 from deploy.launcher.plan import LaunchRequest
+from evaluation.gait.report import read_run
 from tests import DEMO
 
 
@@ -59,6 +60,19 @@ def test_file_without_option_is_the_source(requested: list[LaunchRequest], tmp_p
     file = tmp_path / "my.bag"
     file.touch()
     assert settings(requested, str(file)) == settings(requested, "--source", str(file))
+
+
+def test_gait_uses_the_model_of_the_gait_command_unless_one_is_chosen(
+    requested: list[LaunchRequest], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("PEOPLE4D_DETECTOR_MODEL", raising=False)
+    models = [
+        [text for text in requested[-1].settings if text.startswith("detector.model=")]
+        for arguments in ([], ["--gait"], ["--gait", "--model", "a"], ["--gait", "--config", "c"])
+        if settings(requested, "demo", *arguments)
+    ]
+    ours = f'detector.model="{read_run("demo", None, "", ()).method.detector.model}"'
+    assert models == [[], [ours], [ours, 'detector.model="a"'], []]  # a later one wins
 
 
 def test_two_sources_are_rejected(requested: list[LaunchRequest]) -> None:
