@@ -12,9 +12,16 @@ import numpy as np
 from scipy.stats import t as student
 
 from people4d.messages import F64
-from services.gait.steps.alternation import STEP_MAX_S
-from services.gait.steps.steps import FootStep, Stride, cadence, step_times_s, walked_strides
-from services.gait.steps.swings import FEET, Side
+from services.gait.steps.steps import (
+    FEET,
+    STEP_MAX_S,
+    FootStep,
+    Side,
+    Stride,
+    cadence,
+    step_times_s,
+    walked_strides,
+)
 
 LEVEL = 0.95  # Confidence level of the intervals
 LIMP_MIN = 5.0  # Minimum asymmetry of a limp [% of the mean step time]

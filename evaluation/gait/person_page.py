@@ -9,8 +9,7 @@ from string import Template
 from common.drawing.strokes import colour_of
 from common.drawing.topdown import Trajectories
 from evaluation.gait.parameters import GaitParameter, limping_side, recognisable_limp
-from services.gait.steps.steps import FootStep
-from services.gait.steps.swings import FEET
+from services.gait.steps.steps import FEET, FootStep
 from services.report.page import page_style
 from services.report.svg import Line, draw_map, plot
 

@@ -102,7 +102,7 @@ class GaitReport:
         for person in self.tables.people:
             steps = self.tables.steps(person)
             head = self.tables.trajectories(person).get(HEAD)
-            tracks = {} if head is None else {person: head.positions_m[:, :2]}
+            tracks = {} if head is None else {person: head.points_m[:, :2]}
             parameters = gait_parameters(steps)
             rows += [(person, *astuple(one)) for one in parameters]
             page = person_page(person, parameters, steps, Trajectories(tracks=tracks))

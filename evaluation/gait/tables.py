@@ -9,11 +9,10 @@ import msgspec
 import numpy as np
 
 from evaluation.report.csv_files import write_csv
-from people4d.messages import F64, BodyPoint, GaitMeasures
-from services.gait.estimator import UP, GaitResult
-from services.gait.points.keypoints import LEFT_FOOT, RIGHT_FOOT
-from services.gait.steps.steps import FootStep, find_steps, gait_measures
-from services.gait.steps.swings import FootTrajectory
+from people4d.messages import BodyPoint, GaitMeasures
+from services.gait.estimator import GaitResult
+from services.gait.points.keypoints import HEAD, LEFT_FOOT, RIGHT_FOOT
+from services.gait.steps.steps import FootStep, PointTrajectory, find_steps, gait_measures
 
 POINT_FIELDS = (
     *("time_s", "person", "point", "state", "x_m", "y_m", "z_m", "vx_mps", "vy_mps", "vz_mps"),
@@ -23,15 +22,6 @@ STEP_FIELDS = (
     *("person", "foot", "landed_s", "step_length_m", "stride_length_m", "stride_s"),
     *("confidence", "observed"),
 )
-
-
-@dataclass(frozen=True)
-class PointTrajectory:
-    """Trajectory of one point of one person, N samples."""
-
-    times_s: F64  # N
-    positions_m: F64  # Nx3
-    covariances_m2: F64  # Nx3x3
 
 
 @dataclass(frozen=True)
@@ -77,22 +67,14 @@ class GaitTables:
 
     def steps(self, person: int) -> list[FootStep]:
         """Return all steps of a person."""
-        feet = self._feet(person)
-        return [] if feet is None else find_steps(*feet, UP)
+        found = self.trajectories(person)
+        if not {HEAD, LEFT_FOOT, RIGHT_FOOT} <= found.keys():
+            return []
+        return find_steps(found[HEAD], found[LEFT_FOOT], found[RIGHT_FOOT])
 
     def measures(self, person: int) -> GaitMeasures:
         """Return the gait measures of a person over all steps."""
         return gait_measures(self.steps(person))
-
-    def _feet(self, person: int) -> tuple[FootTrajectory, FootTrajectory] | None:
-        trajectories = self.trajectories(person)
-        if LEFT_FOOT not in trajectories or RIGHT_FOOT not in trajectories:
-            return None
-        left, right = (
-            FootTrajectory(one.times_s, one.positions_m, one.covariances_m2)
-            for one in (trajectories[LEFT_FOOT], trajectories[RIGHT_FOOT])
-        )
-        return left, right
 
     def write(self, folder: Path) -> None:
         """Write gait.csv, steps.csv and measures.csv.

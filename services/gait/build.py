@@ -10,6 +10,7 @@ from services.gait.config import GaitConfig
 from services.gait.estimator import ESTIMATOR_COUNTERS, GaitEstimator, GaitFrame, OnFrame
 from services.gait.node import GaitNode
 from services.gait.points.normal import Normal
+from services.gait.steps.walk import WalkSamples, fit_walk
 
 HEIGHT, WIDTH, FOCAL_PX = 120, 160, 120.0  # Image of the warm-up [px]
 FIGURE_MM, WALL_MM, CAMERA_MM = 2500, 4000, 1000  # Depth, depth, height above the floor [mm]
@@ -59,7 +60,10 @@ def warm_up(config: GaitConfig) -> None:
         estimator.update_people(
             GaitFrame(number * PERIOD_NS, rgb, depth_mm, observations, np.eye(4))
         )
-    one = Normal(np.ones(3), np.eye(3))  # kernels of limbs, which three frames do not reach
+    # kernels of limbs and walks, which three frames do not reach
+    times_s = np.arange(3.0)
+    fit_walk(WalkSamples(times_s, np.zeros((3, 2)), np.zeros((3, 2, 2)), np.ones((3, 2, 2, 2))))
+    one = Normal(np.ones(3), np.eye(3))
     one.fused(one).at_pixel(np.zeros(2), 1.0, info).distances2(np.ones((1, 3)))
 
 

@@ -9,13 +9,12 @@ import numpy as np
 from people4d.messages import F64, U8, U16, BodyPoint, CameraInfo, PersonGait
 from services.gait.cascade import Cascade, GaitEstimate, PersonObservation
 from services.gait.config import GaitConfig
-from services.gait.points.keypoints import LEFT_FOOT, RIGHT_FOOT
+from services.gait.points.keypoints import HEAD, LEFT_FOOT, RIGHT_FOOT
 from services.gait.points.point_filter import PointEstimate
-from services.gait.steps.step_meter import FootSample, StepMeter
+from services.gait.steps.step_meter import PointSample, StepMeter
 
 BOX_MAX_PX = 1e6  # Maximum coordinate of published boxes [px]
 CLOCK_JUMP_S = 1.0  # Minimum step back of the stamps that resets the estimator [s]
-UP = np.array([0.0, 0.0, 1.0])  # Upward direction of fixed frames
 ESTIMATOR_COUNTERS = ("over_budget", "wrong_size", "stale", "clock_resets")
 
 
@@ -91,19 +90,19 @@ class GaitEstimator:
             name: to_fixed_frame(name, point, frame.fixed_from_optical, motion)
             for name, point in estimate.points.items()
         }
-        meter = self._meters.setdefault(estimate.id, StepMeter(self._config.steps, UP))
-        left, right = (
-            FootSample(point.position_m, point.covariance[:3, :3])
-            if (point := points.get(foot)) and point.state != "lost"
+        meter = self._meters.setdefault(estimate.id, StepMeter(self._config.steps))
+        body, left, right = (
+            PointSample(point.position_m, point.covariance[:3, :3])
+            if (point := points.get(name)) and point.state != "lost"
             else None
-            for foot in (LEFT_FOOT, RIGHT_FOOT)
+            for name in (HEAD, LEFT_FOOT, RIGHT_FOOT)
         )
         box = estimate.box_xyxy_px
         box = None if box is None else np.clip(box, -BOX_MAX_PX, BOX_MAX_PX)
         return PersonGait(
             id=estimate.id,
             points=tuple(point for point in points.values() if point),
-            measures=meter.add_frame(frame.stamp_ns / 1e9, left, right),
+            measures=meter.add_frame(frame.stamp_ns / 1e9, body, left, right),
             box_xyxy_px=None if box is None else box.astype(np.float32),
         )
 

@@ -21,13 +21,13 @@ def scene(state: str = "measured", yaw_rad: float = 0.0, **changed: Any) -> Scen
     depth_mm = np.full((480, 640), changed.get("depth_mm", 3000), np.uint16)
     run = []
     for index in range(3):
-        seen = SimpleNamespace(id=7, keypoints=keypoints, depth_m=DEPTH_M, yaw_rad=yaw_rad)
+        observed = SimpleNamespace(id=7, keypoints=keypoints, depth_m=DEPTH_M, yaw_rad=yaw_rad)
         head = SimpleNamespace(
             name="head", state="measured", position_m=np.array((0.3 * index, 0.0, 1.7))
         )
         foot = SimpleNamespace(name="left_foot", state=state)
         result = SimpleNamespace(person=SimpleNamespace(id=7, points=(head, foot)))
-        run.append((INFO, SimpleNamespace(depth_mm=depth_mm, observations=(seen,)), (result,)))
+        run.append((INFO, SimpleNamespace(depth_mm=depth_mm, observations=(observed,)), (result,)))
     return Scene(run, {(7, index): "N" for index in range(3)})  # type: ignore[arg-type]
 
 

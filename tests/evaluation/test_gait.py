@@ -94,17 +94,18 @@ def test_invalid_arguments_give_an_error(
 def test_tables_by_hand(tmp_path: Path) -> None:
     # Steps of 0.6 m in 0.5 s, the right foot first: 120 a minute; left feet land at 1, 2, ... s.
     log, times_s = GaitTables(), np.arange(0, 5, 1 / 30)
+    names = ("left_foot", "right_foot", "head")
     for time_s, *positions in zip(times_s, *feet(times_s), strict=True):
         points = tuple(
             BodyPoint(
-                name=f"{side}_foot",
+                name=name,
                 state="measured",
                 position_m=position,
                 velocity_mps=np.zeros(3),
                 covariance=np.diag([0.02, 0.01, 0.03, 1.0, 1.0, 1.0]) ** 2,
                 confidence=0.5,
             )
-            for side, position in zip(("left", "right"), positions, strict=True)
+            for name, position in zip(names, (*positions, sum(positions) / 2), strict=True)
         )
         person = PersonGait(id=4, points=points, measures=GaitMeasures())
         log.add_frame(

@@ -13,9 +13,8 @@ from evaluation.gait.parameters import (
     recognisable_limp,
 )
 from evaluation.gait.person_page import person_page
-from services.gait.steps.steps import FootStep, Stride, find_steps, gait_measures
-from services.gait.steps.swings import Side
-from tests.gait.steps.test_steps import UP, feet, trajectory
+from services.gait.steps.steps import FootStep, Side, Stride, gait_measures
+from tests.gait.steps.test_steps import feet, found_steps
 
 # Of people of another simulator: step time, its variation, and errors of landings
 STEP_S, VARIATION_S, LANDING_S = 0.58, 0.03, 0.05
@@ -24,7 +23,7 @@ STEP_S, VARIATION_S, LANDING_S = 0.58, 0.03, 0.05
 def walk(duration_s: float = 8.0, **swings_s: float) -> dict[str, GaitParameter]:
     times_s = np.arange(0, duration_s, 1 / 30)
     left, right = feet(times_s, **swings_s)
-    steps = find_steps(trajectory(times_s, left), trajectory(times_s, right), UP)
+    steps = found_steps(left, right, times_s)
     return {one.name: one for one in gait_parameters(steps)}
 
 
@@ -53,7 +52,7 @@ def test_even_walk_by_hand(name: str, value: float, tolerance: float) -> None:
 def test_mean_length_is_that_of_the_measures_and_weighted_by_confidence() -> None:
     times_s = np.arange(0, 8, 1 / 30)
     left, right = feet(times_s)
-    steps = find_steps(trajectory(times_s, left), trajectory(times_s, right), UP)
+    steps = found_steps(left, right, times_s)
     assert steps[-1].stride is not None
     unsure = replace(steps[-1].stride, length_m=0.6, confidence=0.3)
     steps[-1] = replace(steps[-1], stride=unsure)
@@ -70,9 +69,9 @@ def test_mean_length_is_that_of_the_measures_and_weighted_by_confidence() -> Non
 def test_interval_of_the_cadence_is_that_of_the_steps_it_is_of() -> None:
     times_s = np.arange(0, 8, 1 / 30)
     left, right = feet(times_s)
-    steps = find_steps(trajectory(times_s, left), trajectory(times_s, right), UP)
+    steps = found_steps(left, right, times_s)
     last = steps[-1]
-    stop = replace(last, landed_s=last.landed_s + 1.4, confidence=0.4, follows=True)
+    stop = replace(last, landed_s=last.landed_s + 1.4, follows=False)
     walked, stopped = (
         {p.name: p for p in gait_parameters(some)}["cadence"] for some in (steps, [*steps, stop])
     )
@@ -124,7 +123,7 @@ def test_person_who_stands_has_no_parameters() -> None:
 def test_page_contains_everything_and_loads_nothing() -> None:
     times_s = np.arange(0, 6, 1 / 30)
     left, right = feet(times_s)
-    steps = find_steps(trajectory(times_s, left), trajectory(times_s, right), UP)
+    steps = found_steps(left, right, times_s)
     page = person_page(7, gait_parameters(steps), steps, Trajectories(tracks={7: left[:, :2]}))
     assert "Gait of person 7" in page
     assert "steps in 5 s, 0.60 m a step, 120 steps a minute, 1.20 m/s. No limp is seen" in page

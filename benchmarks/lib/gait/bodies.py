@@ -23,8 +23,7 @@ from evaluation.gait.tables import GaitTables
 from lab.truth.motion_capture import Footfall
 from people4d.messages import F64, GaitMeasures, PersonGait
 from services.gait.estimator import GaitResult
-from services.gait.steps.steps import FootStep
-from services.gait.steps.swings import FEET
+from services.gait.steps.steps import FEET, FootStep
 
 Flags = npt.NDArray[np.bool_]
 

@@ -5,17 +5,16 @@ import pytest
 
 from people4d.messages import F64, GaitMeasures
 from services.gait.config import StepConfig
-from services.gait.steps.step_meter import FootSample, StepMeter
-from services.gait.steps.steps import find_steps, gait_measures
-from tests.gait.steps.test_steps import NOISE_M2, UP, feet, trajectory
+from services.gait.steps.step_meter import PointSample, StepMeter
+from tests.gait.steps import test_steps as walks
+from tests.gait.steps.test_steps import NOISE_M2, feet
 
 CONFIG = StepConfig()
 NOISE_M = 0.03
 
 
 def measured(times_s: F64, left: F64, right: F64) -> GaitMeasures:
-    both = trajectory(times_s, left), trajectory(times_s, right)
-    return gait_measures(find_steps(*both, UP))
+    return walks.measured(left, right, times_s)
 
 
 @pytest.mark.parametrize("begin_s", [0.1, 0.25, 0.4, 0.6, 0.85])
@@ -28,12 +27,12 @@ def test_recording_that_starts_within_a_step(begin_s: float) -> None:
 
 def test_person_who_only_stands_has_no_step() -> None:
     generator, times_s = np.random.default_rng(1), np.arange(0, 60, 1 / 15)
-    meter = StepMeter(CONFIG, UP)
+    meter = StepMeter(CONFIG)
     for time_s in times_s.tolist():
         points = np.array([[2.0, 0.1, 0.05], [2.0, -0.1, 0.05]])
         points += generator.normal(0, NOISE_M, points.shape)
-        both = (FootSample(point, NOISE_M2) for point in points)
-        assert meter.add_frame(time_s, *both).steps == 0
+        samples = (PointSample(one, NOISE_M2) for one in (points.mean(axis=0), *points))
+        assert meter.add_frame(time_s, *samples).steps == 0
 
 
 def test_feet_drawn_back_on_sitting_down_are_no_steps() -> None:
@@ -50,10 +49,11 @@ def test_feet_drawn_back_on_sitting_down_are_no_steps() -> None:
 def test_person_half_in_view_for_minutes() -> None:
     # Only the left foot is in the image: it has correct measures or none.
     times_s = np.arange(0, 120, 1 / 15)
-    left, _ = feet(times_s)
-    meter = StepMeter(CONFIG, UP)
-    for time_s, point in zip(times_s.tolist(), left, strict=True):
-        found = meter.add_frame(time_s, FootSample(point, NOISE_M2), None)
+    left, right = feet(times_s)
+    meter = StepMeter(CONFIG)
+    for time_s, *points in zip(times_s.tolist(), (left + right) / 2, left, strict=True):
+        body, foot = (PointSample(point, NOISE_M2) for point in points)
+        found = meter.add_frame(time_s, body, foot, None)
         assert found.cadence_per_min in (None, pytest.approx(120, rel=0.05))
     assert len(meter.steps()) < 20
 
