@@ -1,15 +1,20 @@
-"""Postures, falls and gestures of simulated people, as geometry with the errors of a detector.
+"""Postures, falls and gestures: simulated people as geometry with detector errors, and real ones.
 
 Tracker, skeletons and events run in memory on detections without images. Constants are tuned on the
 seeds CHOOSING; TESTING is the test split. Frames within 0.5 s of a change of posture do not count.
 """
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
+from scipy.stats import chi2
 
 from benchmarks.lib import options
+from benchmarks.lib.postures.fit import fit, labelled_frames
+from benchmarks.lib.postures.real import HEADER as REAL_HEADER
+from benchmarks.lib.postures.real import real_rows
 from benchmarks.lib.postures.run import Frame, frames, true_posture
 from benchmarks.lib.postures.scenes import daily_life, fall
 from benchmarks.lib.table import markdown, write
@@ -27,7 +32,10 @@ FOUND_S = 1.0  # maximum time from the end of a fall to its event [s]
 EARLY_S = 1.0  # maximum time from an event to the end of its fall [s]
 HEADER = ("true posture", "frames", *POSTURES, "no skeleton", "recall", "precision")
 GESTURES = {"raised_hand": ("raise", "wave"), "waved": ("wave",), "pointed": ("point",)}
-DAILY_S = 60.0  # duration of a scene of daily life [s]
+REAL = (
+    "Real people, with the default detector. Postures of uc3m are annotated by eye, in images that "
+    "are not between two postures. Falls: events in the whole recording."
+)
 
 
 class Counts:
@@ -37,7 +45,12 @@ class Counts:
         self.confusion = Counter[tuple[str, str]]()
         self.figures = Counter[str]()
         self.pointing_deg: list[float] = []
-        self.late_s: list[float] = []
+
+    def add_counts(self, other: "Counts") -> None:
+        """Add the counts of other scenes."""
+        self.confusion.update(other.confusion)
+        self.figures.update(other.figures)
+        self.pointing_deg += other.pointing_deg
 
     def add_scene(self, world: World) -> None:
         """Run a scene and count its frames and events."""
@@ -59,6 +72,7 @@ class Counts:
         times_s = [frame.time_s for event, frame in events if event.kind == "fell"]
         for plan in world.scenario.people:
             for act in plan.acts:
+                self.figures["acts"] += not is_fall(act)
                 if is_fall(act):
                     end_s = down_s(act)
                     near = [t for t in times_s if end_s - EARLY_S <= t <= end_s + FOUND_S]
@@ -103,6 +117,25 @@ def _error_deg(world: World, person: int, event: Event, time_s: float) -> float:
     return float(np.degrees(np.arccos(np.clip(arm @ event.direction, -1, 1))))
 
 
+def count_scene(scene: tuple[Callable[[int], World], int]) -> Counts:
+    """Return the counts of a scene, from its function and seed."""
+    make, seed = scene
+    counts = Counts()
+    counts.add_scene(make(seed))
+    return counts
+
+
+def scenes(
+    seeds: Sequence[int], daily: int, falls: int
+) -> Iterator[tuple[Callable[[int], World], int]]:
+    """Yield scenes of daily life and of falls."""
+    for number, seed in enumerate(seeds[: max(daily, falls)]):
+        if number < daily:
+            yield daily_life, seed
+        if number < falls:
+            yield fall, seed
+
+
 def rows(confusion: Counter[tuple[str, str]]) -> Iterator[list[str]]:
     """Yield a row of the confusion matrix for each posture."""
     for label in POSTURES[:-1]:
@@ -115,13 +148,21 @@ def rows(confusion: Counter[tuple[str, str]]) -> Iterator[list[str]]:
         yield [label, str(total), *map(str, given.values()), recall, precision]
 
 
+def _rate(count: int, hours: float) -> str:
+    """Return a rate with its exact 95 % interval."""
+    low = float(chi2.ppf(0.025, 2 * count)) / 2 if count else 0.0
+    high = float(chi2.ppf(0.975, 2 * count + 2)) / 2
+    return f"{count / hours:.2f} ({low / hours:.2f} to {high / hours:.2f})"
+
+
 def summary(counts: Counts) -> list[str]:
     """Return the figures of events in sentences."""
     n, hours = counts.figures, counts.figures["person_s"] / 3600
     lines = [f"{hours:.2f} person-hours."]
     lines.append(
         f"Falls found within {FOUND_S:g} s: {n['falls_found']} of {n['falls']}; "
-        f"false: {n['false_falls']}."
+        f"false: {n['false_falls']} in {n['acts']} other movements of the whole body, "
+        f"{_rate(n['false_falls'], hours)} a person-hour."
     )
     lines += [
         f"`{kind}`: {n[f'{kind}_found']} of {n[kind]}; false: {n[f'false_{kind}']}, "
@@ -135,22 +176,32 @@ def summary(counts: Counts) -> list[str]:
 
 def main() -> None:
     """Run the scenes and write the table."""
-    parser = options.parser(__doc__)
+    parser = options.parser(__doc__, "shared", "cache", "jobs", "dry")
     parser.add_argument("--scenes", type=int, default=30, help="of daily life, 60 s each")
     parser.add_argument("--falls", type=int, default=60, help="scenes with a fall, 14 s each")
+    parser.add_argument(
+        "--fit", action="store_true", help="print states fitted to seeds for choosing"
+    )
     parser.add_argument("--choose", action="store_true", help="seeds for choosing; nothing written")
     asked = parser.parse_args()
-    seeds = CHOOSING if asked.choose else TESTING
+    seeds = CHOOSING if asked.choose or asked.fit else TESTING
+    chosen = list(scenes(seeds, asked.scenes, asked.falls))
+    if asked.fit:
+        frames = [one for make, seed in chosen for one in labelled_frames(make(seed))]
+        print(*fit(frames), sep="\n")
+        return
     counts = Counts()
-    for number, seed in enumerate(seeds[: max(asked.scenes, asked.falls)]):
-        if number < asked.scenes:
-            counts.add_scene(daily_life(seed, DAILY_S))
-        if number < asked.falls:
-            counts.add_scene(fall(seed))
-        print(seed, *summary(counts), flush=True)
+    with ProcessPoolExecutor(asked.jobs) as pool:
+        for found in pool.map(count_scene, chosen):
+            counts.add_counts(found)
+            print(*summary(counts), flush=True)
     note = " ".join(summary(counts)) + " Recall is of frames with a skeleton."
     table = markdown(HEADER, list(rows(counts.confusion)))
-    write(__file__, "Postures, falls and gestures in the lab", note, table, dry=asked.choose)
+    if asked.shared.exists():
+        table += (
+            f"\n\n{REAL}\n\n{markdown(REAL_HEADER, list(real_rows(asked.shared, asked.cache)))}"
+        )
+    write(__file__, "Postures, falls and gestures", note, table, dry=asked.choose or asked.dry)
 
 
 if __name__ == "__main__":

@@ -26,7 +26,7 @@ RAISED, LOWERED = 0.9, 0.5  # probabilities above and below which a hand is rais
 SWINGS, SWING_M = 3, 0.15  # reversals of a waving hand, and their minimum distance [m]
 STRAIGHT = math.cos(math.radians(30))  # minimum cosine of the bend of a pointing arm's elbow
 HANGING, STEEP = -0.75, 0.5  # range of the upward part of a pointing arm
-STEADY = math.cos(math.radians(8))  # minimum cosine of the change of a pointing arm
+STEADY = math.cos(math.radians(12))  # minimum cosine of the change of a pointing arm
 FLOOR_MAX_M = 10.0  # maximum distance of a point on the floor [m]
 UPRIGHT = ("standing", "walking")
 POINTING = (*UPRIGHT, "sitting")  # postures in which arms have a meaning
@@ -103,7 +103,7 @@ class PostureRules:
                 person.lies = False
                 speed_mps = _speed_down_mps(person, now_s)
                 fell = probability / (1 + math.exp((FALL_MPS - speed_mps) / FALL_SIGMA_MPS))
-                if before != "unknown" and fell >= FALL_PROBABILITY:
+                if fell >= FALL_PROBABILITY:
                     person.is_down = True
                     reason = f"down at {speed_mps:.1f} m/s, then lying"
                     yield "fell", {"confidence": fell, "reason": reason}
@@ -195,9 +195,9 @@ def _check_pointing(
 
 
 def _pointing_ray(skeleton: PersonSkeleton) -> tuple[F64, F64] | None:
-    """Return shoulder and direction of a straight, visible arm that does not hang."""
+    """Return shoulder and direction of a straight arm with visible ends that does not hang."""
     for joints in zip(SHOULDERS, ELBOWS, WRISTS, strict=True):
-        if not all(skeleton.measured[joint] for joint in joints):
+        if not (skeleton.measured[joints[0]] and skeleton.measured[joints[2]]):
             continue
         shoulder_m, elbow_m, wrist_m = skeleton.positions_m[list(joints)].astype(np.float64)
         direction = _unit(wrist_m - shoulder_m)

@@ -116,6 +116,8 @@ class SkeletonTracker:
         pose_m, pose_m2 = self._poses(people, shapes)
         states = self._predicted(dt_s, people, pose_m, pose_m2)
         is_read = (observation.confidence > CONFIDENT) & np.isfinite(observation.range_m)
+        # A hidden elbow or knee follows from its ends.
+        is_read[:, LEVELS[1]] |= is_read[:, LEVELS[2]]
         unusual = np.maximum(1 - upright[:, None], is_read)
         pose_m2 = pose_m2 + unusual[..., None, None] * UNUSUAL_M**2 * np.eye(3)
         scale = max(dt_s, 1e-3) / POSE_S

@@ -80,6 +80,13 @@ def test_fall_is_reported_once_with_its_evidence_and_then_lying() -> None:
     assert lies.dwell_s == pytest.approx(3.0, abs=0.11)
 
 
+def test_person_without_a_posture_falls() -> None:
+    readings = [
+        (second, "unknown" if p == "standing" else p, z) for second, p, z in change("lying", 0.5)
+    ]
+    assert kinds(events(started(), readings)) == ["fell", "lies"]
+
+
 def test_person_who_fell_gets_up() -> None:
     found = events(started(), [*change("lying", 0.5), *change("standing", 1.5, "lying", 7.5)])
     assert kinds(found) == ["fell", "lies", "got_up"]
@@ -109,14 +116,16 @@ def test_person_without_a_track_has_no_events() -> None:
     assert events(node, change("lying", 0.5)) == []
 
 
-def arm(move: Callable[[int], tuple[float, float, float]], frames: int = 30) -> list[Event]:
+def arm(
+    move: Callable[[int], tuple[float, float, float]], frames: int = 30, **fields: Any
+) -> list[Event]:
     """Return the events of a right wrist that moves relative to its shoulder."""
     node, found = started(), []
     for number in range(frames):
         joints = USUAL_POSE_M.astype(np.float32) + np.array([2.0, 0.0, 1.0], np.float32)
         offset = np.array(move(number), np.float32)
         joints[8], joints[10] = joints[6] + offset / 2, joints[6] + offset
-        message = skeletons(number / 10, "standing", 1.0, positions_m=joints)
+        message = skeletons(number / 10, "standing", 1.0, positions_m=joints, **fields)
         found += [one for one in node.handle(message, 0) if isinstance(one, Event)]
     return found
 
@@ -141,6 +150,12 @@ def test_pointing_arm_gives_direction_and_point_on_the_floor() -> None:
     assert found.direction == pytest.approx(np.array([0.894, 0.0, -0.447]), abs=1e-3)
     assert found.target_m is not None
     assert found.target_m == pytest.approx([2.0 + 2 * 1.25, -0.17, 0.0], abs=0.01)
+
+
+@pytest.mark.parametrize(("hidden", "expected"), [(8, ["pointed"]), (10, [])])
+def test_pointing_arm_needs_its_wrist_but_not_its_elbow(hidden: int, expected: list[str]) -> None:
+    measured = tuple(joint != hidden for joint in range(17))
+    assert kinds(arm(lambda _: (0.5, 0.0, -0.25), measured=measured)) == expected
 
 
 @pytest.mark.parametrize("offset", [(0.0, 0.0, -0.55), (0.5, 0.0, 0.2)])

@@ -2,11 +2,12 @@
 
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
 from common.geometry.transforms import LINK_FROM_OPTICAL
-from people4d.messages import JOINTS, Skeletons
+from people4d.messages import F64, JOINTS, Detections, Skeletons
 from services.skeleton.build import build
 from services.skeleton.config import SkeletonConfig
 from services.skeleton.node import FRAMES_MAX
@@ -55,6 +56,33 @@ def test_visible_joints_are_measured() -> None:
     found = walk(walker, 20)[-1]
     assert all(person(found).measured)
     assert errors_m(found, walker, 19).max() < 0.03
+
+
+class RaisedHand(Walker):
+    """Person with a raised left hand; the elbow is hidden by the body."""
+
+    def joints_m(self, number: int) -> F64:
+        joints = super().joints_m(number)
+        above_m = joints[LEFT_ELBOW - 2][2]
+        joints[LEFT_ELBOW] = (*joints[LEFT_ELBOW - 2][:2], above_m + 0.28)
+        joints[LEFT_WRIST] = (*joints[LEFT_ELBOW - 2][:2], above_m + 0.53)
+        return joints
+
+    def frame(self, number: int, hidden: tuple[int, ...] = (), **fields: Any) -> Detections:
+        message = super().frame(number, hidden, **fields)
+        (found,) = message.detections
+        keypoints = np.array(found.keypoints)
+        keypoints[LEFT_ELBOW, 2] = 0.3
+        found = msgspec.structs.replace(found, keypoints=keypoints)
+        return msgspec.structs.replace(message, detections=(found,))
+
+
+def test_hidden_elbow_follows_a_raised_wrist() -> None:
+    walker = RaisedHand()
+    found = walk(walker, 20, hidden_from=0, hidden=(LEFT_ELBOW,))[-1]
+    assert person(found).measured[LEFT_WRIST]
+    assert not person(found).measured[LEFT_ELBOW]
+    assert errors_m(found, walker, 19)[[LEFT_ELBOW, LEFT_WRIST]].max() < 0.1
 
 
 def test_hidden_joints_are_predicted_with_a_larger_covariance() -> None:

@@ -81,8 +81,18 @@ def test_posture_is_named_within_a_second(pose_of) -> None:  # type: ignore[no-u
     assert 0.6 <= probability <= 1.0
 
 
-def test_person_who_moves_upright_walks() -> None:
-    assert posture(standing(), speed_mps=0.9)[0] == "walking"
+@pytest.mark.parametrize("speed_mps", [0.6, 0.9, 2.5])
+def test_person_who_moves_upright_walks(speed_mps: float) -> None:
+    assert posture(standing(), speed_mps=speed_mps)[0] == "walking"
+
+
+def test_standing_person_walks_within_half_a_second() -> None:
+    postures = PostureFilter()
+    for speed_mps in [0.0] * 20 + [0.8] * 5:
+        (found,), _ = postures.update(
+            PERIOD_S, people(standing(), speed_mps), observed(standing(), [])
+        )
+    assert found[0] == "walking"
 
 
 @pytest.mark.parametrize("pose_of", [standing, lying])

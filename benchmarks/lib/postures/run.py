@@ -11,7 +11,15 @@ from lab.camera.synthetic_detections import SyntheticDetections, SyntheticDetect
 from lab.depth.config import SENSORS
 from lab.motion.acts import posture
 from lab.world import World
-from people4d.messages import F64, Message, PersonSkeleton, Skeletons, Track, Tracks
+from people4d.messages import (
+    F64,
+    Detections,
+    Message,
+    PersonSkeleton,
+    Skeletons,
+    Track,
+    Tracks,
+)
 from services.skeleton.build import build as build_skeleton
 from services.skeleton.config import SkeletonConfig
 from services.tracker.build import build as build_tracker
@@ -28,6 +36,7 @@ class Frame:
     """One frame of a scene: messages, and the track and skeleton of each person."""
 
     time_s: float
+    detections: Detections
     messages: tuple[Message, ...]  # tracks and skeletons
     keypoints_m: list[F64]  # true joints of each person, 17x3
     skeletons: list[PersonSkeleton | None]  # skeleton of each person
@@ -50,14 +59,16 @@ def frames(world: World) -> Iterator[Frame]:
         messages: list[Message] = list(_outputs(tracker, found, found.stamp_ns))
         for tracks in [one for one in messages if isinstance(one, Tracks)]:
             messages += skeleton.handle(tracks, 0)
-        yield _frame(time_s, tuple(messages), people)
+        yield _frame(time_s, found, tuple(messages), people)
 
 
 def _outputs(node: Node, message: Message, now_ns: int) -> list[Message]:
     return [*node.handle(message, now_ns), *node.tick(now_ns)]
 
 
-def _frame(time_s: float, messages: tuple[Message, ...], people: list[F64]) -> Frame:
+def _frame(
+    time_s: float, found: Detections, messages: tuple[Message, ...], people: list[F64]
+) -> Frame:
     tracks = [track for one in messages if isinstance(one, Tracks) for track in one.tracks]
     joints = {
         person.id: person for one in messages if isinstance(one, Skeletons) for person in one.people
@@ -69,7 +80,7 @@ def _frame(time_s: float, messages: tuple[Message, ...], people: list[F64]) -> F
         is_near = near and np.linalg.norm(near[0].position_m - middle) < NEAR_M
         nearest.append(near[0] if is_near else None)
     skeletons = [None if track is None else joints.get(track.id) for track in nearest]
-    return Frame(time_s, messages, people, skeletons, nearest)
+    return Frame(time_s, found, messages, people, skeletons, nearest)
 
 
 def true_posture(world: World, person: int, time_s: float) -> str | None:
