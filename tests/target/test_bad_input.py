@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from services.target.observe import uncovered_crops
 from tests import builders
 from tests.target.scene import BLUE, RED, Scene, followed
 
@@ -69,3 +70,67 @@ def test_people_without_joints_are_followed_and_not_confused() -> None:
     people = {1: (3.0, 0.0, RED), 2: (5.0, 2.0, BLUE)}
     assert scene.frames(10, people).id == 1
     assert {scene.frame({2: (5, 2, BLUE)}).id for _ in range(60)} == {None}
+
+
+@pytest.mark.parametrize(("absence", "state"), [(30, "locked"), (60, "none")])
+def test_person_absent_at_the_start_is_locked_only_in_time(absence: int, state: str) -> None:
+    """The choice waits for 5 s; frames are 0.1 s apart."""
+    scene = Scene()
+    scene.choose(id=5)
+    targets = [scene.frame({}) for _ in range(absence)]
+    assert targets[0].reason == "person 5 is not in view"
+    assert all(target.id is None and target.stop for target in targets)
+    assert scene.frame({5: (3, 0, RED)}).state == state
+
+
+@pytest.mark.parametrize(
+    ("action", "fields"), [("nearest", {}), ("at", {"position_m": np.array([3.0, 0.0])})]
+)
+def test_choice_in_an_empty_room_ends_with_its_reason(
+    action: str, fields: dict[str, np.ndarray]
+) -> None:
+    scene = Scene()
+    scene.node.handle(builders.static_transform(np.eye(4), "base_link"), 0)
+    scene.choose(action, **fields)
+    targets = [scene.frame({}) for _ in range(60)]
+    assert targets[0].state == "searching"
+    assert targets[-1].reason.startswith("no person is chosen: no person is in view")
+
+
+def test_last_of_two_choosers_between_two_frames_is_in_force() -> None:
+    scene = Scene()
+    people = {1: (3.0, 0.0, RED), 2: (5.0, 2.0, BLUE)}
+    scene.frame(people)
+    scene.choose(id=1, chooser="planner")
+    scene.choose(id=2, chooser="operator")
+    targets = [scene.frame(people) for _ in range(10)]
+    assert {(target.id, target.chooser) for target in targets} == {(2, "operator")}
+    assert scene.node.status().counters["replaced_choices"] == 1
+
+
+def test_clock_step_ahead_confirms_the_person_by_appearance() -> None:
+    """Tracks may exchange their people in the gap of the stamps, though their numbers go on."""
+    scene = followed(p2=(5, 2, BLUE))
+    scene.stamp_ns += 3_600_000_000_000
+    after = [scene.frame({1: (3, 0, BLUE), 2: (5, 2, RED)}) for _ in range(20)]
+    assert {target.id for target in after} <= {None, 2}
+    assert after[-1].id == 2
+
+
+def test_choice_that_waits_outlives_a_clock_reset_and_ends() -> None:
+    scene = Scene(stamp_ns=100_000_000_000)
+    scene.choose(id=5)
+    scene.frames(30, {})
+    scene.stamp_ns -= 50_000_000_000
+    assert scene.frames(49, {}).state == "searching"
+    assert scene.frames(5, {}).state == "none"
+
+
+@pytest.mark.parametrize(("left_px", "uncovered"), [(30, []), (200, [0, 1])])
+def test_overlapping_crops_without_depth_do_not_count(left_px: int, uncovered: list[int]) -> None:
+    """Without depth either person may cover the other one."""
+    boxes = ([20, 50, 80, 300], [left_px, 50, left_px + 60, 300])
+    people = [
+        builders.detection(box_xyxy_px=np.array(box, np.float32), position_m=None) for box in boxes
+    ]
+    assert uncovered_crops(people) == uncovered

@@ -104,3 +104,10 @@ def test_clock_reset_begins_the_time_of_a_raised_hand_again() -> None:
     show(scene, 8, {2})
     scene.stamp_ns -= 5_000_000_000
     assert show(scene, 20, {2}) == 11 * [None] + 9 * [2]
+
+
+def test_raised_hand_of_a_track_that_has_ended_chooses_no_person() -> None:
+    scene = waiting()
+    for _ in range(20):
+        assert scene.frame({1: PEOPLE[1]}).id is None
+        scene.node.handle(skeletons(scene, {2}), 0)
