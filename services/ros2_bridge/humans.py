@@ -6,20 +6,22 @@ from collections.abc import Mapping
 import msgspec
 
 from common.ros2.messages import hri
+from common.ros2.messages.basic import header, xyz
 from common.ros2.messages.person import RosPeople, RosPerson
 from common.ros2.transport import DEFAULT, LATCHED, Ros2Transport
-from people4d.messages import Detections
+from common.ros2.types import Fields
+from people4d.messages import Detections, Event, Skeletons
 from services.ros2_bridge.config import OutputConfig
 from services.ros2_bridge.output import Ros2Output
 
 IMAGES_MAX = 16  # maximum number of detections that wait for their tracks
-PEOPLE_MAX = 64  # maximum number of people with separate topics: each has four publishers
+PEOPLE_MAX = 64  # maximum number of people with separate topics: each has nine publishers
 
 Image = tuple[str, int]  # camera and stamp
 
 
 class Humans:
-    """Lists of bodies and persons, with region and skeleton of each in the image.
+    """Lists of bodies and persons, with region, skeleton, posture and motion of each.
 
     Args:
         config: First part of the topics' names, and the rate of all.
@@ -33,6 +35,7 @@ class Humans:
         self._config, self._transport, self._counters = config, transport, counters
         self._images: dict[Image, Detections] = {}
         self._people: dict[int, Mapping[str, Ros2Output]] = {}  # topics by the person's id
+        self._left_up: dict[int, bool] = {}  # True if the left wrist is the higher one, by id
         self._bodies = self._output("bodies/tracked", hri.IDS)
         self._persons = self._output("persons/tracked", hri.IDS)
         counters["too_many_humans"] = 0
@@ -51,16 +54,34 @@ class Humans:
         self._counters["too_many_humans"] += max(len(message.people) - PEOPLE_MAX, 0)
         people = message.people[:PEOPLE_MAX]
         for number in self._people.keys() - {person.id for person in people}:
+            self._left_up.pop(number, None)
             for output in self._people.pop(number).values():
                 output.close()
         for person in people:
             if person.id not in self._people:
                 self._people[person.id] = self._announce(person)
+            self._send_motion(person, header(message.stamp_ns, message.frame_id))
             if detections:
                 image = msgspec.structs.replace(detections, stamp_ns=message.stamp_ns)
                 self._send_parts(person, image)
         self._bodies.send(hri.ids(message, [hri.body_id(person) for person in people]))
         self._persons.send(hri.ids(message, [hri.person_id(person) for person in people]))
+
+    def send_postures(self, message: Skeletons, stamp_ns: int, frame_id: str) -> None:
+        """Publish the postures of people with topics; joints name later gestures."""
+        for person in message.people:
+            outputs = self._people.get(person.id)
+            if outputs and outputs["posture"].is_due(message.stamp_ns):
+                outputs["posture"].send(hri.posture(person.posture, header(stamp_ns, frame_id)))
+                self._left_up[person.id] = hri.is_left_up(person)
+
+    def send_gesture(self, event: Event, stamp_ns: int) -> None:
+        """Publish the gesture of an event, if it has one and its person has topics."""
+        outputs = self._people.get(event.id or 0)
+        if outputs and event.kind in hri.GESTURES:
+            is_left = self._left_up.get(event.id or 0, False)
+            gesture = hri.gesture(event.kind, is_left, header(stamp_ns, event.frame_id))
+            outputs["gesture"].send(gesture)
 
     def _announce(self, person: RosPerson) -> Mapping[str, Ros2Output]:
         """Create the topics of a person, and publish the id of its body."""
@@ -68,10 +89,25 @@ class Humans:
         outputs = {
             "region": self._output(f"{body}/roi", hri.REGION),
             "skeleton": self._output(f"{body}/skeleton2d", hri.SKELETON),
+            "posture": self._output(f"{body}/posture", hri.POSTURE),
+            "gesture": self._output(f"{body}/gesture", hri.GESTURE),
+            "position": self._output(f"{body}/position", hri.POINT),
+            "velocity": self._output(f"{body}/velocity", hri.TWIST),
             "body_id": self._output(f"{own}/body_id", hri.TEXT, latched=True),
+            "anonymous": self._output(f"{own}/anonymous", hri.FLAG, latched=True),
+            "confidence": self._output(f"{own}/location_confidence", hri.NUMBER),
         }
         outputs["body_id"].send({"data": hri.body_id(person)})
+        outputs["anonymous"].send({"data": True})
         return outputs
+
+    def _send_motion(self, person: RosPerson, head: Fields) -> None:
+        outputs = self._people[person.id]
+        outputs["position"].send({"header": head, "point": xyz(person.position_m)})
+        twist = {"linear": xyz(person.velocity_mps)}
+        outputs["velocity"].send({"header": head, "twist": twist})
+        # 1 while a body is seen, 0 for a predicted position
+        outputs["confidence"].send({"data": float(person.state != "lost")})
 
     def _send_parts(self, person: RosPerson, image: Detections) -> None:
         detection, outputs = image.at(person.detection), self._people[person.id]

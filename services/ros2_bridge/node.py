@@ -17,11 +17,13 @@ from common.runtime.node import NO_LOOP, LoopCallbacks, Node, Status
 from common.transport.stream_clock import EXTRAPOLATION_MAX_NS, StreamClock
 from people4d.messages import (
     Detections,
+    Event,
     Health,
     Message,
     MovingTransform,
     Odometry,
     Predictions,
+    Skeletons,
     StaticTransform,
     Target,
     Tracks,
@@ -61,7 +63,7 @@ class Ros2BridgeNode(Node):
     """
 
     inputs: tuple[type[Message], ...] = (
-        *(Tracks, Predictions, Detections, Health, Target),
+        *(Tracks, Predictions, Detections, Skeletons, Event, Health, Target),
         *(StaticTransform, MovingTransform, Odometry),
     )
     required_inputs: ClassVar[tuple[type[Message], ...]] = (Tracks,)
@@ -120,6 +122,13 @@ class Ros2BridgeNode(Node):
         elif isinstance(message, Detections):
             if self._humans:
                 self._humans.add_detections(message)
+        elif isinstance(message, Skeletons):
+            if self._humans:
+                frame_id = self._people.frame_of(message.frame_id, message.stamp_ns)[1]
+                self._humans.send_postures(message, self._stamp_ns(message), frame_id)
+        elif isinstance(message, Event):
+            if self._humans:
+                self._humans.send_gesture(message, self._stamp_ns(message))
         elif isinstance(message, Target):
             matrix, frame_id = self._people.frame_of(message.frame_id, message.stamp_ns)
             if self._target and matrix is not None:

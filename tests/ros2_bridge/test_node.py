@@ -11,8 +11,9 @@ from common.geometry.transforms import rotation_from_rpy, transform_from
 from common.ros2 import types
 from common.ros2.messages.basic import TF, transforms
 from common.ros2.transport import LATCHED
-from people4d.messages import Predictions, Span, Track
+from people4d.messages import Event, PersonSkeleton, Predictions, Skeletons, Span, Track
 from people4d.messages.prediction import MotionProbabilities, PersonPrediction
+from people4d.messages.skeleton import Posture
 from services.ros2_bridge.config import Output, OutputConfigs, Ros2BridgeConfig
 from services.ros2_bridge.node import Ros2BridgeNode
 from tests import builders
@@ -224,6 +225,56 @@ def test_skeleton_has_eighteen_points_with_a_neck() -> None:
     node.handle(people(at_ms=33), 0)
     assert ros.topics["/humans/bodies/b00007/roi"].closed
     assert ros.last("/humans/bodies/tracked").ids == []
+
+
+def raising(posture: Posture, wrist: int) -> Skeletons:
+    positions_m = np.zeros((17, 3), np.float32)
+    positions_m[wrist, 2] = 2.0
+    body = PersonSkeleton(
+        id=7,
+        state="confirmed",
+        positions_m=positions_m,
+        covariances_m2=np.tile(np.eye(3, dtype=np.float32), (17, 1, 1)),
+        measured=(True,) * 17,
+        posture=posture,
+    )
+    return Skeletons(stamp_ns=START_NS, sequence=0, frame_id="map", camera="front", people=(body,))
+
+
+@pytest.mark.parametrize(
+    ("posture", "number"), [("walking", 1), ("sitting", 2), ("lying", 4), ("bending", 0)]
+)
+def test_posture_of_a_body_is_published(posture: Posture, number: int) -> None:
+    node, ros = bridge(Ros2BridgeConfig(publish=("humans",)))
+    node.handle(people(person()), 0)
+    node.handle(raising(posture, 9), 0)
+    found = ros.last("/humans/bodies/b00007/posture")
+    assert (found.posture, stamp_of(found)) == (number, START_NS)
+
+
+@pytest.mark.parametrize(
+    ("kind", "wrist", "gestures"),
+    [("raised_hand", 9, [3]), ("raised_hand", 10, [4]), ("waved", 9, [6]), ("fell", 9, [])],
+)
+def test_gesture_of_an_event_is_published(kind: Any, wrist: int, gestures: list[int]) -> None:
+    node, ros = bridge(Ros2BridgeConfig(publish=("humans",)))
+    node.handle(people(person()), 0)
+    node.handle(raising("standing", wrist), 0)
+    node.handle(Event(stamp_ns=START_NS, sequence=0, kind=kind, id=7), 0)
+    node.handle(Event(stamp_ns=START_NS, sequence=1, kind=kind, id=8), 0)
+    assert [one.gesture for one in ros.messages("/humans/bodies/b00007/gesture")] == gestures
+
+
+def test_motion_and_confidence_of_people_are_published() -> None:
+    node, ros = bridge(Ros2BridgeConfig(publish=("humans",)))
+    node.handle(people(person()), 0)
+    point = ros.last("/humans/bodies/b00007/position").point
+    assert (point.x, point.y, point.z) == (2.0, -1.0, 1.2)
+    assert ros.last("/humans/bodies/b00007/velocity").twist.linear.y == 1.5
+    assert ros.last("/humans/persons/p00007/anonymous").data is True
+    assert ros.last("/humans/persons/p00007/location_confidence").data == 1.0
+    node.handle(people(person(state="lost", detection=None), at_ms=33), 0)
+    assert ros.last("/humans/persons/p00007/location_confidence").data == 0.0
 
 
 def test_motion_is_published_as_odometry_and_transforms() -> None:

@@ -5,16 +5,25 @@ import numpy as np
 from common.ros2.messages.basic import header
 from common.ros2.messages.person import RosPeople, RosPerson
 from common.ros2.types import Fields
-from people4d.messages import F32, Detection, Detections
+from people4d.messages import F32, Detection, Detections, PersonSkeleton
+from people4d.messages.skeleton import Posture
 
 IDS = "hri_msgs/msg/IdsList"
 REGION = "hri_msgs/msg/NormalizedRegionOfInterest2D"
 SKELETON = "hri_msgs/msg/Skeleton2D"
-TEXT = "std_msgs/msg/String"
+POSTURE = "hri_msgs/msg/BodyPosture"
+GESTURE = "hri_msgs/msg/Gesture"
+POINT, TWIST = "geometry_msgs/msg/PointStamped", "geometry_msgs/msg/TwistStamped"
+TEXT, FLAG, NUMBER = "std_msgs/msg/String", "std_msgs/msg/Bool", "std_msgs/msg/Float32"
 
 # COCO keypoint by joint of hri_msgs/Skeleton2D; None: the neck, the middle of the shoulders.
 COCO = (0, None, 6, 8, 10, 5, 7, 9, 12, 14, 16, 11, 13, 15, 1, 2, 3, 4)
 SHOULDERS = (5, 6)
+LEFT_WRIST, RIGHT_WRIST = 9, 10
+# Constants of hri_msgs/BodyPosture: bending is not among them, unlike crouching
+POSTURES: dict[Posture, int] = {"standing": 1, "walking": 1, "sitting": 2, "lying": 4}
+# Constants of hri_msgs/Gesture by event; the right hand is the next number after the left
+GESTURES = {"raised_hand": 3, "waved": 6}
 
 
 def body_id(person: RosPerson) -> str:
@@ -58,6 +67,21 @@ def skeleton(keypoints: F32, image: Detections) -> Fields:
             for x, y, c in normal
         ],
     }
+
+
+def posture(name: Posture, head: Fields) -> Fields:
+    """Return a hri_msgs/BodyPosture."""
+    return {"header": head, "posture": POSTURES.get(name, 0)}
+
+
+def gesture(kind: str, is_left: bool, head: Fields) -> Fields:
+    """Return a hri_msgs/Gesture of an event."""
+    return {"header": head, "gesture": GESTURES[kind] + (kind == "raised_hand" and not is_left)}
+
+
+def is_left_up(person: PersonSkeleton) -> bool:
+    """Check whether the left wrist is the higher one."""
+    return bool(person.positions_m[LEFT_WRIST, 2] > person.positions_m[RIGHT_WRIST, 2])
 
 
 def _clip(value: float) -> float:
