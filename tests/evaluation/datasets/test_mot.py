@@ -47,7 +47,7 @@ def test_perfect_detections_of_two_people_are_tracked_without_an_error(tmp_path:
 
 
 @pytest.mark.slow
-def test_dynamic_survival_is_better_than_sort_on_real_sequences_of_the_test_split(
+def test_dynamic_lifetime_is_better_than_sort_on_real_sequences_of_the_test_split(
     shared: Path,
 ) -> None:
     folder = shared / "data"
