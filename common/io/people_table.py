@@ -41,6 +41,8 @@ COLUMNS = (
     Column("camera", str, "track: camera whose frame it is of", optional=True),
     Column("posture", str, "track: posture, if skeletons are recorded", optional=True),
     Column("posture_probability", float, "track: its probability, 0: unknown", optional=True),
+    Column("stature_m", float, "[m] track: height of the body, by its bones", optional=True),
+    Column("stature_sigma_m", float, "[m] track: its standard deviation", optional=True),
 )
 NAMES = tuple(column.name for column in COLUMNS)
 
@@ -69,6 +71,8 @@ def rows_of(
             row |= {
                 "posture": skeleton.posture,
                 "posture_probability": skeleton.posture_probability,
+                "stature_m": skeleton.stature_m,
+                "stature_sigma_m": skeleton.stature_sigma_m,
             }
         yield {name: row.get(name) for name in NAMES}
 

@@ -8,6 +8,7 @@ from people4d.messages.base import (
     MAX_M,
     Message,
     Name,
+    Positive,
     PositiveInt,
     Probability,
     Record,
@@ -38,6 +39,9 @@ class PersonSkeleton(Record, frozen=True, kw_only=True):
     measured: tuple[bool, ...]
     posture: Posture = "unknown"  # bending: also squatting and kneeling
     posture_probability: Probability = 0.0  # probability of the posture; 0 if it is unknown
+    # [m] height from sole to crown by the lengths of bones; absent: unknown
+    stature_m: Positive | None = None
+    stature_sigma_m: Positive | None = None  # [m] its standard deviation
 
     def __post_init__(self) -> None:
         """Check the fields, and that `measured` has one value per joint."""

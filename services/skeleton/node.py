@@ -10,6 +10,7 @@ from common.geometry.transform_buffer import TransformBuffer
 from common.runtime.node import Node, Status
 from common.transport.trace import span
 from people4d.messages import (
+    F64,
     CameraInfo,
     Detections,
     Message,
@@ -119,6 +120,7 @@ class SkeletonNode(Node):
         people = People.of(found)
         postures, upright = self._postures.update(dt_s, people, observation)
         states, measured = self._skeletons.estimate_joints(dt_s, people, observation, upright)
+        statures = self._skeletons.estimate_statures(people)
         return [
             Skeletons(
                 stamp_ns=stamp_ns,
@@ -126,7 +128,7 @@ class SkeletonNode(Node):
                 trace=tracks.trace,
                 frame_id=tracks.frame_id,
                 camera=tracks.camera,
-                people=_skeletons(found, states, measured, postures),
+                people=_skeletons(found, states, measured, postures, statures),
             )
         ]
 
@@ -154,9 +156,11 @@ def _skeletons(
     states: JointStates,
     measured: Flags,
     postures: Sequence[tuple[Posture, float]],
+    statures: tuple[F64, F64],
 ) -> tuple[PersonSkeleton, ...]:
     positions_m = states.position_m.astype(np.float32)
     covariances_m2 = states.position_m2.astype(np.float32)
+    stature_m, sigma_m = (values.tolist() for values in statures)
     return tuple(
         PersonSkeleton(
             id=track.id,
@@ -166,6 +170,8 @@ def _skeletons(
             measured=tuple(measured[row].tolist()),
             posture=postures[row][0],
             posture_probability=postures[row][1],
+            stature_m=stature_m[row],
+            stature_sigma_m=sigma_m[row],
         )
         for row, track in enumerate(tracks)
     )

@@ -85,6 +85,17 @@ def test_hidden_elbow_follows_a_raised_wrist() -> None:
     assert errors_m(found, walker, 19)[[LEFT_ELBOW, LEFT_WRIST]].max() < 0.1
 
 
+@pytest.mark.parametrize("size", [0.75, 1.0])
+def test_stature_follows_the_size_within_its_deviation(size: float) -> None:
+    usual = person(walk(Walker(), 40)[-1])
+    first, *_, last = (person(found) for found in walk(Walker(size=size), 40))
+    assert first.stature_sigma_m is not None
+    assert last.stature_sigma_m is not None
+    assert usual.stature_m is not None
+    assert last.stature_sigma_m < first.stature_sigma_m
+    assert last.stature_m == pytest.approx(size * usual.stature_m, abs=2 * last.stature_sigma_m)
+
+
 def test_hidden_joints_are_predicted_with_a_larger_covariance() -> None:
     walker, hidden = Walker(), (LEFT_WRIST, LEFT_ELBOW)
     found = walk(walker, 30, 20, hidden=hidden)

@@ -71,18 +71,20 @@ def sitting(stamp_ms: int, id_: int) -> Skeletons:
         measured=(True,) * 17,
         posture="sitting",
         posture_probability=0.75,
+        stature_m=1.75,
+        stature_sigma_m=0.0625,
     )
     return Skeletons(
         stamp_ns=stamp_ms * MS, sequence=0, frame_id="map", camera="front", people=(person,)
     )
 
 
-def test_posture_of_a_track_is_from_skeletons_of_its_frame(tmp_path: Path) -> None:
+def test_posture_and_stature_of_a_track_are_from_skeletons_of_its_frame(tmp_path: Path) -> None:
     frames = (tracks(at, track(7, 1.0, 2.0), track(8, 3.0, 2.0)) for at in (1000, 1033))
     file = record(tmp_path, *frames, sitting(1000, 7), sitting(1040, 8))
     run(file, tmp_path / "x.csv")
-    found = [(row["posture"], row["posture_probability"]) for row in rows_of(tmp_path / "x.csv")]
-    assert found == [("sitting", "0.75"), ("", ""), ("", ""), ("", "")]
+    found = [list(row.values())[-4:] for row in rows_of(tmp_path / "x.csv")]
+    assert found == [["sitting", "0.75", "1.75", "0.0625"], *[[""] * 4] * 3]
 
 
 def test_truth_at_the_stamps_of_the_tracks(tmp_path: Path) -> None:
