@@ -35,9 +35,10 @@ STATES = tuple(
         *("bending", "bending", "bending", "unknown"),
     )
 )
-# Means of the observation in each state, fitted to simulated people with equal deviations by
-# `python -m benchmarks postures --fit`: see `observe_posture`, and the height of the torso below
-# its height while standing [m]
+# Means of the observation in each state: see `observe_posture`, and the height of the torso below
+# its height while standing [m]. Fitted with equal deviations to simulated people by
+# `python -m benchmarks postures --fit --scenes 12 --falls 30`; the kneeling state, whose legs
+# differ, has the means of both legs.
 MEANS: F64 = np.array(
     [
         [0.98, 0.98, 0.97, 0.09, 0.02, 0.00],
