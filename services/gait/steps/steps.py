@@ -23,7 +23,6 @@ Side = Literal["left", "right"]
 FEET: tuple[Side, Side] = ("left", "right")
 GAP_S = 1.0  # Maximum time between frames of a walk [s]
 FRAMES_MIN = 4  # Minimum number of frames of a walk
-NOISE_M = 0.06  # Noise of a standing foot, in addition to the noise of its point [m]
 STANCE = (0.03, LIFT - 0.05)  # Range of the phase of a standing foot after its landing
 SWING = (-0.35, 0.15)  # Range of the phase about a landing that is searched for it
 APPROACH = (0.7, 0.92)  # Range of the approach to a footprint [lengths of the swing]
@@ -190,7 +189,9 @@ def _footprint_m(samples: WalkSamples, after: F64, foot: int) -> F64 | None:
     stands = np.isfinite(samples.feet_m[:, foot, 0]) & _within(after, STANCE)
     if not stands.any():
         return None
-    return _mean_m(samples.feet_m[stands, foot], samples.covariances_m2[stands, foot])
+    information = samples.information[stands, foot]
+    weighted = np.einsum("nij,nj->i", information, samples.feet_m[stands, foot])
+    return np.linalg.solve(information.sum(axis=0), weighted)
 
 
 def _landed_s(samples: WalkSamples, after: F64, foot: int, to_m: F64, default_s: float) -> float:
@@ -213,13 +214,6 @@ def _confidence(samples: WalkSamples, after: F64, foot: int) -> float:
 
 def _within(values: F64, limits: tuple[float, float]) -> npt.NDArray[np.bool_]:
     return (values >= limits[0]) & (values <= limits[1])
-
-
-def _mean_m(points_m: F64, covariances_m2: F64) -> F64:
-    """Return the mean of positions (Nx2) weighted by their information."""
-    information = np.linalg.inv(covariances_m2 + NOISE_M**2 * np.eye(2))
-    weighted = np.einsum("nij,nj->i", information, points_m)
-    return np.linalg.solve(information.sum(axis=0), weighted)
 
 
 def _crossing_s(times_s: F64, values: F64, level: float) -> float:

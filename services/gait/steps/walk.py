@@ -10,6 +10,7 @@ Source: docs/method.md, section 20.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +25,7 @@ CHANGE_COST = 3.0  # Cost of a change to the next length
 LIFT = 0.6  # Phase between landing and lift of a foot
 ASIDE_M = 0.09  # Distance of a foot from the middle, across the path [m]
 ALONG_SIGMA_M, ACROSS_SIGMA_M = 0.08, 0.12  # Noise of a foot, in addition to its covariance [m]
+NOISE_M = 0.06  # Noise of a standing foot, in addition to the noise of its point [m]
 EXCHANGED = 0.2  # Probability that a measured foot is the other one
 OUTLIER = 1e-3  # Likelihood of any position, relative to the expected one
 # Standard deviation of the advance: of each frame [phases], and relative to the root of the advance
@@ -42,6 +44,11 @@ class WalkSamples:
     body_m: F64  # Nx2, on the ground
     feet_m: F64  # Nx2x2, left and right; NaN if unknown
     covariances_m2: F64  # Nx2x2x2
+
+    @cached_property
+    def information(self) -> F64:
+        """Inverse covariances of footprints, Nx2x2x2."""
+        return np.asarray(np.linalg.inv(self.covariances_m2 + NOISE_M**2 * np.eye(2)))
 
 
 @dataclass(frozen=True)
