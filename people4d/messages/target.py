@@ -74,9 +74,10 @@ class Target(Message, frozen=True, kw_only=True):
     # [m] predicted x, y at path_times_s, frame: frame_id; absent without a prediction
     path_m: Annotated[F64, Shape("H", 2), Magnitude(MAX_M)] | None = None
     chooser: Text = ""  # name of the chooser in force; empty: unnamed
-    # [ns] stamp of the last command enrol or forget; absent: none
+    # [ns] stamp of the last command; absent: none
     answered_ns: Annotated[int, Meta(ge=-MAX_STAMP_NS, le=MAX_STAMP_NS)] | None = None
-    problem: Text = ""  # reason why that command was not executed; empty if it was
+    # reason why that command, enrol or forget, was not executed; empty if it was
+    problem: Text = ""
 
     def __post_init__(self) -> None:
         """Check the fields, and that each time of the path has a position."""

@@ -266,6 +266,8 @@ class ChosenPerson:
             return "no clear view of the person is known"
         if best is None:
             return "no person is in view"
+        if probability >= self._config.probability_min:
+            return f"person {best} is hidden, or was seen too briefly"
         if probability == 0.0:
             return f"the {len(self.memory.tracks)} people in view are others"
         return f"person {best} is the likeliest, with a probability of {probability:.2f}"

@@ -71,8 +71,8 @@ class TargetNode(StatefulNode):
         self._predictions: Predictions | None = None
         self._hands = RaisedHands()
         self._enrolment = Enrolment(None, 0.0)
-        self._answered_ns: int | None = None  # [ns] stamp of the last command enrol or forget
-        self._problem = ""  # reason why it was not executed
+        self._answered_ns: int | None = None  # [ns] stamp of the last command
+        self._problem = ""  # reason why it was not executed, if it is enrol or forget
         self._replaced = ""  # note about the replaced chooser
         self._sequence = 0
         self._counters = Counter(dict.fromkeys(COUNTERS, 0))
@@ -111,8 +111,10 @@ class TargetNode(StatefulNode):
         return ()
 
     def status(self) -> Status:
-        """Return the counters."""
-        return Status(counters={**self._counters, **self._transforms.counters})
+        """Return the counters, and a damaged file of enrolled people."""
+        counters = {**self._counters, **self._transforms.counters}
+        reason = self._enrolment.problem if self._config.enrolment_days else ""
+        return Status(state="degraded" if reason else "ready", reason=reason, counters=counters)
 
     def next_number(self) -> int:
         """Return 0, since the service numbers nothing."""
@@ -131,14 +133,13 @@ class TargetNode(StatefulNode):
     def _choose(self, command: TargetCommand) -> None:
         """Replace the choice, and note the chooser whose choice was in force; or enrol a person."""
         memory, name = self._chosen.memory, command.name or ""
+        self._counters["commands"] += 1
+        self._answered_ns, self._problem = command.stamp_ns, ""
         if command.action in ("enrol", "forget"):
-            self._counters["commands"] += 1
-            self._answered_ns = command.stamp_ns
             self._problem = self._enrol(name) if command.action == "enrol" else self._forget(name)
             return
         is_replaced = memory.has_choice and memory.chooser != command.chooser
         self._replaced = f"; chosen in place of {memory.chooser!r}" if is_replaced else ""
-        self._counters["commands"] += 1
         self._counters["replaced_choices"] += is_replaced
         if command.action == "name":
             enrolled, problem = self._enrolment.find(name)
@@ -151,9 +152,11 @@ class TargetNode(StatefulNode):
         """Store the views of the locked person; return the reason if that fails."""
         memory = self._chosen.memory
         if memory.locked_ns is None or memory.locked_ns != memory.stamp_ns:
-            return "no person is locked: people4d follow"
+            return "no person is locked: choose one with people4d follow ID"
         if not memory.appearance.own:
             return "no clear view of the person is known"
+        if name != memory.name and self._enrolment.find(name)[0]:
+            return f"{name} is enrolled already: people4d forget {name}"
         problem = self._enrolment.enrol(name, memory.appearance.embedder, memory.appearance.own)
         memory.name = memory.name if problem else name
         return problem

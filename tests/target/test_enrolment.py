@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from common.io.packed import pack
 from common.runtime.node import LoopCallbacks
 from people4d.errors import ConfigError
 from people4d.messages import Target, TargetCommand
 from services.target.build import build
 from services.target.config import TargetConfig
-from services.target.enrolment import DAY_NS, FILE, Enrolment
+from services.target.enrolment import DAY_NS, FILE, Enrolled, EnrolledFile, Enrolment
 from services.target.node import TargetNode
 from tests.target.scene import BLUE, GREEN, RED, Scene
 
@@ -109,7 +110,7 @@ def test_unknown_name_is_reported(tmp_path: Path) -> None:
 def test_enrolment_needs_a_locked_person(tmp_path: Path) -> None:
     scene = next_day(tmp_path)
     target = ask(scene, "enrol", "anna", {1: (3.0, 0.0, RED)})
-    assert target.problem == "no person is locked: people4d follow"
+    assert target.problem == "no person is locked: choose one with people4d follow ID"
     assert not (tmp_path / FILE).exists()
 
 
@@ -155,10 +156,40 @@ def test_expired_person_is_deleted(tmp_path: Path) -> None:
     assert not (tmp_path / FILE).exists()
 
 
-def test_damaged_file_is_refused_with_the_remedy(tmp_path: Path) -> None:
-    (tmp_path / FILE).write_bytes(b"damaged")
-    with pytest.raises(ConfigError, match="Delete the file"):
-        node_in(tmp_path)
+LONG = Enrolled(EMBEDDER, [np.array([3.0, 0.0])], 2**62)
+SHORT = Enrolled(EMBEDDER, [np.array([1.0])], 2**62)
+NONE = Enrolled(EMBEDDER, [], 2**62)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"damaged", *(pack(EnrolledFile({"anna": one})) for one in (LONG, SHORT, NONE))],
+    ids=["bytes", "long", "short", "none"],
+)
+def test_damaged_file_is_reported_and_others_are_followed(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / FILE).write_bytes(content)
+    scene, people = Scene(node_in(tmp_path)), {1: (3.0, 0.0, RED)}
+    status = scene.node.status()
+    assert status.state == "degraded"
+    assert status.reason.endswith("is damaged: delete it, and enrol its people again")
+    assert status.reason in ask(scene, "name", "anna", people).reason
+    scene.choose(id=1)
+    assert scene.frames(10, people).state == "locked"
+    for action in ("enrol", "forget"):
+        assert ask(scene, action, "anna", people).problem == status.reason
+    (tmp_path / FILE).unlink()
+    assert ask(scene, "enrol", "anna", people).problem == ""
+    assert scene.node.status().state == "ready"
+
+
+def test_name_of_another_person_is_not_overwritten(tmp_path: Path) -> None:
+    scene = enrolled(tmp_path)
+    people = {1: (3.0, 0.0, RED), 2: (5.0, 2.0, BLUE)}
+    assert ask(scene, "enrol", "anna", people).problem == ""  # newer views of person 1
+    scene.choose(id=2)
+    assert scene.frames(10, people).id == 2
+    refused = "anna is enrolled already: people4d forget anna"
+    assert ask(scene, "enrol", "anna", people).problem == refused
 
 
 def test_enrolment_needs_a_state_folder() -> None:

@@ -11,7 +11,9 @@ from people4d.messages import Target, TargetCommand
 from people4d.messages.base import NAME, NAME_FORM
 
 PersonName = Annotated[str, typer.Argument(metavar="NAME", help="Name of the person.")]
-Wait = Annotated[float, typer.Option("--timeout", help="Longest wait for the answer in seconds.")]
+Wait = Annotated[
+    float, typer.Option("--timeout", min=0.1, help="Longest wait for the answer in seconds.")
+]
 WAIT_S = 10.0
 
 
@@ -59,4 +61,7 @@ def _ask(
                 return
             if time.monotonic() > end_s:
                 break
-    raise People4dError(f"no answer arrived within {timeout_s:g} s", "people4d up --target.")
+    raise People4dError(
+        f"no answer arrived within {timeout_s:g} s: answers come with frames",
+        "Start people4d up --target with a source, and ask again.",
+    )

@@ -17,11 +17,14 @@ from people4d.messages import Target, TargetCommand
 
 Action = Literal["id", "nearest", "raised_hand", "name", "at", "none"]
 CHOOSER = "people4d follow"
+ID_MAX = 2**63 - 1
+ANSWER_S = 3.0  # time until states are shown although another command came in between [s]
 
 
 def follow(
     id_: Annotated[
-        int | None, typer.Argument(metavar="ID", min=1, help="Track of the person to follow.")
+        int | None,
+        typer.Argument(metavar="ID", min=1, max=ID_MAX, help="Track of the person to follow."),
     ] = None,
     nearest: Annotated[bool, typer.Option("--nearest", help="Follow the nearest person.")] = False,
     raised_hand: Annotated[
@@ -29,8 +32,8 @@ def follow(
         typer.Option("--raised-hand", help="Follow the nearest person with a raised hand."),
     ] = False,
     name: Annotated[
-        str, typer.Option(help="Follow the person enrolled under this name; see enrol.")
-    ] = "",
+        str | None, typer.Option(help="Follow the person enrolled under this name; see enrol.")
+    ] = None,
     at: Annotated[
         tuple[float, float] | None,
         typer.Option(metavar="X Y", help="Follow the person at this position in metres."),
@@ -50,7 +53,7 @@ def follow(
             "id": id_,
             "nearest": nearest,
             "raised_hand": raised_hand,
-            "name": name or None,
+            "name": name,
             "at": at,
             "none": stop,
         }
@@ -59,9 +62,11 @@ def follow(
         targets = client.messages(Target, timeout_s=timeout_s)
         if command:
             client.publish(command)
-        target = None
+        target, end_s = None, time.monotonic() + ANSWER_S
+        is_answered = command is None
         for target in targets:
-            if command and target.chooser != CHOOSER:
+            is_answered |= command is not None and target.answered_ns == command.stamp_ns
+            if not is_answered and time.monotonic() < end_s:
                 continue  # made before the choice
             typer.echo(line_of(target))
             if once:
@@ -82,15 +87,18 @@ def command_of(asked: Mapping[Action, Any]) -> TargetCommand | None:
     action, value = choices[0]
     if action == "name":
         check_name(value)
-    return TargetCommand(
-        stamp_ns=time.time_ns(),
-        sequence=0,
-        chooser=CHOOSER,
-        action=action,
-        name=value if action == "name" else None,
-        id=value if action == "id" else None,
-        position_m=np.array(value) if action == "at" else None,
-    )
+    try:
+        return TargetCommand(
+            stamp_ns=time.time_ns(),
+            sequence=0,
+            chooser=CHOOSER,
+            action=action,
+            name=value if action == "name" else None,
+            id=value if action == "id" else None,
+            position_m=np.array(value) if action == "at" else None,
+        )
+    except ValueError as error:
+        raise typer.BadParameter(f"--{action}: {error}") from error
 
 
 def line_of(target: Target) -> str:

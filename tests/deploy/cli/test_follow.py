@@ -5,6 +5,7 @@ import threading
 import numpy as np
 import pytest
 import typer
+from msgspec.structs import replace
 from typer.testing import CliRunner
 
 from deploy.cli import app
@@ -48,6 +49,15 @@ def test_two_choices_are_refused() -> None:
         command_of({"id": 3, "nearest": True})
 
 
+@pytest.mark.parametrize(
+    "choice", [["--at", "nan", "1"], ["--at", "1e300", "0"], ["9" * 23], ["--name", ""]]
+)
+def test_absurd_choice_is_refused_before_any_connection(choice: list[str]) -> None:
+    result = CliRunner().invoke(app, ["follow", *choice])
+    assert result.exit_code == 2
+    assert "Invalid value" in result.output
+
+
 def test_state_is_one_line() -> None:
     assert line_of(TARGET) == (
         "1.50  locked     person 7  3.00 m at 90 deg  probability 0.99  continued"
@@ -61,8 +71,9 @@ def test_choice_is_sent_and_the_state_shown(network: Network) -> None:
     watcher = Watcher(bus, TargetCommand)
 
     def answer() -> None:
-        watcher.wait(TargetCommand, lambda command: command.action == "nearest")
-        bus.publish(TARGET)
+        command = watcher.wait(TargetCommand, lambda command: command.action == "nearest")
+        bus.publish(replace(TARGET, reason="before"))
+        bus.publish(replace(TARGET, answered_ns=command.stamp_ns))
 
     answering = threading.Thread(target=answer)
     answering.start()
@@ -71,3 +82,4 @@ def test_choice_is_sent_and_the_state_shown(network: Network) -> None:
     answering.join()
     assert result.exit_code == 0, result.output
     assert "locked" in result.output
+    assert "before" not in result.output
