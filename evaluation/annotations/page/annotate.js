@@ -55,6 +55,7 @@ async function load(index) {
 
 // Save the marks; of a change by another page, show that page's marks.
 async function store() {
+  show("saving", "");
   const asked = marks;
   const body = JSON.stringify({ base, people: asked });
   const answer = await fetch(`frames/${frame()}`, { method: "PUT", body });
@@ -74,7 +75,10 @@ async function store() {
   }
   draw();
 }
-const save = () => queue(store);
+function save() {
+  show("saving", "");
+  queue(store);
+}
 
 function change(person, values) {
   const old = marks.find((mark) => mark.person === person);
