@@ -14,7 +14,7 @@ from people4d.messages.base import NonNegative, Positive, PositiveInt, Ratio
 Number = Annotated[int, Meta(ge=1, le=1000)]
 N = NonNegative
 NoiseVector8 = tuple[N, N, N, N, N, N, N, N]
-# Detection model with keypoints of float32, which show more steps in turns than those of int8
+# Detection model with float32 keypoints, which show more steps in turns than int8 keypoints
 # (benchmarks/gait_bodies.md)
 POINTS_MODEL = "movenet-multipose"
 PUBLISHED_TAU: NoiseVector8 = (10.0, 10.0, 1.0, 1.0, 0.1, 0.1, 0.1, 0.1)  # section 8.1

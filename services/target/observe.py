@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from common.geometry.boxes import intersections_xyxy
 from people4d.messages import F64, Detection, Detections, Embeddings, Track, Tracks
 
 OVERLAP_MAX = 0.3  # maximum share of the box of an uncovered crop inside the box of a nearer person
@@ -72,11 +73,9 @@ def uncovered_crops(detections: Sequence[Detection]) -> list[int]:
         return []
     boxes = np.array([d.box_xyxy_px for d in detections], np.float64)
     left, top, right, bottom = boxes.T
-    across = np.minimum(right[:, None], right) - np.maximum(left[:, None], left)
-    down = np.minimum(bottom[:, None], bottom) - np.maximum(top[:, None], top)
     depths_m = np.array([np.nan if d.position_m is None else d.position_m[2] for d in detections])
     is_behind = depths_m[:, None] < depths_m
-    common = np.where(is_behind, 0.0, np.maximum(across, 0.0) * np.maximum(down, 0.0))
+    common = np.where(is_behind, 0.0, intersections_xyxy(boxes, boxes))
     np.fill_diagonal(common, 0.0)
     area = np.maximum((right - left) * (bottom - top), 1e-9)
     return [int(i) for i in np.flatnonzero(common.max(axis=1) <= OVERLAP_MAX * area)]

@@ -1,8 +1,7 @@
-"""First stage that loses an annotated step of a real person, or that invents one."""
+"""First stage that loses an annotated step of a real person."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -16,8 +15,8 @@ from services.gait.points.keypoints import (
     RIGHT_FOOT,
     pixels_of,
 )
+from services.gait.steps.steps import Side
 
-Foot = Literal["left", "right"]
 Run = Sequence[tuple[CameraInfo, GaitFrame, Sequence[GaitResult]]]
 # Stages in the order of processing, with the failure of each
 STAGES: Mapping[str, str] = {
@@ -45,7 +44,7 @@ class Scene:
     owner: Mapping[tuple[int, int], str]
 
 
-def first_loss(scene: Scene, person: str, at: float, foot: Foot) -> str:
+def first_loss(scene: Scene, person: str, at: float, foot: Side) -> str:
     """Return the first stage that fails in all frames about a landing; "steps" if none does."""
     frames = range(max(round(at) - AROUND, 0), min(round(at) + AROUND + 1, len(scene.run)))
     here = [
@@ -67,7 +66,7 @@ def first_loss(scene: Scene, person: str, at: float, foot: Foot) -> str:
 
 
 def _keypoint_stages(
-    info: CameraInfo, frame: GaitFrame, result: GaitResult, foot: Foot
+    info: CameraInfo, frame: GaitFrame, result: GaitResult, foot: Side
 ) -> list[bool]:
     """Return the success of each of KEYPOINT_STAGES in one frame."""
     one = next((o for o in frame.observations if o.id == result.person.id), None)

@@ -1,20 +1,20 @@
 """people4d enrol and people4d forget."""
 
 import time
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
 from deploy.cli.options import Connect, Robot, open_client
 from people4d.errors import People4dError
 from people4d.messages import Target, TargetCommand
-from people4d.messages.base import NAME, NAME_FORM
 
 PersonName = Annotated[str, typer.Argument(metavar="NAME", help="Name of the person.")]
 Wait = Annotated[
     float, typer.Option("--timeout", min=0.1, help="Longest wait for the answer in seconds.")
 ]
 WAIT_S = 10.0
+Action = Literal["id", "nearest", "at", "raised_hand", "name", "none", "enrol", "forget"]
 
 
 def enrol(
@@ -36,20 +36,21 @@ def forget(
     typer.echo(f"forgot {name}")
 
 
-def check_name(name: str) -> None:
-    """Check a name; BadParameter if it is none."""
-    if not NAME.fullmatch(name):
-        raise typer.BadParameter(f"{name!r}: expected {NAME_FORM}")
+def make_command(chooser: str, action: Action, **fields: Any) -> TargetCommand:
+    """Return a command to the target service; BadParameter if a value is invalid."""
+    try:
+        return TargetCommand(
+            stamp_ns=time.time_ns(), sequence=0, chooser=chooser, action=action, **fields
+        )
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from error
 
 
 def _ask(
     action: Literal["enrol", "forget"], name: str, timeout_s: float, robot: str, connect: str
 ) -> None:
     """Send a command, and wait for its answer; People4dError with the reason of a failure."""
-    check_name(name)
-    command = TargetCommand(
-        stamp_ns=time.time_ns(), sequence=0, action=action, name=name, chooser=f"people4d {action}"
-    )
+    command = make_command(f"people4d {action}", action, name=name)
     end_s = time.monotonic() + timeout_s
     with open_client(connect, robot) as client:
         targets = client.messages(Target, timeout_s=timeout_s)

@@ -4,18 +4,17 @@ import math
 import time
 from collections.abc import Mapping
 from contextlib import suppress
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 import typer
 
-from deploy.cli.live.enrol import check_name
+from deploy.cli.live.enrol import Action, make_command
 from deploy.cli.options import Connect, Once, Robot, Timeout, open_client
 from deploy.cli.terminal import shown
 from people4d.errors import People4dError
 from people4d.messages import Target, TargetCommand
 
-Action = Literal["id", "nearest", "raised_hand", "name", "at", "none"]
 CHOOSER = "people4d follow"
 ID_MAX = 2**63 - 1
 ANSWER_S = 3.0  # time until states are shown although another command came in between [s]
@@ -85,20 +84,12 @@ def command_of(asked: Mapping[Action, Any]) -> TargetCommand | None:
     if not choices:
         return None
     action, value = choices[0]
-    if action == "name":
-        check_name(value)
-    try:
-        return TargetCommand(
-            stamp_ns=time.time_ns(),
-            sequence=0,
-            chooser=CHOOSER,
-            action=action,
-            name=value if action == "name" else None,
-            id=value if action == "id" else None,
-            position_m=np.array(value) if action == "at" else None,
-        )
-    except ValueError as error:
-        raise typer.BadParameter(f"--{action}: {error}") from error
+    fields: dict[Action, dict[str, Any]] = {
+        "id": {"id": value},
+        "name": {"name": value},
+        "at": {"position_m": np.array(value)},
+    }
+    return make_command(CHOOSER, action, **fields.get(action, {}))
 
 
 def line_of(target: Target) -> str:

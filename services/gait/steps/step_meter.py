@@ -24,7 +24,7 @@ class StepMeter:
 
     def __init__(self, config: StepConfig) -> None:
         self._config = config
-        # of the body, left and right foot
+        # samples of the body, the left foot and the right foot
         self._samples: tuple[deque[tuple[float, PointSample]], ...] = (deque(), deque(), deque())
         self._due_s = -math.inf
         self._measures = GaitMeasures()
