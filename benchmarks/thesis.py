@@ -85,8 +85,8 @@ def _others(folder: Path) -> list[Method]:
 
 def _parts(evaluation: Evaluation) -> list[str]:
     parts = [
-        f"Scenes: lab:{', '.join(SCENARIOS)}, seed {SEED}: the first {DURATION_S:.0f} s at 30 frames "
-        "a second each, colour and measured depth. "
+        f"Scenes: lab:{', '.join(SCENARIOS)}, seed {SEED}; the first {DURATION_S:.0f} s at 30 "
+        "frames a second each, colour and measured depth. "
         "No frame is skipped, but methods with YOLOv8n get every second one. Mean and standard "
         "deviation over recordings. Rows of [PIC4SeR] come from its own recordings of real people. "
         "docs/methods/evaluation.md explains the columns. Not held out for `best`: the scale of "
