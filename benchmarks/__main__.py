@@ -26,9 +26,7 @@ GROUPS = {
         "tracker_cost": "time of the tracker by number of people",
         "load": "rate and latency with 1 to 20 people and 1 to 6 cameras",
     },
-    "cameras": {
-        "cameras": "four cameras in one tracker, and in two areas: hand-overs, faults",
-    },
+    "cameras": {"cameras": "four cameras in one tracker, and in two areas: hand-overs, faults"},
     "motion": {
         "moving_base": "tracks from a driving robot, with its odometry and without",
         "odometry": "odometry correction and dynamic survival on rotating robots",
@@ -40,7 +38,7 @@ GROUPS = {
         "gait_real": "steps of real people beside steps counted by hand",
     },
     "faults": {
-        "faults": "every service killed and hung: time to recovery, lost frames, identities",
+        "faults": "every service killed and hung: time to recovery, lost frames, identities"
     },
 }
 

@@ -51,12 +51,7 @@ def pipeline(
 def lockstep(camera: CameraConfig) -> CameraConfig:
     """Return the camera in lock-step: each frame follows the detections of the previous one."""
     return msgspec.structs.replace(
-        camera,
-        playback="lockstep",
-        answer="detections",
-        window=1,
-        start_delay_s=0.0,
-        loop=False,
+        camera, playback="lockstep", answer="detections", window=1, start_delay_s=0.0, loop=False
     )
 
 

@@ -126,8 +126,7 @@ def _chunk(file: BinaryIO, start: int, end: int) -> int:
     *_, compression_size = _CHUNK.unpack(file.read(_CHUNK.size))
     if compression_size:
         raise DecodeError(
-            "its chunks are compressed",
-            "Rewrite it with `mcap compress --compression none`.",
+            "its chunks are compressed", "Rewrite it with `mcap compress --compression none`."
         )
     return min(start + _CHUNK.size + _LENGTH.size, end)
 

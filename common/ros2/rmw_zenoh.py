@@ -14,14 +14,7 @@ from typing import Any
 from common.ros2 import types
 from common.ros2.config import Ros2Config
 from common.ros2.names import NodeTokens, TopicType
-from common.ros2.transport import (
-    DEFAULT,
-    Qos,
-    Receive,
-    Ros2Publisher,
-    Ros2Sample,
-    Ros2Transport,
-)
+from common.ros2.transport import DEFAULT, Qos, Receive, Ros2Publisher, Ros2Sample, Ros2Transport
 from common.ros2.zenoh_link import ZenohLink
 
 # Sequence number, wall clock [ns], length of the publisher's identity, identity.
@@ -75,11 +68,7 @@ class RmwZenohPublisher(Ros2Publisher):
     """Publisher of one topic, announced by a token; it numbers its messages."""
 
     def __init__(
-        self,
-        publisher: Any,
-        token: str,
-        withdraw: Callable[[], None],
-        counters: Counter[str],
+        self, publisher: Any, token: str, withdraw: Callable[[], None], counters: Counter[str]
     ) -> None:
         self._publisher, self._withdraw, self._counters = publisher, withdraw, counters
         # Derived from the token as in rmw_zenoh; only uniqueness is required.

@@ -8,10 +8,7 @@ from common.ros2.config import Ros2Config
 from common.ros2.transport import Ros2Transport
 
 # Modules are imported on use, since each needs another library.
-TRANSPORTS = {
-    "zenoh": "common.ros2.rmw_zenoh:RmwZenoh",
-    "dds": "common.ros2.dds:Dds",
-}
+TRANSPORTS = {"zenoh": "common.ros2.rmw_zenoh:RmwZenoh", "dds": "common.ros2.dds:Dds"}
 
 
 def find_transport(config: Ros2Config) -> type[Ros2Transport]:

@@ -268,9 +268,7 @@ class Loop:
                 self._activity.count(f"sent_{BY_MESSAGE[type(message)].name}")
 
     def _attempt(
-        self,
-        publish: Callable[[Message, Callable[[], Span] | None], None],
-        message: Message,
+        self, publish: Callable[[Message, Callable[[], Span] | None], None], message: Message
     ) -> bool:
         """Publish a message by a function; return False, recorded, if it fails."""
         try:

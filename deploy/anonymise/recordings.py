@@ -13,12 +13,7 @@ from common.io.recording import Recording, RecordingWriter, open_recording
 from deploy.anonymise.colourless import LEFT_OUT, grey_frame
 from deploy.anonymise.heads import Cover, cover_frames, cover_of
 from people4d.errors import DecodeError
-from people4d.messages import (
-    F64,
-    U8,
-    CompressedRgbdFrame,
-    Detections,
-)
+from people4d.messages import F64, U8, CompressedRgbdFrame, Detections
 from services.detector.config import ModelSettings
 from services.detector.models.base import PersonModel
 from services.detector.models.registry import load_model

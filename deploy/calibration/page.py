@@ -51,11 +51,7 @@ def write_page(path: Path, found: CalibrationResult) -> None:
         _table(
             ("pair", "together [s]", "positions differ by [cm]"),
             [
-                (
-                    f"{a} - {b}",
-                    f"{found.adjustment.pair_seconds[a, b]:.1f}",
-                    f"{100 * rms_m:.1f}",
-                )
+                (f"{a} - {b}", f"{found.adjustment.pair_seconds[a, b]:.1f}", f"{100 * rms_m:.1f}")
                 for (a, b), rms_m in sorted(found.adjustment.pair_rms_m.items())
             ],
         ),

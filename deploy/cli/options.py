@@ -67,8 +67,7 @@ Connect = Annotated[
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Once = Annotated[bool, typer.Option("--once", help="Show one message and exit.")]
 Timeout = Annotated[
-    float | None,
-    typer.Option("--timeout", help="Exit after this many seconds without a message."),
+    float | None, typer.Option("--timeout", help="Exit after this many seconds without a message.")
 ]
 ReadyTimeout = Annotated[
     float, typer.Option("--timeout", help="Longest wait in seconds until a process is ready.")

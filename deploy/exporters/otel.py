@@ -11,13 +11,7 @@ from opentelemetry.sdk.trace import SpanProcessor, TracerProvider
 
 from common.runtime.latency import TraceSegment
 from common.runtime.monitor import FramePath
-from deploy.exporters.measures import (
-    BUCKETS_S,
-    LATENCY_TEXT,
-    MEASURES,
-    STAGE_TEXT,
-    Exporter,
-)
+from deploy.exporters.measures import BUCKETS_S, LATENCY_TEXT, MEASURES, STAGE_TEXT, Exporter
 
 MAX_PROCESSES = 256
 SYSTEM = "people4d"

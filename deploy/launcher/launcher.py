@@ -43,11 +43,7 @@ class Launcher:
     """One system on this host; its services are in the order of their start."""
 
     def __init__(
-        self,
-        state: State,
-        services: Sequence[Service],
-        heartbeats: Heartbeats,
-        progress: Progress,
+        self, state: State, services: Sequence[Service], heartbeats: Heartbeats, progress: Progress
     ) -> None:
         self.state = state
         self.services = {service.name: service for service in services}
@@ -249,8 +245,7 @@ def read_plan(state: State) -> tuple[Service, ...]:
         return msgspec.json.decode(state.plan_file.read_bytes(), type=tuple[Service, ...])
     except (OSError, msgspec.DecodeError, UnicodeDecodeError) as error:
         raise People4dError(
-            f"{state.plan_file} cannot be read ({error})",
-            "Run people4d down, then people4d up.",
+            f"{state.plan_file} cannot be read ({error})", "Run people4d down, then people4d up."
         ) from error
 
 

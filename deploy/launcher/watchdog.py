@@ -161,10 +161,7 @@ def build(config: WatchdogConfig) -> WatchdogNode:
     if not folder:
         raise ConfigError("the watchdog is part of a system", "people4d up starts it.")
     return WatchdogNode(
-        config,
-        Supervisor(State(Path(folder))),
-        socket.gethostname(),
-        lambda: _free_bytes(folder),
+        config, Supervisor(State(Path(folder))), socket.gethostname(), lambda: _free_bytes(folder)
     )
 
 

@@ -14,21 +14,13 @@ from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, tra
 from people4d.errors import SourceError
 from people4d.messages import F64, U8, CameraInfo
 from services.camera.alignment import ImageAlignment, align
-from services.camera.calibration import (
-    Calibration,
-    Intrinsics,
-    static_transform,
-    to_intrinsics,
-)
+from services.camera.calibration import Calibration, Intrinsics, static_transform, to_intrinsics
 from services.camera.frame_check import FrameCheck
 from services.camera.source import SourceFrame
 
 
 def mount(
-    x_m: float = 0.0,
-    y_m: float = 0.0,
-    z_m: float = 0.0,
-    rpy_rad: Sequence[float] = (0.0, 0.0, 0.0),
+    x_m: float = 0.0, y_m: float = 0.0, z_m: float = 0.0, rpy_rad: Sequence[float] = (0.0, 0.0, 0.0)
 ) -> F64:
     """Return the pose (4x4) of a camera from the position and rotation of its body.
 

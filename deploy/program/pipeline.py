@@ -15,15 +15,7 @@ from common.transport.memory_bus import MemoryBus
 from deploy.program.images import CameraImages
 from evaluation.methods import read_method
 from people4d.errors import ConfigError
-from people4d.messages import (
-    U8,
-    Detections,
-    Message,
-    MovingTransform,
-    Odometry,
-    RgbdFrame,
-    Tracks,
-)
+from people4d.messages import U8, Detections, Message, MovingTransform, Odometry, RgbdFrame, Tracks
 from services.camera.calibration import Intrinsics
 from services.camera.upright import turned_image, turned_info, turned_transforms, turns_of
 from services.detector.build import build as build_detector

@@ -18,8 +18,7 @@ class Condition:
     def __init__(self, name: str) -> None:
         if name != PERSON and name not in BY_NAME:
             raise ConfigError(
-                f"unknown condition {name!r}",
-                f"It is {PERSON} or a topic: {', '.join(BY_NAME)}.",
+                f"unknown condition {name!r}", f"It is {PERSON} or a topic: {', '.join(BY_NAME)}."
             )
         # Type of the messages that can meet the condition
         self.message: type[Message] = Tracks if name == PERSON else BY_NAME[name].message

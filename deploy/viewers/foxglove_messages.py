@@ -143,10 +143,7 @@ class FoxgloveConverter:
             except DecodeError:
                 self.bad_images += 1
                 return
-        yield (
-            f"/{frame.camera}/image",
-            fox.CompressedImage(**header, data=jpeg, format="jpeg"),
-        )
+        yield (f"/{frame.camera}/image", fox.CompressedImage(**header, data=jpeg, format="jpeg"))
         height, width = depth_mm.shape
         yield (
             f"/{frame.camera}/depth",

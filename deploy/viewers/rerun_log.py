@@ -114,8 +114,7 @@ class RerunLog:
         path = f"map/{frame.camera}"
         self._stream.log(f"{path}/image", rr.EncodedImage(contents=colour, media_type="image/jpeg"))
         self._stream.log(
-            f"{path}/depth",
-            rr.EncodedDepthImage(depth, media_type="image/png", meter=MILLIMETRES),
+            f"{path}/depth", rr.EncodedDepthImage(depth, media_type="image/png", meter=MILLIMETRES)
         )
 
     def _trace_base(self, odometry: Odometry) -> None:

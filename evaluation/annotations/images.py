@@ -36,10 +36,7 @@ class AnnotatedImages:
 
 
 def read_images(
-    camera: CameraConfig,
-    every: int,
-    on_image: Callable[[int], None],
-    only: Set[int] = frozenset(),
+    camera: CameraConfig, every: int, on_image: Callable[[int], None], only: Set[int] = frozenset()
 ) -> AnnotatedImages:
     """Read every n-th image of a recording, or only some by index; report the number so far.
 

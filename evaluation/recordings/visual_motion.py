@@ -11,13 +11,7 @@ from typing import TypeAlias
 import services.visual_odometry
 from common.io.recording import RecordingWriter, open_recording
 from evaluation.cache import SHARED_CODE, code_digest, key_of
-from people4d.messages import (
-    Detections,
-    Message,
-    MovingTransform,
-    Odometry,
-    RgbdFrame,
-)
+from people4d.messages import Detections, Message, MovingTransform, Odometry, RgbdFrame
 from services.camera.calibration import static_transform
 from services.camera.config import CameraConfig
 from services.camera.source import SourceFrame

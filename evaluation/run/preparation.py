@@ -12,12 +12,7 @@ from evaluation.annotations.truth import annotated_truth
 from evaluation.cache import model_digests
 from evaluation.methods import Method
 from evaluation.pool import OnProgress, Pool
-from evaluation.recordings.detections import (
-    DetectionFiles,
-    DetectionJob,
-    detect,
-    holds_detections,
-)
+from evaluation.recordings.detections import DetectionFiles, DetectionJob, detect, holds_detections
 from evaluation.recordings.ground_truth import SampledTruth, read_truth
 from evaluation.recordings.recordings import EvaluationRecording, render_recording
 from evaluation.recordings.visual_motion import VisualMotionJob, estimate_motion

@@ -12,12 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from common.geometry.transforms import (
-    LINK_FROM_OPTICAL,
-    rotation_from_rpy,
-    transform_from,
-    wrap,
-)
+from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from, wrap
 from lab.camera.plan import CameraPlan, Drive
 from people4d.messages import F64
 

@@ -84,11 +84,7 @@ class NoiseField:
     """
 
     def __init__(
-        self,
-        shape: tuple[int, int],
-        cell_px: int,
-        seed: tuple[int, ...],
-        persistence: Persistence,
+        self, shape: tuple[int, int], cell_px: int, seed: tuple[int, ...], persistence: Persistence
     ) -> None:
         grid = shape if cell_px == 1 else (shape[0] // cell_px + 2, shape[1] // cell_px + 2)
         self._shape = shape

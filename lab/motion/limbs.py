@@ -140,8 +140,5 @@ def bend_leg(hip_m: F64, foot: FootPath, forward: F64, skeleton: Skeleton, side:
         along(skeleton.ankle[side] - skeleton.knee[side], left),
     ]
     return np.stack(
-        [
-            along(knee, lateral) @ rest[0].T,
-            along(axis * distance - knee, lateral) @ rest[1].T,
-        ]
+        [along(knee, lateral) @ rest[0].T, along(axis * distance - knee, lateral) @ rest[1].T]
     )

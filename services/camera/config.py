@@ -10,14 +10,7 @@ from common.config import Config
 from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
 from common.geometry.wheel_odometry import WheelConfig
 from people4d.messages import F64
-from people4d.messages.base import (
-    Count,
-    Name,
-    NameOrEmpty,
-    NonNegative,
-    Positive,
-    PositiveInt,
-)
+from people4d.messages.base import Count, Name, NameOrEmpty, NonNegative, Positive, PositiveInt
 from people4d.topics import LOCKSTEP_MAX
 from services.camera.upright import TURN
 

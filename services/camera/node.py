@@ -14,14 +14,7 @@ from common.ros2.frame_names import OPTICAL_FRAME
 from common.runtime.node import LoopCallbacks, Node, Status
 from common.transport.trace import record, span
 from people4d.errors import SourceError
-from people4d.messages import (
-    CameraInfo,
-    Detections,
-    Message,
-    RgbdFrame,
-    StaticTransform,
-    Tracks,
-)
+from people4d.messages import CameraInfo, Detections, Message, RgbdFrame, StaticTransform, Tracks
 from people4d.topics import ForeignTopic
 from services.camera.calibration import renamed, static_transform
 from services.camera.config import CameraConfig

@@ -149,8 +149,7 @@ def pacing_of(config: CameraConfig, live: bool) -> Pacing:
     if config.playback not in ("auto", *(("live",) if live else ("recorded", "lockstep"))):
         kind = "live camera" if live else "recording"
         raise ConfigError(
-            f"playback: expected another for a {kind}, got {config.playback}",
-            "Leave it on auto.",
+            f"playback: expected another for a {kind}, got {config.playback}", "Leave it on auto."
         )
     if config.playback == "lockstep":
         return LockstepPacing(config.window, int(config.answer_timeout_s * 1e9))

@@ -197,11 +197,7 @@ def detect_landmarks(
     depths_m, far = read_depth_m(frame.depth_mm, pixels, camera.range_m)
     near = np.isfinite(depths_m)
     people = frame.people.cover_points(pixels, depths_m)
-    groups = (
-        (near & ~people, NEAR_MAX),
-        (far & ~people, FAR_MAX),
-        (near & people, PEOPLE_MAX),
-    )
+    groups = ((near & ~people, NEAR_MAX), (far & ~people, FAR_MAX), (near & people, PEOPLE_MAX))
     good = np.concatenate([np.flatnonzero(which)[:most] for which, most in groups])
     near, people = near[good], people[good]
     # Beyond the range of the sensor any depth is possible.

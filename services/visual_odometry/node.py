@@ -94,9 +94,7 @@ class VisualOdometryNode(Node):
         """Return the counters, and the cause of missing odometry as the reason."""
         reason = self._reason()
         return Status(
-            state="degraded" if reason else "ready",
-            reason=reason,
-            counters=dict(self._counters),
+            state="degraded" if reason else "ready", reason=reason, counters=dict(self._counters)
         )
 
     def _estimate(self, frame: RgbdFrame) -> list[Message]:

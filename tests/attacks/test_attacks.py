@@ -12,14 +12,7 @@ from collections.abc import Iterator
 import pytest
 
 from tests.attacks.attacker import ATTACKS
-from tests.attacks.observer import (
-    ATTACK_S,
-    ATTACKER,
-    Observer,
-    attacking,
-    begin_of,
-    same_people,
-)
+from tests.attacks.observer import ATTACK_S, ATTACKER, Observer, attacking, begin_of, same_people
 from tests.attacks.reports import REPORTS, SILENT
 from tests.integration.system import running
 

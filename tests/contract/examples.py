@@ -138,12 +138,7 @@ FULL: tuple[Message, ...] = (
         lockstep=True,
     ),
     CompressedRgbdFrame(
-        stamp_ns=STAMP_NS,
-        sequence=2,
-        trace=(SPAN,),
-        camera="front",
-        rgb_jpeg=JPEG,
-        depth_png=PNG,
+        stamp_ns=STAMP_NS, sequence=2, trace=(SPAN,), camera="front", rgb_jpeg=JPEG, depth_png=PNG
     ),
     StaticTransform(
         stamp_ns=STAMP_NS,

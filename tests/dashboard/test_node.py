@@ -261,7 +261,7 @@ def test_page_that_opens_later_gets_the_events(run: RunningNode) -> None:
         with run.connect() as late:
             events = receive(late, "events")["events"]
     assert [(one["number"], one["kind"], one["id"]) for one in events] == [
-        *((0, "appeared", 1), (1, "appeared", 2), (2, "appeared", 3)),
+        *((0, "appeared", 1), (1, "appeared", 2), (2, "appeared", 3))
     ]
 
 

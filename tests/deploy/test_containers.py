@@ -125,10 +125,7 @@ def test_hosts_require_keys(file: Path) -> None:
 
 @pytest.mark.parametrize(
     ("files", "more"),
-    [
-        (("nuc", "tracker"), {"gait", "visual_odometry"}),
-        (("two_cameras", "area"), {"camera_2"}),
-    ],
+    [(("nuc", "tracker"), {"gait", "visual_odometry"}), (("two_cameras", "area"), {"camera_2"})],
 )
 def test_hosts_together_run_the_pipeline(files: tuple[str, ...], more: set[str]) -> None:
     running = [name for file in files for name in services(DEPLOY / "hosts" / f"{file}.yaml")]

@@ -100,10 +100,7 @@ def program(block: Block) -> str:
 @pytest.mark.slow
 @pytest.mark.parametrize("block", named([b for b in PYTHON if b not in CONSUMERS]))
 def test_python_block_runs(
-    block: Block,
-    folder: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    block: Block, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(folder)
     exec(compile(program(block), block.name, "exec"), {"__name__": "block"})

@@ -78,11 +78,7 @@ def up(
 
 
 @contextmanager
-def running(
-    folder: Path,
-    *arguments: str,
-    source: str = str(DEMO),
-) -> Iterator[System]:
+def running(folder: Path, *arguments: str, source: str = str(DEMO)) -> Iterator[System]:
     """Start the system; everything has ended after the block."""
     port, state = free_port(), State(folder / ROBOT)
     try:

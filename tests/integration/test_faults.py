@@ -73,16 +73,11 @@ def doctor(system: System, robot: str) -> tuple[int, dict[str, str]]:
     return result.exit_code, {f.check: f.what for f in diagnostics if f.level != "ok"}
 
 
-def test_doctor_finds_no_fault_in_a_working_system(
-    working: System,
-) -> None:
+def test_doctor_finds_no_fault_in_a_working_system(working: System) -> None:
     status, found = doctor(working, ROBOT)
     assert (status, found.keys() - BUSY) == (0, set())
     status, found = doctor(working, "other")
-    assert (status, found["robot"]) == (
-        1,
-        f"no robot is called other; there is {ROBOT}",
-    )
+    assert (status, found["robot"]) == (1, f"no robot is called other; there is {ROBOT}")
 
 
 def test_killed_detector_is_replaced_while_predictions_continue(working: System) -> None:

@@ -27,10 +27,7 @@ SERVICES: dict[str, Sequence[str]] = {
     "tracker-1": (),
     "reid-1": (),
     "detector-1": (),
-    "camera-1": (
-        f"source={LiveCamera.__module__}:{LiveCamera.__name__}",
-        "options.rate_hz=4",
-    ),
+    "camera-1": (f"source={LiveCamera.__module__}:{LiveCamera.__name__}", "options.rate_hz=4"),
 }
 
 
@@ -85,9 +82,7 @@ def test_stages_of_frames_sum_to_the_time_since_acquisition(
     assert work | paths | {"camera.publish"} <= stages
 
 
-def test_trace_file_of_real_processes_is_valid(
-    arrivals: list[tuple[Arrival, int]],
-) -> None:
+def test_trace_file_of_real_processes_is_valid(arrivals: list[tuple[Arrival, int]]) -> None:
     traces = FrameTraces()
     for arrival, _ in arrivals:
         traces.add(arrival.message)

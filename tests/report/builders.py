@@ -71,10 +71,7 @@ def track(
 
 
 def tracks(
-    stamp_ns: int,
-    people: Sequence[Track] = (),
-    camera: str = "front",
-    trace: tuple[Span, ...] = (),
+    stamp_ns: int, people: Sequence[Track] = (), camera: str = "front", trace: tuple[Span, ...] = ()
 ) -> Tracks:
     return builders.tracks(*people, stamp_ns=stamp_ns, tracker="tiny", camera=camera, trace=trace)
 
@@ -84,9 +81,7 @@ def truth(stamp_ns: int, *people: tuple[str, float, float]) -> Truth:
     return builders.truth(
         *(
             TruthPerson(
-                id=name,
-                position_m=np.array([x, y, 1.0]),
-                velocity_mps=np.array([1.0, 0.0, 0.0]),
+                id=name, position_m=np.array([x, y, 1.0]), velocity_mps=np.array([1.0, 0.0, 0.0])
             )
             for name, x, y in people
         ),

@@ -239,9 +239,7 @@ def test_settings_out_of_range(setting: dict[str, Any]) -> None:
         ReportConfig(**setting)
 
 
-def test_a_full_disk_gives_one_sentence_and_no_summary(
-    tmp_path: Path,
-) -> None:
+def test_a_full_disk_gives_one_sentence_and_no_summary(tmp_path: Path) -> None:
     (tmp_path / "summary.json").write_text("{}")  # of the run before
     node = ReportNode(ReportConfig(video=False), ReportFolder(ReportConfig(folder=str(tmp_path))))
     (tmp_path / "summary.txt").unlink()

@@ -78,9 +78,7 @@ def key_of(name: str) -> str:
     return topic.key_of(EXAMPLES[topic.message.__name__], "robot")
 
 
-def test_topic_passes_only_from_its_publisher_to_its_readers(
-    network: Guarded,
-) -> None:
+def test_topic_passes_only_from_its_publisher_to_its_readers(network: Guarded) -> None:
     sessions = {role: network.session(role) for role in roles() if role != "router"}
     listeners = {
         (role, name): Listener(session, key_of(name))

@@ -129,9 +129,7 @@ def mirrored_pose(map_from_optical: F64) -> F64:
 def _mirrored(one: MarkTruth, view: MarkView) -> MarkTruth:
     yaw_deg, width = one.mark.yaw_deg, view.info.width
     mark = msgspec.structs.replace(
-        one.mark,
-        u_px=width - 1 - one.mark.u_px,
-        yaw_deg=None if yaw_deg is None else -yaw_deg,
+        one.mark, u_px=width - 1 - one.mark.u_px, yaw_deg=None if yaw_deg is None else -yaw_deg
     )
     point_m = None if one.point_m is None else one.point_m * (1.0, -1.0, 1.0)
     return MarkTruth(mark, point_m, view.yaw_rad(mark))

@@ -106,10 +106,7 @@ def persons(message: RosPeople) -> Fields:
 
 def _motion(person: RosPerson, unset: float) -> Fields:
     """Return pose and twist with covariance; `unset` is the variance of unknown numbers."""
-    twist = {
-        "linear": xyz(person.velocity_mps),
-        "angular": xyz((0.0, 0.0, person.yaw_rate_radps)),
-    }
+    twist = {"linear": xyz(person.velocity_mps), "angular": xyz((0.0, 0.0, person.yaw_rate_radps))}
     yaw_variance = YAW_VARIANCE if person.yaw_known else unset
     turning = (unset, unset, yaw_variance)
     return {
@@ -117,10 +114,7 @@ def _motion(person: RosPerson, unset: float) -> Fields:
             "pose": pose(person.position_m, person.yaw_rad),
             "covariance": covariance_6x6(person.covariance[:3, :3], turning),
         },
-        "twist": {
-            "twist": twist,
-            "covariance": covariance_6x6(person.covariance[3:, 3:], turning),
-        },
+        "twist": {"twist": twist, "covariance": covariance_6x6(person.covariance[3:, 3:], turning)},
     }
 
 

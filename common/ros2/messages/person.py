@@ -119,10 +119,7 @@ class RosPeopleView:
         return self._people(message, message.people, [ALONE] * len(message.people))
 
     def _people(
-        self,
-        message: Tracks | Truth,
-        sources: Sequence[Track | TruthPerson],
-        groups: Sequence[int],
+        self, message: Tracks | Truth, sources: Sequence[Track | TruthPerson], groups: Sequence[int]
     ) -> RosPeople:
         names, yaws_rad = [str(one.id) for one in sources], [one.yaw_rad for one in sources]
         memories = self._update(message.stamp_ns, names, yaws_rad)

@@ -69,11 +69,7 @@ def _write(found: list[Event], out: TextIO) -> None:
 def _show(found: list[Event]) -> None:
     table = plain_table(">number", ">time [s]", "event", ">person", "zone", "about")
     for event in found:
-        figures = {
-            "s": event.dwell_s,
-            "people": event.count,
-            "m": event.distance_m,
-        }
+        figures = {"s": event.dwell_s, "people": event.count, "m": event.distance_m}
         about = ", ".join(
             f"{value:g} {unit}" for unit, value in figures.items() if value is not None
         )

@@ -29,11 +29,7 @@ def quantize(
     from common.inference.onnx import OnnxSession  # noqa: PLC0415
     from evaluation.quantization.accuracy import AccuracyLoss, compare, detect  # noqa: PLC0415
     from evaluation.quantization.control import candidates, harm  # noqa: PLC0415
-    from evaluation.quantization.images import (  # noqa: PLC0415
-        CALIBRATION,
-        images_of,
-        inputs,
-    )
+    from evaluation.quantization.images import CALIBRATION, images_of, inputs  # noqa: PLC0415
     from evaluation.quantization.quantizer import Quantizer  # noqa: PLC0415
     from evaluation.recordings.rendered import HELD_OUT, render  # noqa: PLC0415
     from services.detector.config import DetectorConfig  # noqa: PLC0415

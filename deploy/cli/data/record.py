@@ -14,13 +14,7 @@ from deploy.cli.data.targets import Force, check_target
 from deploy.cli.options import Connect, Robot, kinds_of, open_client
 from deploy.cli.terminal import signals_interrupt
 from deploy.recorder.conditions import PERSON, Condition
-from deploy.recorder.outputs import (
-    EventFiles,
-    RecorderOutput,
-    RotatingParts,
-    SingleFile,
-    part_path,
-)
+from deploy.recorder.outputs import EventFiles, RecorderOutput, RotatingParts, SingleFile, part_path
 from people4d.errors import ConfigError, SourceError
 from people4d.topics import BY_NAME
 

@@ -23,8 +23,7 @@ if TYPE_CHECKING:
 def annotate(
     recording: Annotated[Path, typer.Argument(help="Recording, ROS bag or folder.")],
     out: Annotated[
-        Path | None,
-        typer.Option(help="File of annotations; default: RECORDING.annotations.json."),
+        Path | None, typer.Option(help="File of annotations; default: RECORDING.annotations.json.")
     ] = None,
     every: Annotated[int, typer.Option(min=1, help="Annotate every n-th image.")] = 1,
     compare: Annotated[

@@ -137,8 +137,7 @@ def preview(
     ] = None,
     seed: Seed = None,
     every_s: Annotated[
-        float | None,
-        typer.Option("--every", min=0.0, help="Seconds between images."),
+        float | None, typer.Option("--every", min=0.0, help="Seconds between images.")
     ] = None,
     fidelity: Annotated[
         Literal["depth", "colour"], typer.Option(help="depth: people in flat colours, fast.")
@@ -197,10 +196,7 @@ def _stem(plan: Scenario, seed: int | None) -> str:
 def group() -> typer.Typer:
     """Return the command with its sub-commands."""
     app = typer.Typer(
-        cls=CommandGroup,
-        no_args_is_help=True,
-        add_completion=False,
-        pretty_exceptions_enable=False,
+        cls=CommandGroup, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
     )
     app.command("list", cls=Command)(list_)
     for command in (render, preview, export):

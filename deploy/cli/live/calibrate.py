@@ -65,8 +65,7 @@ def calibrate(
         typer.Option(help="File of AprilTags at known positions, which define the map."),
     ] = None,
     offset_s: Annotated[
-        float,
-        typer.Option("--clocks", min=0.1, max=5, help="Maximum difference of clocks [s]."),
+        float, typer.Option("--clocks", min=0.1, max=5, help="Maximum difference of clocks [s].")
     ] = 1.0,
     force: Force = False,
     hosts: Annotated[

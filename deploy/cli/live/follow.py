@@ -27,8 +27,7 @@ def follow(
     ] = None,
     nearest: Annotated[bool, typer.Option("--nearest", help="Follow the nearest person.")] = False,
     raised_hand: Annotated[
-        bool,
-        typer.Option("--raised-hand", help="Follow the nearest person with a raised hand."),
+        bool, typer.Option("--raised-hand", help="Follow the nearest person with a raised hand.")
     ] = False,
     name: Annotated[
         str | None, typer.Option(help="Follow the person enrolled under this name; see enrol.")

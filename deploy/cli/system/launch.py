@@ -11,14 +11,7 @@ from deploy.cli.live.page import page_address
 from deploy.cli.terminal import console, print_progress, signals_interrupt
 from deploy.launcher.health import Heartbeats
 from deploy.launcher.launcher import Launcher, LaunchError, check_stopped, stop
-from deploy.launcher.plan import (
-    CAMERA,
-    REPORT,
-    LaunchRequest,
-    check_settings,
-    plan,
-    router_of,
-)
+from deploy.launcher.plan import CAMERA, REPORT, LaunchRequest, check_settings, plan, router_of
 from deploy.launcher.state import State
 from deploy.launcher.supervisor import SupervisorGoneError
 from people4d.errors import People4dError
@@ -44,10 +37,7 @@ def launch(request: LaunchRequest, timeout_s: float, detach: bool) -> None:
     services = plan(request)
     check_settings(services, request)
     connect = router_of(services, request)
-    with (
-        signals_interrupt(),
-        closing(Heartbeats(connect, request.robot)) as heartbeats,
-    ):
+    with signals_interrupt(), closing(Heartbeats(connect, request.robot)) as heartbeats:
         launcher = Launcher(state, services, heartbeats, print_progress)
         try:
             launcher.start(request.robot, connect, timeout_s)

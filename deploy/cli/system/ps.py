@@ -36,11 +36,7 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
     memory_mb: float  # resident memory
 
 
-def ps(
-    robot: Robot = "robot",
-    connect: Connect = "",
-    json: Json = False,
-) -> None:
+def ps(robot: Robot = "robot", connect: Connect = "", json: Json = False) -> None:
     """Show processes: state, health, rates, losses.
 
     Without --connect: processes of people4d up on this host; with it: all with heartbeats.

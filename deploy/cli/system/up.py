@@ -61,15 +61,13 @@ def up(
     tracker: Annotated[str, _option("Tracking method.", METHODS)] = "",
     embedder: Annotated[str, _option("Appearance model.", METHODS)] = "",
     visual_odometry: Annotated[
-        bool,
-        _option("Estimate the base's motion from images.", METHODS, "--visual-odometry"),
+        bool, _option("Estimate the base's motion from images.", METHODS, "--visual-odometry")
     ] = False,
     gait: Annotated[
         bool, _option("Track heads, hands and feet, and measure gait.", EXTRAS, "--gait")
     ] = False,
     predict: Annotated[
-        bool,
-        _option("Predict paths of people, and find groups.", EXTRAS, "--predict"),
+        bool, _option("Predict paths of people, and find groups.", EXTRAS, "--predict")
     ] = False,
     skeletons: Annotated[
         bool, _option("Estimate the joints of each person in 3D.", EXTRAS, "--skeletons")

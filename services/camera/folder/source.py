@@ -19,18 +19,8 @@ from people4d.errors import DecodeError, SourceError
 from people4d.messages import F64, U8, U16, Odometry
 from people4d.messages.base import NonNegative, Positive
 from services.camera.alignment import align
-from services.camera.calibration import (
-    Calibration,
-    read_calibration,
-    static_transform,
-)
-from services.camera.folder.layout import (
-    LISTS,
-    ImagePair,
-    listed,
-    named,
-    wheel_odometry,
-)
+from services.camera.calibration import Calibration, read_calibration, static_transform
+from services.camera.folder.layout import LISTS, ImagePair, listed, named, wheel_odometry
 from services.camera.folder.mat_file import read_mat
 from services.camera.ros.images import millimetres
 from services.camera.source import Source, SourceFrame

@@ -14,12 +14,7 @@ from common.ros2.transforms import edges_of, matrix_of
 from people4d.errors import SourceError
 from people4d.messages import F64, StaticTransform
 from services.camera.alignment import ImageAlignment, align
-from services.camera.calibration import (
-    Calibration,
-    Intrinsics,
-    read_calibration,
-    static_transform,
-)
+from services.camera.calibration import Calibration, Intrinsics, read_calibration, static_transform
 from services.camera.ros.camera_info import intrinsics_of
 from services.camera.ros.heads import ImageHead, read_heads
 from services.camera.ros.motion import FrameTree

@@ -161,10 +161,7 @@ class BagWriter:
             edge = item.parent, item.child, item.matrix
             return [("/tf", TF, transforms([edge], item.stamp_ns))]
         base = item.frame_id, item.child_frame_id, transform_from_odometry(item)
-        return [
-            ("/odom", ODOMETRY, odometry(item)),
-            ("/tf", TF, transforms([base], item.stamp_ns)),
-        ]
+        return [("/odom", ODOMETRY, odometry(item)), ("/tf", TF, transforms([base], item.stamp_ns))]
 
     def _frame(self, frame: SourceFrame) -> list[BagEntry]:
         head = header(frame.stamp_ns, self._info.frame_id)

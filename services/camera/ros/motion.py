@@ -156,10 +156,7 @@ class MotionReader:
             yield found
 
     def transforms(
-        self,
-        edges: Iterable[StampedTransform],
-        moving: Container[tuple[str, str]],
-        default_ns: int,
+        self, edges: Iterable[StampedTransform], moving: Container[tuple[str, str]], default_ns: int
     ) -> Iterator[MovingTransform]:
         """Yield the transforms of moving pairs of frames; `default_ns` replaces a stamp of 0."""
         for edge in edges:

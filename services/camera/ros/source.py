@@ -15,15 +15,7 @@ from services.camera.ros.camera import RosbagOptions, read_camera
 from services.camera.ros.heads import MILLIMETRE, depth_unit_m, encodings, simulated_topics
 from services.camera.ros.images import colour_image, depth_image, millimetres
 from services.camera.ros.motion import MotionReader
-from services.camera.ros.topics import (
-    JOINTS,
-    ODOMETRY,
-    OLD_TF,
-    TF,
-    Topics,
-    find_topics,
-    open_bag,
-)
+from services.camera.ros.topics import JOINTS, ODOMETRY, OLD_TF, TF, Topics, find_topics, open_bag
 from services.camera.source import MotionMessage, Source, SourceFrame
 
 NUMBER = re.compile(r"std_msgs/msg/(U?Int(8|16|32|64)|Float(32|64))")

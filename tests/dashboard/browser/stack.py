@@ -80,8 +80,7 @@ class Stack:
         """Start a service."""
         settings = [*SETTINGS[service], *([f"port={self._port}"] * (service == "dashboard"))]
         self._processes[service] = start(
-            *(self.network, self._robot, f"{service}-1", settings),
-            PEOPLE4D_STATE=str(self._folder),
+            *(self.network, self._robot, f"{service}-1", settings), PEOPLE4D_STATE=str(self._folder)
         )
 
     def start_all(self) -> None:

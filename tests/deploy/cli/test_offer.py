@@ -11,8 +11,7 @@ from deploy.cli.system.demo import offer
 
 
 @pytest.mark.parametrize(
-    ("text", "display", "opens"),
-    [(b"\n", ":0", True), (b"n\n", ":0", False), (b"\n", "", False)],
+    ("text", "display", "opens"), [(b"\n", ":0", True), (b"n\n", ":0", False), (b"\n", "", False)]
 )
 def test_offer(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: bytes, display: str, opens: bool

@@ -12,11 +12,7 @@ from deploy.cli import app
 from deploy.launcher.plan import CONFIG_FILE, LaunchRequest, plan
 from people4d.errors import ConfigError
 from services.detector.config import DetectorConfig
-from services.detector.orientation.separate import (
-    BASELINE_MIN_M,
-    HIP_RATIO_MAX,
-    SHOULDER_RATIO_MAX,
-)
+from services.detector.orientation.separate import BASELINE_MIN_M, HIP_RATIO_MAX, SHOULDER_RATIO_MAX
 from services.presets import FOLDER, PRESETS, preset_settings
 from services.reid.config import ReidConfig
 from services.tracker.config import ImageSortConfig, TrackerConfig

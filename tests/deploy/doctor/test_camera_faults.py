@@ -114,8 +114,6 @@ def test_dead_covered_and_knocked_cameras_are_named(network: Network) -> None:
 def run(command: str, robot: str, network: Network) -> str:
     """Return what a command prints, with the lines of its table joined."""
     result = CliRunner().invoke(
-        app,
-        [command, "--robot", robot, "--connect", network.endpoint],
-        env={"COLUMNS": "1000"},
+        app, [command, "--robot", robot, "--connect", network.endpoint], env={"COLUMNS": "1000"}
     )
     return " ".join(result.output.split())

@@ -16,14 +16,7 @@ from typer.testing import CliRunner
 from common.io.recording import RecordingWriter, open_recording
 from deploy.cli import app
 from deploy.cli.system.demo import DEMO
-from people4d.messages import (
-    CompressedRgbdFrame,
-    Crops,
-    Detections,
-    Message,
-    Tracks,
-    Truth,
-)
+from people4d.messages import CompressedRgbdFrame, Crops, Detections, Message, Tracks, Truth
 
 pytestmark = [pytest.mark.processes, pytest.mark.timeout(900)]
 

@@ -74,10 +74,7 @@ def test_visual_odometry_runs_only_with_its_option() -> None:
     ("launch", "message"),
     [
         (LaunchRequest(settings=["singer.field=1"]), "unknown service 'singer'"),
-        (
-            LaunchRequest(settings=["gait.people_max=2"]),
-            "gait is not enabled. Add --gait",
-        ),
+        (LaunchRequest(settings=["gait.people_max=2"]), "gait is not enabled. Add --gait"),
         (LaunchRequest(scale=["gait=2"], profiles=["gait"]), "gait runs once"),
         (LaunchRequest(settings=["tracker=1"]), "Write service.field=value"),
         (LaunchRequest(settings=["tracker.field"]), "Write service.field=value"),

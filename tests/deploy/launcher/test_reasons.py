@@ -27,9 +27,7 @@ def camera(reason: str, cpu_percent: float = 10.0) -> Health:
     return health("camera-1", state="degraded", reason=reason, gauges=gauges)
 
 
-def test_reason_is_reported_once_though_its_numbers_change(
-    printed: list[tuple[str, str]],
-) -> None:
+def test_reason_is_reported_once_though_its_numbers_change(printed: list[tuple[str, str]]) -> None:
     rates = [[camera(f"its source gives {hz} of 15.0 Hz")] for hz in (3.0, 2.9, 3.1)]
     report(printed, *rates, [camera(FAULT)])
     assert printed == [("camera-1", "its source gives 3.0 of 15.0 Hz"), ("camera-1", FAULT)]

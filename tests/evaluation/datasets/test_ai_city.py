@@ -127,9 +127,7 @@ def test_overlap_of_boxes_with_yaw(
     similarity = Overlap3d({1: np.array([2.0, 1.0, 2.0])}, (2.0, 1.0, 2.0))
     truth = people(yaws_rad=np.array([0.0]))
     tracked = Hypotheses(
-        ids=(9,),
-        positions_m=np.array([[0.0, 0.0, 1.0]]) + moved_m,
-        yaws_rad=np.array([yaw_rad]),
+        ids=(9,), positions_m=np.array([[0.0, 0.0, 1.0]]) + moved_m, yaws_rad=np.array([yaw_rad])
     )
     assert similarity(truth, tracked) == pytest.approx(np.array([[overlap]]), abs=1e-5)
 
