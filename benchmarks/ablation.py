@@ -7,6 +7,7 @@ scenes (`python -m benchmarks.gait_scenes SIMULATOR FOLDER --test`), without whi
 Renderings and detections stay in the cache.
 """
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -239,11 +240,12 @@ def real_units(people: RealPeople, parts: Mapping[str, Part]) -> dict[tuple[str,
 
 
 def table(units: Units, of: tuple[PooledFigure, ...]) -> str:
-    """Return `best`, and the differences without each part, with intervals."""
+    """Return `best`, and the differences without each part: intervals, or 0 if nothing differs."""
     best = pool(units["best"].sum(axis=0), of).tolist()
     rows = [["best", *(figure.form.format(x) for figure, x in zip(of, best, strict=True))]]
     for name, differences in _differences(units, of):
-        rows.append([f"without {name}", *map(str, differences)])
+        cells = [text if re.search("[1-9]", text := str(one)) else "0" for one in differences]
+        rows.append([f"without {name}", *cells])
     return markdown(("method", *(figure.title for figure in of)), rows)
 
 

@@ -48,17 +48,17 @@ class Table:
                         return cell
         raise LookupError(f"{self._name} has no {column!r} of {labels} in {section!r}")
 
-    def best(self, column: str, label: str) -> str:
-        """Return the highest cell of a column among rows whose first two cells match a pattern.
+    def best(self, column: str, label: str, section: str = "") -> str:
+        """Return the highest cell of a column among rows whose first cell begins with a pattern.
 
         Raises:
             LookupError: There is no such row.
         """
-        labels = [(" | ".join([*row.values()][:2]), row) for _, row in self._rows]
-        cells = [row[column] for text, row in labels if re.search(label, text) and column in row]
-        if not cells:
+        here = [row for heading, row in self._rows if heading.startswith(section)]
+        rows = [row for row in here if column in row and re.match(label, next(iter(row.values())))]
+        if not rows:
             raise LookupError(f"{self._name} has no {column!r} of {label!r}")
-        return max(cells, key=number)
+        return max((row[column] for row in rows), key=number)
 
 
 def _rows(text: str) -> Iterator[tuple[str, dict[str, str]]]:
@@ -93,15 +93,15 @@ def median(cell: str) -> str:
 
 def real_people(table: Table) -> str:
     """Return the identity of annotated people, and of the best other package on the same boxes."""
-    ours = table.cell("identity %", "filinha", "MoveNet, appearance (default)")
-    other = table.best("identity %", r"^filinha \| MoveNet, [^:]+: ")
+    ours = table.cell("identity %", "MoveNet, appearance (default)", section="filinha")
+    other = table.best("identity %", "MoveNet, [^:]+: ", "filinha")
     return f"identity correct in {ours} %; best other package {other} %"
 
 
 def simulated(table: Table) -> str:
     """Return the figures of the second simulator."""
     columns = ("position m", "velocity m/s", "yaw deg", "switches a min", "IDF1 %")
-    cells = [median(table.cell(c, "second simulator", "preset best")) for c in columns]
+    cells = [median(table.cell(c, "preset best", section="second simulator")) for c in columns]
     form = "position RMSE {} m, velocity {} m/s, yaw {} degrees, {} ID switches a minute, IDF1 {} %"
     return form.format(*cells)
 
@@ -109,8 +109,8 @@ def simulated(table: Table) -> str:
 def mot15(table: Table) -> str:
     """Return the figures of SORT in the image and of the best other packages."""
     columns = ("MOTA %", "IDF1 %", "HOTA %")
-    ours = [(c[:4], table.cell(c, "MOT15", "preset image-sort-dynamic")) for c in columns]
-    others = [(c[:4], table.best(c, r"^MOT15 \| (?!preset)")) for c in columns]
+    ours = [(c[:4], table.cell(c, "preset image-sort-dynamic", section="MOT15")) for c in columns]
+    others = [(c[:4], table.best(c, "(?!preset)", "MOT15")) for c in columns]
     ours_, others_ = (
         ", ".join(f"{name} {median(cell)}" for name, cell in cells) for cells in (ours, others)
     )

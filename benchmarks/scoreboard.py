@@ -1,4 +1,4 @@
-"""One table of all recordings of real people, of a second simulator, and of other packages.
+"""Tables of all recordings of real people, of a second simulator, and of other packages.
 
 `--shared` names the folder of the recordings, which show identifiable people and are not
 published. `--peers` names Python interpreters of environments with other packages, see
@@ -50,8 +50,9 @@ NOTE = """
 All recordings, with 95 % intervals [low, high] from a delete-one jackknife over units. `Found`:
 annotated people with a track (or detection), `identity`: with the one track of their person over
 the whole recording. Errors are root mean squares. `ADE`, `FDE`: mean and final displacement error
-of predictions [8 annotations seen, 12 predicted, 0.4 s apart]. `-`: not defined or not published by
-the method. An interval of no width: all units are alike. `Frames/s`: tracker alone, one thread.
+of predictions [8 annotations seen, 12 predicted, 0.4 s apart]. `-` and columns left out: not
+defined or not published. An interval of no width: all units are alike. `Frames/s`: tracker alone,
+one thread.
 
 Other packages get the same boxes and scores. Each has the settings, of those in
 lib/peers/mot.py, that are best in a tuning split: the first half of filinha (correct identities),
@@ -239,8 +240,18 @@ def simulated(other: Path, cache: Path, jobs: int) -> Iterator[Entry]:
     yield Entry("second simulator", "preset best", len(results), row)
 
 
+def sections(lines: Sequence[Sequence[str]]) -> Iterator[str]:
+    """Yield heading and table of each input, without the columns that are defined for no row."""
+    header = ("method", "units", *(column.title for column in COLUMNS))
+    for source in dict.fromkeys(line[0] for line in lines):
+        rows = [line[1:] for line in lines if line[0] == source]
+        used = [k for k, cells in enumerate(zip(*rows, strict=True)) if {*cells} != {"-"}]
+        yield f"## {source}"
+        yield markdown([header[k] for k in used], [[row[k] for k in used] for row in rows])
+
+
 def main() -> None:
-    """Measure and write the table."""
+    """Measure and write the tables."""
     parser = options.parser(__doc__, "shared", "jobs", "cache", "dry")
     parser.add_argument("--peers", nargs="*", default=[], help="interpreters with other packages")
     parser.add_argument("--other", type=Path, help="folder of the second simulator's scenes")
@@ -249,7 +260,6 @@ def main() -> None:
     entries += [*boxes(asked.shared, asked.peers), *walks(asked.shared)]
     if asked.other:
         entries += simulated(asked.other, asked.cache, asked.jobs)
-    header = ("input", "method", "units", *(column.title for column in COLUMNS))
     note = NOTE.format(held_out=", ".join(HELD_OUT), movenet=shipped_model())
     lines = each(Entry.cells, entries)
-    write(__file__, "Scoreboard", note, markdown(header, lines), dry=asked.dry)
+    write(__file__, "Scoreboard", note, *sections(lines), dry=asked.dry)

@@ -90,7 +90,7 @@ def _parts(evaluation: Evaluation) -> list[str]:
         "No frame is skipped, but methods with YOLOv8n get every second one. Mean and standard "
         "deviation over recordings. Rows of [PIC4SeR] come from its own recordings of real people. "
         "docs/methods/evaluation.md explains the columns. Not held out for `best`: the scale of "
-        "its measurement noise was chosen on these scenes.",
+        "its measurement noise was chosen on these scenes."
     ]
     for table in evaluation.tables:
         if not table.name.startswith("apart"):
@@ -99,5 +99,8 @@ def _parts(evaluation: Evaluation) -> list[str]:
 
 
 def _text(table: ReportTable) -> str:
-    rows = [[row.method, *row.cells] for row in table.rows if row.people == "all"]
-    return markdown(["method", *(column.title for column in table.columns)], rows)
+    columns = [k for k, one in enumerate(table.columns) if not one.title.startswith("within")]
+    rows = [
+        [row.method, *(row.cells[k] for k in columns)] for row in table.rows if row.people == "all"
+    ]
+    return markdown(["method", *(table.columns[k].title for k in columns)], rows)

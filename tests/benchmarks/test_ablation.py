@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from benchmarks.ablation import PARTS, REAL, Part, methods, verdicts
+from benchmarks.ablation import PARTS, REAL, Part, methods, table, verdicts
 from people4d.messages import F64
 
 PART = Part(("tracker.yaw=kalman",))
@@ -37,3 +37,11 @@ def test_part_without_effect_stays_if_it_is_published() -> None:
 
 def test_settings_of_all_parts_are_known() -> None:
     assert len(methods(PARTS)) == len(PARTS) + 1
+
+
+def test_figure_that_no_event_changes_is_shown_as_0() -> None:
+    units = {"best": events(8, 9, 8), "rule": events(5, 9, 8)}
+    cells = table(units, REAL).splitlines()[-1].strip("| ").split(" | ")
+    assert cells[0] == "without rule"
+    assert cells[1].startswith("-10.0 [")  # 3 of 30 annotations
+    assert cells[2:] == ["0", "0"]

@@ -6,7 +6,7 @@ import pytest
 from benchmarks.lib.odometry.rides import Ride
 from benchmarks.lib.peers.boxes import track
 from benchmarks.lib.peers.run import PeerRun
-from benchmarks.scoreboard import COLUMNS, Column
+from benchmarks.scoreboard import COLUMNS, Column, sections
 from common.metrics.record import GroundTruth
 from services.tracker.config import ImageSortConfig
 from services.tracker.image_sort.image_sort import BoxFrame
@@ -52,3 +52,11 @@ def test_figures_of_some_units_leave_out_the_frames_of_others() -> None:
 def test_own_settings_of_another_package_are_named_so() -> None:
     run = PeerRun("2.6.1: gate 0.0", {}, {})
     assert (run.words(0), run.words(3)) == ("2.6.1: own settings", "2.6.1: gate 0.0")
+
+
+def test_table_of_an_input_has_no_column_without_figures() -> None:
+    empty = ["-"] * (len(COLUMNS) - 1)
+    lines = [["a", "one", "4", "1.0", *empty], ["a", "two", "4", "-", *empty]]
+    heading, table, other, last = sections([*lines, ["b", "three", "2", *empty, "9"]])
+    assert (heading, table.splitlines()[0]) == ("## a", "| method | units | found % |")
+    assert (other, last.splitlines()[0]) == ("## b", "| method | units | frames/s |")

@@ -18,22 +18,20 @@ STARTS = (
     "tests.fuzz.clients",
     "tests.fuzz.sequences",
 )
-STATISTICS = (r"stat::number_of_executed_units:\s+(\d+)", r"stat::peak_rss_mb:\s+(\d+)")
-PROGRESS = re.compile(r"cov: (\d+) ft: \d+")
+EXECUTIONS = re.compile(r"stat::number_of_executed_units:\s+(\d+)")
 OTHER_FILES = (".txt", ".dict")  # suffixes of files other than findings
 
 TABLE = ROOT / "benchmarks" / "fuzz.md"
-HEADER = ["target", "executions", "coverage", "peak MB", "findings"]
+HEADER = ["target", "executions", "findings"]
 PAGE = """\
 # Hostile bytes: fuzzing of decoders and file readers
 
 Made by `python -m tests.fuzz` on {machine}.
 
 Each target begins with valid inputs, and is fuzzed by \
-[Atheris](https://github.com/google/atheris) (libFuzzer), which measures the coverage of our code \
+[Atheris](https://github.com/google/atheris) (libFuzzer), guided by the coverage of our code \
 and of the Python libraries below it. An input may be rejected with an error that names the fault. \
-A finding is another exception, a crash, or more than 1 GiB of memory or 2 s of the processor. \
-`coverage` counts edges of the control flow.
+A finding is another exception, a crash, or more than 1 GiB of memory or 2 s of the processor.
 
 {total:,} executions in {minutes:g} minutes of one processor.
 
@@ -48,11 +46,10 @@ def row(target: Target, seconds: float, corpus: Path, found: Path) -> list[str]:
     shutil.rmtree(found, ignore_errors=True)
     harness.fuzz(target, corpus, found, seconds)
     log = (found / harness.LOG).read_text(errors="replace")
-    executions, peak_mb = ((re.findall(form, log) or ["?"])[-1] for form in STATISTICS)
-    coverage = (PROGRESS.findall(log) or ["?"])[-1]
+    executions = (EXECUTIONS.findall(log) or ["?"])[-1]
     inputs = [file for file in found.iterdir() if file.suffix not in OTHER_FILES]
     count_text = f"{len(inputs)}" if inputs or executions != "?" else "did not run"
-    return [target.name, executions, coverage, peak_mb, count_text]
+    return [target.name, executions, count_text]
 
 
 def main() -> None:
