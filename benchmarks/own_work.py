@@ -123,11 +123,7 @@ class Chain:
 
 
 def only(kind: type[M], messages: Iterable[Message]) -> M:
-    """Return the one message of a kind.
-
-    Raises:
-        ValueError: There is none, or more than one.
-    """
+    """Return the one message of a kind; ValueError if there is none, or more than one."""
     (found,) = (message for message in messages if isinstance(message, kind))
     return found
 

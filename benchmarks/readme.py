@@ -51,8 +51,7 @@ class Table:
     def best(self, column: str, label: str, section: str = "") -> str:
         """Return the highest cell of a column among rows whose first cell begins with a pattern.
 
-        Raises:
-            LookupError: There is no such row.
+        LookupError if there is no such row.
         """
         here = [row for heading, row in self._rows if heading.startswith(section)]
         rows = [row for row in here if column in row and re.match(label, next(iter(row.values())))]
@@ -229,8 +228,7 @@ def _link(table: str) -> str:
 def written(text: str) -> str:
     """Return the text of README.md with the present block.
 
-    Raises:
-        ValueError: README.md has no place for the block.
+    ValueError if rEADME.md has no place for the block.
     """
     if not BLOCK.search(text):
         raise ValueError(f"README.md has no {BEGIN} and {END}")

@@ -54,8 +54,7 @@ class SdkCamera(Source):
 
     Its SDK is imported at its first use.
 
-    Raises:
-        ConfigError: The SDK is not installed, or an option is unknown or wrong.
+    ConfigError if the SDK is not installed, or an option is unknown or wrong.
     """
 
     live = True

@@ -26,11 +26,7 @@ class Config(msgspec.Struct, frozen=True, kw_only=True):
     """
 
     def __post_init__(self) -> None:
-        """Check the fields.
-
-        Raises:
-            ValueError: A value is out of range or not finite.
-        """
+        """Check the fields; ValueError if a value is out of range or not finite."""
         check(self)
 
 

@@ -28,8 +28,7 @@ MODULES = {  # top-level modules by extra
 def need(what: str, extra: str) -> None:
     """Check that the packages of an extra are installed.
 
-    Raises:
-        ConfigError: A package needed by `what` is missing.
+    ConfigError if a package needed by `what` is missing.
     """
     absent = missing(extra)
     if absent:

@@ -99,8 +99,7 @@ class Service:
 def read(file: Path, variables: Mapping[str, str]) -> tuple[Service, ...]:
     """Read the services of a compose file, of all profiles, and expand variables.
 
-    Raises:
-        ConfigError: The file cannot be read, or has a field without meaning for local processes.
+    ConfigError if the file cannot be read, or has a field without meaning for local processes.
     """
     try:
         top = _fields(compose_file.load(file), frozenset({"services"}), CONTAINER_ONLY_TOP, "")
@@ -115,8 +114,7 @@ def read(file: Path, variables: Mapping[str, str]) -> tuple[Service, ...]:
 def select(services: Sequence[Service], profiles: Set[str]) -> tuple[Service, ...]:
     """Return the services of a run in start order.
 
-    Raises:
-        ConfigError: A dependency is unknown, or services wait for each other.
+    ConfigError if a dependency is unknown, or services wait for each other.
     """
     running = {s.name: s for s in services if not s.profiles or s.profiles & profiles}
     for name, service in running.items():

@@ -63,8 +63,7 @@ def load(file: Path) -> Any:
 def interpolate(value: Any, variables: Mapping[str, str]) -> Any:
     """Expand ${VAR}, ${VAR:-default}, ${VAR:?error} and $$ in all strings of a value.
 
-    Raises:
-        ValueError: A required variable is missing or an expression is invalid.
+    ValueError if a required variable is missing or an expression is invalid.
     """
     if isinstance(value, str):
         return VARIABLE.sub(lambda match: _fill(match, variables), value)

@@ -15,8 +15,7 @@ from deploy.launcher.plan import COMPOSE_FILE
 def find(services: Sequence[str]) -> list[ServiceBuild]:
     """Return the builds of services that may share a process.
 
-    Raises:
-        ConfigError: The services may not share a process.
+    ConfigError if the services may not share a process.
     """
     check_joinable(services, compose.read(COMPOSE_FILE, {}))
     return [_find(service) for service in services]

@@ -79,8 +79,7 @@ def write_certificates(folder: Path, hosts: Hosts, addresses: Sequence[str], day
 def write_passwords(folder: Path, hosts: Hosts) -> None:
     """Write a folder of passwords for each host; the router's host has all passwords.
 
-    Raises:
-        ConfigError: A role is unknown.
+    ConfigError if a role is unknown.
     """
     _check(hosts)
     known = {role: secrets.token_urlsafe(PASSWORD_BYTES) for role in roles()}

@@ -49,8 +49,7 @@ def code_digest(modules: Iterable[ModuleType]) -> str:
 def content_digest(path: Path) -> str:
     """Return a digest of a recording, a file or a folder.
 
-    Raises:
-        SourceError: The source cannot be read.
+    SourceError if the source cannot be read.
     """
     files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
     try:
@@ -62,8 +61,7 @@ def content_digest(path: Path) -> str:
 def model_digests(config: DetectorConfig | ReidConfig) -> tuple[str, ...]:
     """Return the checksums of the files of configured models, the people model first.
 
-    Raises:
-        ModelError: A model is unknown, or its file is absent.
+    ModelError if a model is unknown, or its file is absent.
     """
     if isinstance(config, ReidConfig):
         models = [config.network]

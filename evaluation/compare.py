@@ -75,8 +75,7 @@ def compare_sums(first: F64, second: F64) -> Iterator[ComparedFigure]:
 def compare_reports(first: Path, second: Path) -> dict[tuple[str, str], list[ComparedFigure]]:
     """Compare the methods of two reports: each under its name, or the only ones.
 
-    Raises:
-        SourceError: A report is incomplete, the ground truth differs, or no method is common.
+    SourceError if a report is incomplete, the ground truth differs, or no method is common.
     """
     _check_truth(first, second)
     runs = [read_parts(folder / parts.FILE) for folder in (first, second)]

@@ -49,8 +49,7 @@ class Method:
 def read_methods(presets: Sequence[str], settings: Sequence[str] = ()) -> list[Method]:
     """Return the methods of presets, see `read_method`.
 
-    Raises:
-        ConfigError: A preset is unknown or repeated, or a setting is wrong.
+    ConfigError if a preset is unknown or repeated, or a setting is wrong.
     """
     methods = [read_method(preset, settings) for preset in presets]
     names = [method.name for method in methods]
@@ -65,8 +64,7 @@ def read_method(preset: str, settings: Sequence[str] = ()) -> Method:
 
     Settings ("service.field=value") win over the preset.
 
-    Raises:
-        ConfigError: The preset or a setting is unknown, or a value is out of range.
+    ConfigError if the preset or a setting is unknown, or a value is out of range.
     """
     fields: dict[str, list[str]] = {service: [] for service in SERVICES}
     for text in [*preset_settings(preset), *settings]:

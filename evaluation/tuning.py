@@ -106,8 +106,7 @@ class TuningResult:
 def check_tuning(recording: EvaluationRecording, method: Method) -> None:
     """Check that settings of a method may be searched on a recording.
 
-    Raises:
-        ConfigError: The recording is for judging only, or the tracker has no settings to search.
+    ConfigError if the recording is for judging only, or the tracker has no settings to search.
     """
     tracker, file = method.tracker.tracker, recording.annotations
     held_out = {(name, seed) for name, seed, _ in HELD_OUT}
@@ -136,8 +135,7 @@ class Tuner:
 
         The time decides on the number of candidates in the first search; the others have as many.
 
-        Raises:
-            SourceError: The recording is too short.
+        SourceError if the recording is too short.
         """
         before = self.sums({})
         if len(before) < FOLDS:

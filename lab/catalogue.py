@@ -54,8 +54,7 @@ def load_scenario(name: str, seed: int | None = None) -> Scenario:
 def split_seed(name: str) -> tuple[str, int | None]:
     """Split the name or path of a scenario from the seed that may follow it, NAME@SEED.
 
-    Raises:
-        ConfigError: The text after @ is not a seed.
+    ConfigError if the text after @ is not a seed.
     """
     scenario, separator, seed = name.rpartition("@")
     if not separator:
@@ -73,8 +72,7 @@ def is_scenario(source: str) -> bool:
 def resolve(source: str) -> str:
     """Return the source with an absolute path, since services run in other folders.
 
-    Raises:
-        ConfigError: There is no such scenario.
+    ConfigError if there is no such scenario.
     """
     name, _ = split_seed(source.removeprefix(PREFIX))
     load_scenario(name)

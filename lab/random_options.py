@@ -59,8 +59,7 @@ class RandomScene(Config, frozen=True, kw_only=True, forbid_unknown_fields=True)
 def read_options(name: str, seed: int | None = None) -> RandomScene:
     """Return the options in a name such as random?seed=7&density=0.2; `seed` replaces its seed.
 
-    Raises:
-        ConfigError: An option is unknown or out of range.
+    ConfigError if an option is unknown or out of range.
     """
     values = dict(parse_qsl(name.partition("?")[2], keep_blank_values=True))
     if seed is not None:

@@ -86,8 +86,7 @@ def _settings(options: LabOptions, world: World) -> RenderSettings:
 class LabTruth:
     """Truth of a scenario, as the source "lab.source:LabTruth" of the ground-truth bridge.
 
-    Raises:
-        ConfigError: There is no such scenario, or it cannot be read.
+    ConfigError if there is no such scenario, or it cannot be read.
     """
 
     def __init__(self, config: GtBridgeConfig) -> None:

@@ -51,8 +51,7 @@ class World:
     def view(self, camera: str) -> "World":
         """Return the world of a camera by its name; empty: the first.
 
-        Raises:
-            ConfigError: There is no such camera.
+        ConfigError if there is no such camera.
         """
         for world in self.views:
             if camera in ("", world.info.camera):

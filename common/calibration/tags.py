@@ -68,8 +68,7 @@ class TagsFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 def read_tags(path: Path) -> dict[int, Tag]:
     """Read a file of tags, by number.
 
-    Raises:
-        SourceError: The file cannot be read, or a tag is impossible.
+    SourceError if the file cannot be read, or a tag is impossible.
     """
     try:
         found = msgspec.convert(read_toml(path), TagsFile)
@@ -134,8 +133,7 @@ class TagObserver:
     def poses(self, infos: Mapping[str, CameraInfo]) -> dict[str, F64]:
         """Return map_from_camera (4x4) of the cameras with tags in view.
 
-        Raises:
-            CalibrationError: A tag contradicts the file, or leaves two poses.
+        CalibrationError if a tag contradicts the file, or leaves two poses.
         """
         found = {}
         for camera, views in self._corners.items():
@@ -150,8 +148,7 @@ class TagObserver:
 def move_to_map(found: CalibrationResult, by_tags: Mapping[str, F64]) -> CalibrationResult:
     """Return a calibration by walking, moved rigidly to the poses by tags.
 
-    Raises:
-        CalibrationError: No tag was in view, or tags and walking contradict each other.
+    CalibrationError if no tag was in view, or tags and walking contradict each other.
     """
     common = sorted(set(by_tags) & set(found.map_from_camera))
     if not common:

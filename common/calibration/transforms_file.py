@@ -39,11 +39,7 @@ class TransformsFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
 
 
 def write_transforms(path: Path, calibration: "CalibrationResult") -> None:
-    """Write the poses of a calibration in one step.
-
-    Raises:
-        SourceError: The file cannot be written.
-    """
+    """Write the poses of a calibration in one step; SourceError if the file cannot be written."""
     lines = [
         "# Poses of cameras in the map, by people4d calibrate; use: people4d up --transforms FILE",
         f'reference = "{calibration.reference}"',
@@ -73,11 +69,7 @@ def write_transforms(path: Path, calibration: "CalibrationResult") -> None:
 
 
 def read_transforms(path: Path) -> TransformsFile:
-    """Read a file.
-
-    Raises:
-        SourceError: The file cannot be read, or a matrix is not a rigid transform.
-    """
+    """Read a file; SourceError if the file cannot be read, or a matrix is not a rigid transform."""
     try:
         found = msgspec.convert(read_toml(path), TransformsFile)
     except OSError as error:
@@ -96,8 +88,7 @@ def read_transforms(path: Path) -> TransformsFile:
 def read_pose(path: Path, camera: str) -> F64:
     """Return map_from_optical (4x4) of a camera.
 
-    Raises:
-        SourceError: The file cannot be read, or has no such camera.
+    SourceError if the file cannot be read, or has no such camera.
     """
     found = read_transforms(path)
     if camera not in found.cameras:

@@ -49,8 +49,7 @@ class VideoWriter:
     def write(self, image: U8) -> None:
         """Append an image (HxWx3, red first, of the video's size).
 
-        Raises:
-            People4dError: The file cannot be written, for example because the disk is full.
+        People4dError if the file cannot be written, for example because the disk is full.
         """
         self._mux(av.VideoFrame.from_ndarray(image, format="rgb24"))
 

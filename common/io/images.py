@@ -27,8 +27,7 @@ def compress(frame: RgbdFrame, quality: int = 90) -> CompressedRgbdFrame:
 def decompress(message: CompressedRgbdFrame) -> RgbdFrame:
     """Return the frame with its pixels.
 
-    Raises:
-        DecodeError: An image is corrupt, too large or of another kind, or their sizes differ.
+    DecodeError if an image is corrupt, too large or of another kind, or their sizes differ.
     """
     rgb = decode_jpeg(message.rgb_jpeg)
     depth_mm = decode_png16(message.depth_png)
@@ -69,8 +68,7 @@ def encode_png16(depth_mm: U16, level: int = 1, smooth: bool = False) -> bytes:
 def decode_jpeg(data: bytes) -> U8:
     """Return the pixels of an untrusted JPEG, HxWx3, red first.
 
-    Raises:
-        DecodeError: The file is corrupt, too large, or not a JPEG.
+    DecodeError if the file is corrupt, too large, or not a JPEG.
     """
     if not data.startswith(JPEG):
         raise DecodeError("rgb_jpeg: expected a JPEG, got a corrupt one")
@@ -87,8 +85,7 @@ def decode_jpeg(data: bytes) -> U8:
 def decode_png16(data: bytes) -> U16:
     """Return the depth in an untrusted 16-bit grey PNG, HxW, millimetres.
 
-    Raises:
-        DecodeError: The file is corrupt, too large, or not a 16-bit grey PNG.
+    DecodeError if the file is corrupt, too large, or not a 16-bit grey PNG.
     """
     if not data.startswith(PNG):
         raise DecodeError("depth_png: expected a PNG, got a corrupt one")

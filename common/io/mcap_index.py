@@ -56,8 +56,7 @@ class McapIndex:
 def read_profile(path: Path) -> str:
     """Return the profile at the start of an MCAP file: "people4d", "ros2", empty if none.
 
-    Raises:
-        SourceError: The file cannot be read or is not an MCAP file.
+    SourceError if the file cannot be read or is not an MCAP file.
     """
     try:
         with path.open("rb") as file:

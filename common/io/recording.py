@@ -196,8 +196,7 @@ class Recording:
 def open_recording(path: Path) -> Recording:
     """Open a recording; after a crash it is readable up to the last complete message.
 
-    Raises:
-        SourceError: The file is absent or is not a people4d recording.
+    SourceError if the file is absent or is not a people4d recording.
     """
     try:
         with path.open("rb") as file:

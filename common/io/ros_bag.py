@@ -117,8 +117,7 @@ class Bag:
 def open_bag(path: Path, definitions: Mapping[str, str]) -> Iterator[Bag]:
     """Open a .bag, .db3 or .mcap file or the folder of a ROS 2 bag, untrusted.
 
-    Raises:
-        SourceError: The bag is absent, cut short, damaged, or exceeds the limits.
+    SourceError if the bag is absent, cut short, damaged, or exceeds the limits.
     """
     with ExitStack() as stack:
         with _source_errors(path, "cannot be opened"):

@@ -28,8 +28,7 @@ def remedy_of(path: Path) -> str:
 def is_bag(path: Path) -> bool:
     """Check whether a path is a ROS bag: a .bag, .db3 or .mcap file, or a folder of these.
 
-    Raises:
-        SourceError: An MCAP file cannot be read.
+    SourceError if an MCAP file cannot be read.
     """
     if path.is_dir():
         known = (path / "metadata.yaml").exists() or any(path.glob("*.db3"))
@@ -42,8 +41,7 @@ def is_bag(path: Path) -> bool:
 def bag_path(path: Path) -> Path:
     """Return the path to open: of a folder without metadata.yaml, its only file.
 
-    Raises:
-        SourceError: There are several files, or the file is an MCAP of ROS 1.
+    SourceError if there are several files, or the file is an MCAP of ROS 1.
     """
     if path.is_dir() and not (path / "metadata.yaml").exists():
         files = sorted([*path.glob("*.db3"), *path.glob("*.mcap")])
@@ -72,8 +70,7 @@ def _is_of_ros1(path: Path) -> bool:
 def check_written(database: Path) -> None:
     """Check that a SQLite file has no messages in a log next to it.
 
-    Raises:
-        SourceError: A log next to the file has messages, since its recorder was killed.
+    SourceError if a log next to the file has messages, since its recorder was killed.
     """
     wal, journal = (database.with_name(f"{database.name}{end}") for end in ("-wal", "-journal"))
     if wal.is_file() and wal.stat().st_size > WAL_HEADER_BYTES:

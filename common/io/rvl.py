@@ -16,8 +16,7 @@ SIZE = struct.Struct("<ii")  # columns and rows
 def decode_rvl(data: bytes) -> U16:
     """Return an untrusted depth image (HxW) of compressed_depth_image_transport's `rvl`.
 
-    Raises:
-        DecodeError: The bytes are too few or corrupt, or the image is too large.
+    DecodeError if the bytes are too few or corrupt, or the image is too large.
     """
     if len(data) < SIZE.size:
         raise DecodeError(f"RVL: expected a size in {SIZE.size} bytes, got {len(data)}")

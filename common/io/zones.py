@@ -21,11 +21,7 @@ class PlainZone(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return cls(zone.name, corners_m, zone.dwell_s, zone.count)
 
     def zone(self) -> Zone:
-        """Return the zone.
-
-        Raises:
-            ValueError: The polygon is invalid, for example crosses itself.
-        """
+        """Return the zone; ValueError if the polygon is invalid, for example crosses itself."""
         return Zone(
             name=self.name,
             corners_m=np.array(self.corners_m, float).reshape(-1, 2),

@@ -98,8 +98,7 @@ class Matcher:
     def match(self, frame: EvaluationFrame) -> FrameMatches:
         """Match the next frame.
 
-        Raises:
-            ValueError: The similarity has another shape than people by tracks, or is not finite.
+        ValueError if the similarity has another shape than people by tracks, or is not finite.
         """
         persons = _numbers(self.persons, frame.truth.ids)
         tracks = _numbers(self.tracks, frame.hypotheses.ids)
@@ -125,8 +124,7 @@ class Matcher:
 def match(sequence: EvaluationSequence, similarity: Similarity, threshold: float = 0.5) -> Matching:
     """Match truth and tracks of every frame; for the arguments see `Matcher`.
 
-    Raises:
-        ValueError: The similarity has another shape than people by tracks, or is not finite.
+    ValueError if the similarity has another shape than people by tracks, or is not finite.
     """
     matcher = Matcher(similarity, threshold)
     matches = tuple(map(matcher.match, sequence.frames))

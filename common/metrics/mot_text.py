@@ -75,8 +75,7 @@ class MotInfo:
 def read_rows(path: Path) -> MotRows:
     """Read the lines of detections, ground truth or tracks, ordered by frame.
 
-    Raises:
-        DecodeError: A line is invalid, or an identity occurs twice in a frame.
+    DecodeError if a line is invalid, or an identity occurs twice in a frame.
     """
     rows: list[list[float]] = []
     first_lines: dict[tuple[float, float], int] = {}
@@ -115,8 +114,7 @@ def _are_classes(columns: F64) -> bool:
 def read_info(path: Path) -> MotInfo:
     """Read seqinfo.ini.
 
-    Raises:
-        DecodeError: The file has no section [Sequence], or one of its values is absent or wrong.
+    DecodeError if the file has no section [Sequence], or one of its values is absent or wrong.
     """
     # Values that refer to other values could grow without limit.
     parser = configparser.ConfigParser(interpolation=None)

@@ -16,8 +16,7 @@ Similarity: TypeAlias = Callable[[GroundTruth, Hypotheses], F64]
 def box_overlap(truth: GroundTruth, tracked: Hypotheses) -> F64:
     """Return the intersection over union (NxM, 0 to 1) of the boxes of N people and M tracks.
 
-    Raises:
-        ValueError: There are people without boxes.
+    ValueError if there are people without boxes.
     """
     boxes = _column("boxes_xyxy_px", truth.boxes_xyxy_px, len(truth.ids), 4)
     return iou_xyxy(boxes, _column("boxes_xyxy_px", tracked.boxes_xyxy_px, len(tracked.ids), 4))
@@ -41,8 +40,7 @@ class GroundDistance:
     def __call__(self, truth: GroundTruth, tracked: Hypotheses) -> F64:
         """Return the similarity (NxM, 0 to 1) of the positions of N people and M tracks.
 
-        Raises:
-            ValueError: There are people without positions.
+        ValueError if there are people without positions.
         """
         a = _column("positions_m", truth.positions_m, len(truth.ids), 3)[:, None, :2]
         b = _column("positions_m", tracked.positions_m, len(tracked.ids), 3)[None, :, :2]

@@ -67,8 +67,7 @@ class Dds(Ros2Transport):
     another hash are dropped. $CYCLONEDDS_URI, the configuration of Cyclone DDS, overrides
     `interface`.
 
-    Raises:
-        ConfigError: The network interface does not exist, or the configuration is invalid.
+    ConfigError if the network interface does not exist, or the configuration is invalid.
     """
 
     def __init__(self, config: Ros2Config) -> None:

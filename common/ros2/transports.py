@@ -14,8 +14,7 @@ TRANSPORTS = {"zenoh": "common.ros2.rmw_zenoh:RmwZenoh", "dds": "common.ros2.dds
 def find_transport(config: Ros2Config) -> type[Ros2Transport]:
     """Return the class of a transport.
 
-    Raises:
-        ConfigError: The name is unknown, or the library is not installed.
+    ConfigError if the name is unknown, or the library is not installed.
     """
     if config.transport == "dds":
         need("ROS 2 by DDS", "dds")

@@ -77,8 +77,7 @@ def dds_name(kind: str) -> str:
 def make(kind: str, fields: Fields) -> Any:
     """Return an immutable message of rosbags; omitted fields are 0, empty or false.
 
-    Raises:
-        KeyError: The type has no such field.
+    KeyError if the type has no such field.
     """
     return _maker(kind)(fields)
 

@@ -22,8 +22,7 @@ OnSample = Callable[[bytes, bytes | None, str], None]  # payload, attachment, ke
 def read_config(config: Ros2Config) -> zenoh.Config:
     """Return the configuration of Zenoh for the robot's own network, or for other endpoints.
 
-    Raises:
-        ConfigError: A file or environment variable of Zenoh's configuration is invalid.
+    ConfigError if a file or environment variable of Zenoh's configuration is invalid.
     """
     if not config.endpoints:
         if os.environ.get("PEOPLE4D_KEYS"):

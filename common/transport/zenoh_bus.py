@@ -58,8 +58,7 @@ def read_config(
 def is_private(environment: Mapping[str, str]) -> bool:
     """Check that $PEOPLE4D_PRIVACY forbids pixels to leave the host.
 
-    Raises:
-        ConfigError: The value is neither on nor off.
+    ConfigError if the value is neither on nor off.
     """
     text = environment.get("PEOPLE4D_PRIVACY", "")
     if text not in ("", "off", "on"):

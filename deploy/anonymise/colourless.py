@@ -14,8 +14,7 @@ LEFT_OUT = (Crops, Embeddings)
 def without_colour(message: Message) -> Message | None:
     """Return a message with grey images in place of colour; None for crops and embeddings.
 
-    Raises:
-        DecodeError: The size of a compressed image cannot be read.
+    DecodeError if the size of a compressed image cannot be read.
     """
     if isinstance(message, LEFT_OUT):
         return None
@@ -27,8 +26,7 @@ def without_colour(message: Message) -> Message | None:
 def grey_frame(frame: CompressedRgbdFrame) -> CompressedRgbdFrame:
     """Return a compressed frame with a grey image of the same size.
 
-    Raises:
-        DecodeError: The size of its image cannot be read.
+    DecodeError if the size of its image cannot be read.
     """
     width, height = image_size(frame.rgb_jpeg, "rgb_jpeg")
     grey = np.full((height, width, 3), GREY, np.uint8)

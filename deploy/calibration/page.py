@@ -19,11 +19,7 @@ STYLE = (
 
 
 def write_page(path: Path, found: CalibrationResult) -> None:
-    """Write the page, which loads no other files.
-
-    Raises:
-        SourceError: The file cannot be written.
-    """
+    """Write the page, which loads no other files; SourceError if the file cannot be written."""
     parts = [
         "<!doctype html><meta charset=utf-8><title>Calibration</title>",
         f"<style>{STYLE}</style><h1>Calibration by walking</h1>",

@@ -102,8 +102,7 @@ def open_client(connect: str, robot: str) -> Client:
 
     Silence is explained on the terminal by the robots and services found.
 
-    Raises:
-        People4dError: No router answers.
+    People4dError if no router answers.
     """
     with _router(connect, robot) as endpoint:
         return Client(endpoint, robot, CONNECT_S, SILENCE_S)

@@ -17,8 +17,7 @@ READ_S = 5.0  # maximum wait for the next bytes of a request [s]
 class MetricsServer:
     """Serves the values of a registry until closed.
 
-    Raises:
-        OSError: The server cannot listen at the address.
+    OSError if the server cannot listen at the address.
     """
 
     def __init__(self, address: str, port: int, registry: CollectorRegistry) -> None:

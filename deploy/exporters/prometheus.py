@@ -27,8 +27,7 @@ PIECE = (ROBOT, "service", "instance", "stage")
 class PrometheusExporter(Exporter, Collector):
     """Serves /metrics with the robot's name in the labels.
 
-    Raises:
-        People4dError: The server cannot listen at the address.
+    People4dError if the server cannot listen at the address.
     """
 
     def __init__(self, robot: str, address: str, port: int) -> None:

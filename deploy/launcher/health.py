@@ -27,11 +27,7 @@ class Heartbeats:
         self._arrived = threading.Condition()
 
     def connect(self, timeout_s: float = CONNECT_TIMEOUT_S) -> None:
-        """Connect and listen, if not connected yet.
-
-        Raises:
-            People4dError: No router answers.
-        """
+        """Connect and listen, if not connected yet; People4dError if no router answers."""
         if not self._client:
             self._client = Client(self._connect, self._robot, timeout_s)
             threading.Thread(target=self._listen, args=(self._client,), daemon=True).start()

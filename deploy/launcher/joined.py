@@ -29,8 +29,7 @@ def check_joinable(
 ) -> None:
     """Check that some of the services may share a process.
 
-    Raises:
-        ConfigError: A service may not share, is named twice, is alone, or has to prove its role.
+    ConfigError if a service may not share, is named twice, is alone, or has to prove its role.
     """
     joinable = [service.name for service in services if service.has("joinable")]
     can = f"Those that can are {', '.join(joinable)}."
@@ -71,9 +70,8 @@ def join(services: Sequence[Service], names: Sequence[str]) -> tuple[Service, ..
 def joined_command(names: Sequence[str], services: Sequence[Service]) -> tuple[str, ...]:
     """Return the command of a shared process, with the settings of its services.
 
-    Raises:
-        ConfigError: A service does not run its module, or two services need different values of an
-            environment variable.
+    ConfigError if a service does not run its module, or two services need different values of an
+    environment variable.
     """
     by_name = {service.name: service for service in services}
     command = ["python", "-m", MODULE, *names]

@@ -163,8 +163,7 @@ class Launcher:
     def processes(self) -> dict[str, Process]:
         """Return all processes by name, and report ends and restarts.
 
-        Raises:
-            LaunchError: A process failed and is not restarted.
+        LaunchError if a process failed and is not restarted.
         """
         processes = self.supervisor.processes()
         self._reasons.add_heartbeats(self.heartbeats.all())
@@ -193,8 +192,7 @@ class Launcher:
     def wait_finished(self, service: str) -> None:
         """Wait until every process of a service has finished.
 
-        Raises:
-            LaunchError: A process of the system failed.
+        LaunchError if a process of the system failed.
         """
         while True:
             processes = self.processes()
@@ -222,11 +220,7 @@ class Launcher:
 
 
 def check_stopped(state: State, robot: str) -> None:
-    """Check that no system of a robot runs here.
-
-    Raises:
-        People4dError: A system runs.
-    """
+    """Check that no system of a robot runs here; People4dError if a system runs."""
     running = state.read()
     if running:
         raise People4dError(
@@ -238,8 +232,7 @@ def check_stopped(state: State, robot: str) -> None:
 def read_plan(state: State) -> tuple[Service, ...]:
     """Return the services of a running system.
 
-    Raises:
-        People4dError: The plan of the run is missing or damaged.
+    People4dError if the plan of the run is missing or damaged.
     """
     try:
         return msgspec.json.decode(state.plan_file.read_bytes(), type=tuple[Service, ...])

@@ -54,8 +54,7 @@ class LaunchRequest:
 def plan(request: LaunchRequest) -> tuple[Service, ...]:
     """Return the services of a request in start order.
 
-    Raises:
-        ConfigError: The request names unknown services, or files that cannot be read.
+    ConfigError if the request names unknown services, or files that cannot be read.
     """
     settings = list(request.settings)
     profiles = {PROCESSES, *request.profiles}
@@ -116,8 +115,7 @@ def variables(request: LaunchRequest) -> dict[str, str]:
 def check_settings(services: Sequence[Service], request: LaunchRequest) -> None:
     """Check the settings of services, and the sources, models and folders in them.
 
-    Raises:
-        People4dError: A setting is wrong, or its source, model or folder is unusable.
+    People4dError if a setting is wrong, or its source, model or folder is unusable.
     """
     file = Path(variables(request)["PEOPLE4D_CONFIG_INSIDE"])
     for service in services:
@@ -137,8 +135,7 @@ def read_settings(
     The configuration is None for a program that is not a service of this project. Overrides,
     "field=value", win over the environment of the process, and the environment over the TOML file.
 
-    Raises:
-        ConfigError: A setting is unknown or out of range, or the file cannot be read.
+    ConfigError if a setting is unknown or out of range, or the file cannot be read.
     """
     if not service.module.startswith("services."):
         return None
@@ -149,8 +146,7 @@ def read_settings(
 def load_model(service: Service, settings: msgspec.Struct) -> str:
     """Load the model of a service and return its name.
 
-    Raises:
-        People4dError: The model is missing, altered or cannot be loaded.
+    People4dError if the model is missing, altered or cannot be loaded.
     """
     _find(service.labels["people4d.model"])(settings)
     fields = msgspec.structs.asdict(settings)
@@ -184,8 +180,7 @@ def replicas_of(
 
     The last "service=number" of a service wins; the default is the number in the plan.
 
-    Raises:
-        ConfigError: A request names no service, or several processes of a single-process service.
+    ConfigError if a request names no service, or several processes of a single-process service.
     """
     by_name = {service.name: service for service in services}
     replicas = {service.name: service.replicas for service in services}

@@ -52,8 +52,7 @@ class State:
     def of_robot(cls, robot: str, environment: Mapping[str, str] = os.environ) -> "State":
         """Return the state of a robot: $PEOPLE4D_STATE/<robot>, else under $XDG_STATE_HOME.
 
-        Raises:
-            ConfigError: The robot's name cannot be part of a key.
+        ConfigError if the robot's name cannot be part of a key.
         """
         try:
             check_name("robot", robot)
@@ -69,8 +68,7 @@ class State:
     def prepare(self) -> None:
         """Create the folder, for its owner only.
 
-        Raises:
-            ConfigError: The path is too long for a socket, or the folder cannot be made.
+        ConfigError if the path is too long for a socket, or the folder cannot be made.
         """
         length = len(os.fsencode(self.socket))
         if length > LONGEST_SOCKET_PATH:
@@ -94,11 +92,7 @@ class State:
             ) from error
 
     def tidy(self) -> None:
-        """Remove files of the previous run.
-
-        Raises:
-            People4dError: A file cannot be removed.
-        """
+        """Remove files of the previous run; People4dError if a file cannot be removed."""
         stale = ("*.log*", f"*{CHECKPOINT}", ADDRESS_FILE)
         try:
             for old in [file for pattern in stale for file in self.folder.glob(pattern)]:
@@ -125,8 +119,7 @@ class State:
     def write(self, file: Path, content: bytes) -> None:
         """Replace a file of the folder.
 
-        Raises:
-            People4dError: The file cannot be written; the previous one remains.
+        People4dError if the file cannot be written; the previous one remains.
         """
         try:
             replace_file(file, content, 0o600)

@@ -149,8 +149,7 @@ def quote(argument: str) -> str:
     The file is cut at " #" and " ;" and expands "%"; a backslash before every special character
     leaves no blank before a comment sign.
 
-    Raises:
-        ConfigError: The argument has more than one line.
+    ConfigError if the argument has more than one line.
     """
     if "\n" in argument or "\r" in argument:
         raise ConfigError(f"argument {argument!r:.60} has more than one line")
@@ -193,8 +192,7 @@ class Supervisor:
     def spawn(self, services: Sequence[Service]) -> int:
         """Start supervisord without services, and return its process number.
 
-        Raises:
-            People4dError: It does not start.
+        People4dError if it does not start.
         """
         self.state.write(self.state.config, render(self.state, services).encode())
         # Supervisord detaches from this process and its terminal once its socket is open.
@@ -248,8 +246,7 @@ class Supervisor:
     def processes(self) -> dict[str, Process]:
         """Return all processes by instance name; a shared process has several names.
 
-        Raises:
-            SupervisorGoneError: Supervisord does not answer.
+        SupervisorGoneError if supervisord does not answer.
         """
         return {
             name: Process(

@@ -73,8 +73,7 @@ class CameraImages:
     def accept(self, rgb: U8, depth: npt.NDArray[Any], stamp_ns: int) -> SourceFrame:
         """Return copied images as a frame, depth in millimetres.
 
-        Raises:
-            SourceError: The images are invalid, or not later than the last ones.
+        SourceError if the images are invalid, or not later than the last ones.
         """
         alignment = self._alignment or self._align(rgb)
         check = FrameCheck(

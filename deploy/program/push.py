@@ -147,8 +147,7 @@ class Camera:
 def _check_system(bus: ZenohBus, instance: str) -> None:
     """Wait for a tracker of the robot.
 
-    Raises:
-        ConfigError: There is no tracker, or there is a process of the camera's name.
+    ConfigError if there is no tracker, or there is a process of the camera's name.
     """
     end_s = time.monotonic() + SYSTEM_S
     while True:

@@ -11,8 +11,7 @@ IDENTITIES_MAX = 10_000  # maximum number of stored identities
 class Condition:
     """Condition on messages: `person`, met by each new confirmed identity, or any on a topic.
 
-    Raises:
-        ConfigError: The name is neither a condition nor a topic.
+    ConfigError if the name is neither a condition nor a topic.
     """
 
     def __init__(self, name: str) -> None:

@@ -76,8 +76,7 @@ class FoxgloveServer(FoxgloveOutput):
 class FoxgloveFile(FoxgloveOutput):
     """Writes a compressed, indexed MCAP file of Foxglove's messages.
 
-    Raises:
-        SourceError: The file cannot be written, on opening and closing.
+    SourceError if the file cannot be written, on opening and closing.
     """
 
     def __init__(self, converter: FoxgloveConverter, path: Path) -> None:

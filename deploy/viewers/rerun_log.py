@@ -58,11 +58,7 @@ class RerunLog:
         self._cameras: set[str] = set()
 
     def write(self, message: Message, log_time_ns: int) -> None:
-        """Log a message with its time of reception.
-
-        Raises:
-            SourceError: The viewer ended.
-        """
+        """Log a message with its time of reception; SourceError if the viewer ended."""
         if self._viewer and self._viewer.poll() is not None:
             hint = "Without a display write a file: people4d view --rerun out.rrd."
             raise SourceError("Rerun's viewer ended", hint)
@@ -188,8 +184,7 @@ class RerunLog:
 def open_log(robot: str, file: Path | None) -> RerunLog:
     """Open a file, or start Rerun's viewer.
 
-    Raises:
-        SourceError: The file cannot be written, or the viewer cannot be started.
+    SourceError if the file cannot be written, or the viewer cannot be started.
     """
     stream = rr.RecordingStream("people4d", recording_id=None)
     stream.send_property("robot", rr.AnyValues(name=robot))

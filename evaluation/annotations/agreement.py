@@ -54,8 +54,7 @@ class Agreement:
 def agreement(camera: CameraConfig, first: Path, second: Path) -> Agreement:
     """Compare two files of annotations of the recording of a camera.
 
-    Raises:
-        SourceError: A file cannot be read, belongs to another recording, or no frame is in both.
+    SourceError if a file cannot be read, belongs to another recording, or no frame is in both.
     """
     files = [read_annotations(path) for path in (first, second)]
     common = files[0].frames.keys() & files[1].frames.keys()

@@ -40,8 +40,7 @@ def read_images(
 ) -> AnnotatedImages:
     """Read every n-th image of a recording, or only some by index; report the number so far.
 
-    Raises:
-        SourceError: No image can be read, or there are more than IMAGES_MAX.
+    SourceError if no image can be read, or there are more than IMAGES_MAX.
     """
     if kind_of(camera.source) not in ("recording", "rosbag", "folder"):
         raise SourceError(f"{camera.source} is not a recording", "Record it: people4d record.")

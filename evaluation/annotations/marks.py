@@ -121,11 +121,7 @@ def _readings(mark: Mark, depth_mm: U16, reach_px: int) -> U16:
 
 
 def read_annotations(path: Path) -> Annotations:
-    """Read a file of annotations.
-
-    Raises:
-        SourceError: The file cannot be read, or has other content.
-    """
+    """Read a file of annotations; SourceError if the file cannot be read, or has other content."""
     return _read(path)[0]
 
 
@@ -137,8 +133,7 @@ def read_frames(path: Path) -> dict[int, tuple[Mark, ...]]:
 def write_marks(path: Path, image: MarkedImage, digest: str) -> None:
     """Replace the marks of one image in a file, or begin the file; other fields stay.
 
-    Raises:
-        SourceError: The file cannot be read or written, or annotates another recording.
+    SourceError if the file cannot be read or written, or annotates another recording.
     """
     old, fields = _read(path) if path.exists() else (Annotations(), {})
     check_recording(path, old, digest)
@@ -157,8 +152,7 @@ def write_marks(path: Path, image: MarkedImage, digest: str) -> None:
 def check_recording(path: Path, annotations: Annotations, digest: str) -> None:
     """Check that annotations belong to the recording with a digest.
 
-    Raises:
-        SourceError: They belong to another one.
+    SourceError if they belong to another one.
     """
     if annotations.recording not in ("", digest):
         raise SourceError(

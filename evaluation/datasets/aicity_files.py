@@ -77,11 +77,7 @@ Truth = list[list[AiCityObject]]  # people of each frame
 
 
 def open_hdf5(path: Path) -> Mapping[str, Any]:
-    """Open an HDF5 file.
-
-    Raises:
-        ConfigError: h5py is not installed.
-    """
+    """Open an HDF5 file; ConfigError if h5py is not installed."""
     try:
         h5py = importlib.import_module("h5py")
     except ImportError as error:
@@ -93,8 +89,7 @@ def open_hdf5(path: Path) -> Mapping[str, Any]:
 def read_truth(dataset: Dataset, folder: Path, frames: int) -> Truth | None:
     """Return the people of each frame, None if they are not published.
 
-    Raises:
-        SourceError: The file has another layout, or more frames than the videos.
+    SourceError if the file has another layout, or more frames than the videos.
     """
     path = folder / "ground_truth.json"
     if not path.exists():
@@ -132,11 +127,7 @@ def read_frames(
 
 
 def read_json(dataset: Dataset, path: Path, kind: type[T]) -> T:
-    """Read a file of a known layout.
-
-    Raises:
-        SourceError: It cannot be read, or has another layout.
-    """
+    """Read a file of a known layout; SourceError if it cannot be read, or has another layout."""
     try:
         return msgspec.json.decode(read_bytes(path, MAX_BYTES), type=kind, strict=False)
     except (OSError, msgspec.MsgspecError) as error:

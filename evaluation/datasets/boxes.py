@@ -84,11 +84,7 @@ def detection_rows(frames: Sequence[BoxFrame]) -> F64:
 
 
 def track_boxes(method: Method, frames: Sequence[BoxFrame]) -> list[BoxTracks]:
-    """Return the tracks of each frame.
-
-    Raises:
-        ConfigError: The method needs depth.
-    """
+    """Return the tracks of each frame; ConfigError if the method needs depth."""
     if method.tracker.tracker != "image_sort":
         raise ConfigError(
             f"{method.name}: expected a tracker of boxes, got {method.tracker.tracker}",

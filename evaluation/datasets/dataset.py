@@ -69,31 +69,27 @@ class Dataset(ABC):
     def sequences(self, folder: Path) -> Sequence[str]:
         """Return the sequences in a folder, their split first, for example train/MOT17-02-DPM.
 
-        Raises:
-            SourceError: A file is missing, see `require`.
+        SourceError if a file is missing, see `require`.
         """
 
     @abstractmethod
     def evaluate(self, job: DatasetJob) -> SequenceResult:
         """Run a method on a sequence, and score it as the data set's own tool does.
 
-        Raises:
-            SourceError: A file has another layout, or belongs to another sequence.
+        SourceError if a file has another layout, or belongs to another sequence.
         """
 
     def methods(self, presets: Sequence[str], settings: Sequence[str]) -> list[Method]:
         """Return the methods of presets, the data set's default one if there is none.
 
-        Raises:
-            ConfigError: A preset or setting is unknown, or does not fit the data set.
+        ConfigError if a preset or setting is unknown, or does not fit the data set.
         """
         return read_methods(presets or [self.preset], settings)
 
     def check_tuning(self, sequences: Iterable[str]) -> None:
         """Check that settings may be chosen on sequences.
 
-        Raises:
-            ConfigError: One of them is for judging only.
+        ConfigError if one of them is for judging only.
         """
         for name in sequences:
             if not any(fnmatch(name, pattern) for pattern in self.tuning):
@@ -106,8 +102,7 @@ class Dataset(ABC):
     def require(self, *paths: Path) -> None:
         """Check that files or folders exist.
 
-        Raises:
-            SourceError: One is missing; the nearest existing folder and its content are named.
+        SourceError if one is missing; the nearest existing folder and its content are named.
         """
         for path in paths:
             if path.exists():

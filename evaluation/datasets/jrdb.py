@@ -77,8 +77,7 @@ class JrdbTracking(Dataset):
     def load(self, folder: Path, sequence: str) -> BoxSequence:
         """Read one sequence.
 
-        Raises:
-            SourceError: A file has another layout, or labels of other frames.
+        SourceError if a file has another layout, or labels of other frames.
         """
         split, name = sequence.split("/")
         found = self._frames(folder / split / FILES["detections"] / f"{name}.json", "detections")

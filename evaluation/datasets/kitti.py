@@ -59,8 +59,7 @@ class KittiTracking(Dataset):
     def load(self, folder: Path, sequence: str) -> BoxSequence:
         """Read one sequence.
 
-        Raises:
-            SourceError: A file has another layout, or more frames than the sequence.
+        SourceError if a file has another layout, or more frames than the sequence.
         """
         split, name = sequence.split("/")
         poses = self._directions(folder / split / "oxts" / f"{name}.txt")

@@ -62,8 +62,7 @@ class MotDataset(Dataset):
     def load(self, folder: Path) -> BoxSequence:
         """Read one sequence.
 
-        Raises:
-            SourceError: A file has another layout, or more frames than the sequence.
+        SourceError if a file has another layout, or more frames than the sequence.
         """
         truth_file = folder / "gt" / "gt.txt"
         try:

@@ -25,10 +25,6 @@ DATASETS: dict[str, str] = {
 
 
 def find_dataset(name: str) -> "Dataset":
-    """Return the data set of a name.
-
-    Raises:
-        ConfigError: The name is unknown.
-    """
+    """Return the data set of a name; ConfigError if the name is unknown."""
     dataset: Dataset = registry.find("data set", DATASETS, name)
     return dataset

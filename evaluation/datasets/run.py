@@ -32,8 +32,7 @@ class DatasetPlan:
 def evaluate_dataset(plan: DatasetPlan, on_progress: OnProgress) -> list[LineOfScores]:
     """Run all methods on all sequences; write `scores.csv` and `submission/METHOD/...`.
 
-    Raises:
-        SourceError: The folder lacks a file, or a file has another layout.
+    SourceError if the folder lacks a file, or a file has another layout.
     """
     plan.dataset.require(plan.folder)
     names = plan.dataset.sequences(plan.folder)

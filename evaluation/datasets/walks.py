@@ -115,8 +115,7 @@ def predict(walks: Walks, config: PredictorConfig) -> PredictedWalks:
 def read_walks(folder: Path) -> Walks:
     """Read `obsmat.txt` and `groups.txt` of a scene.
 
-    Raises:
-        SourceError: The files are absent or hold something else.
+    SourceError if the files are absent or hold something else.
     """
     try:
         table = np.loadtxt(folder / "obsmat.txt", ndmin=2)

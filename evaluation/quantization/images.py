@@ -25,8 +25,7 @@ SUFFIXES = {".jpg", ".jpeg", ".png"}
 def images_of(folder: Path) -> Iterator[U8]:
     """Yield the images (HxWx3, RGB) of a folder in the order of their names.
 
-    Raises:
-        ConfigError: The folder has no image, or an unreadable one.
+    ConfigError if the folder has no image, or an unreadable one.
     """
     try:
         files = sorted(file for file in folder.iterdir() if file.suffix.lower() in SUFFIXES)
@@ -44,8 +43,7 @@ def images_of(folder: Path) -> Iterator[U8]:
 def inputs(session: Session, kind: str, images: Sequence[U8]) -> list[Array]:
     """Return images as the input of the network of a people model of a kind.
 
-    Raises:
-        ConfigError: The kind is unknown.
+    ConfigError if the kind is unknown.
     """
     model = find_factory(kind)(session, DetectorConfig(), kind)
     if not isinstance(model, NetworkModel):

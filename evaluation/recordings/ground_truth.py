@@ -75,8 +75,7 @@ def read_truth(recording: EvaluationRecording, stamps_ns: Sequence[int]) -> Samp
     In the virtual lab the visible share of people is known: from pixels if there is a file with the
     truth of each frame, else from the outlines of the bodies.
 
-    Raises:
-        SourceError: The recording has no truth, or it cannot be read.
+    SourceError if the recording has no truth, or it cannot be read.
     """
     for path, epoch_ns in ((recording.truth_file, EPOCH_NS), (recording.path / "gt.npz", 0)):
         if path.is_file():
@@ -94,8 +93,7 @@ def sample_truth(messages: Iterable[Truth], stamps_ns: Sequence[int], source: st
 
     Messages are by rising stamp; an older one begins a repetition, which is ignored.
 
-    Raises:
-        SourceError: There is no message, or they are in several frames.
+    SourceError if there is no message, or they are in several frames.
     """
     near = TruthBuffer(capacity=UNBOUNDED)
     far = TruthBuffer(max_gap_ns=LOST_NS, capacity=UNBOUNDED)

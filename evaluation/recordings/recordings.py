@@ -67,8 +67,7 @@ def plan_recordings(
 def render_recording(recording: EvaluationRecording, jobs: int, on_progress: OnProgress) -> None:
     """Render a scenario with some processes at once, unless it was rendered before.
 
-    Raises:
-        SourceError: The cache cannot be written.
+    SourceError if the cache cannot be written.
     """
     if recording.job is None or recording.path.exists():
         return

@@ -49,11 +49,7 @@ def simulated_views(
 
 
 def save_views(path: Path, stamps_ns: Sequence[int], views: Sequence[SimulatedView]) -> None:
-    """Write views to a file.
-
-    Raises:
-        SourceError: The file cannot be written.
-    """
+    """Write views to a file; SourceError if the file cannot be written."""
     ids = list(dict.fromkeys(name for view in views for name in view.shares))
     shares = [[view.shares[name] for name in ids] for view in views]
     poses = [view.map_from_camera for view in views]

@@ -37,8 +37,7 @@ class VisualMotion:
 
     The camera's mount replaces missing transforms. Detections mask people after their frame.
 
-    Raises:
-        SourceError: The recording cannot be read.
+    SourceError if the recording cannot be read.
     """
 
     def __init__(
@@ -93,8 +92,7 @@ class VisualMotionJob:
 def estimate_motion(job: VisualMotionJob) -> Path:
     """Return the detections with the estimated motion, cached.
 
-    Raises:
-        SourceError: The recording has no images.
+    SourceError if the recording has no images.
     """
     code = code_digest((*SHARED_CODE, services.visual_odometry))
     key = key_of(job.detections.name, code, job.camera, job.config)

@@ -14,11 +14,7 @@ SwitchRow = tuple[object, ...]  # see the header in `write_switches`
 
 
 def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """Write a table.
-
-    Raises:
-        SourceError: The file cannot be written.
-    """
+    """Write a table; SourceError if the file cannot be written."""
     file = io.StringIO(newline="")
     writer = csv.writer(file, lineterminator="\n")
     writer.writerow(header)
@@ -27,11 +23,7 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file, and create its folder.
-
-    Raises:
-        SourceError: It cannot be written.
-    """
+    """Write a file, and create its folder; SourceError if it cannot be written."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(data)

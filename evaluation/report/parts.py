@@ -64,8 +64,7 @@ def write_parts(path: Path, runs: Sequence[tuple[str, str, F64]]) -> None:
 def read_parts(path: Path) -> dict[tuple[str, str], F64]:
     """Return the sums of each method and recording.
 
-    Raises:
-        SourceError: The file is missing or has other columns.
+    SourceError if the file is missing or has other columns.
     """
     found: dict[tuple[str, str], list[list[float]]] = {}
     try:

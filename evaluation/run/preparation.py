@@ -38,8 +38,7 @@ class EvaluationPlan:
 def check_models(plan: EvaluationPlan) -> None:
     """Check that all models exist before the evaluation starts.
 
-    Raises:
-        ModelError: A model is unknown, or its file is absent.
+    ModelError if a model is unknown, or its file is absent.
     """
     if all(_has_no_images(recording) for recording in plan.recordings):
         return
@@ -72,8 +71,7 @@ def warnings_of(plan: EvaluationPlan) -> list[str]:
 def render_all(plan: EvaluationPlan, on_progress: OnProgress) -> None:
     """Render all scenarios that are not in the cache.
 
-    Raises:
-        SourceError: The cache cannot be written.
+    SourceError if the cache cannot be written.
     """
     for recording in plan.recordings:
 

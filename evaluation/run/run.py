@@ -76,8 +76,7 @@ class RunScores:
 def execute(run: EvaluationRun) -> RunOutput:
     """Track the people of a recording.
 
-    Raises:
-        SourceError: The recording has no calibration, or truth and tracks are in different frames.
+    SourceError if the recording has no calibration, or truth and tracks are in different frames.
     """
     messages = list(read_tracker_input(run.detections, run.embeddings))
     detections = tuple(m for m in messages if isinstance(m, Detections))

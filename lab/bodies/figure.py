@@ -36,11 +36,7 @@ def arrays() -> dict[str, npt.NDArray[np.generic]]:
 
 
 def load_figure(name: str) -> Figure:
-    """Return the figure of a name.
-
-    Raises:
-        ValueError: There is no such figure.
-    """
+    """Return the figure of a name; ValueError if there is no such figure."""
     asset = arrays()
     person = [str(figure) for figure in asset["people"]].index(name)
     steps = asset["vertices"].astype(np.float64)

@@ -93,8 +93,7 @@ class SensorChanges(Config, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     def change_model(self, model: DepthSensorModel) -> DepthSensorModel:
         """Return a model with the changes.
 
-        Raises:
-            ConfigError: The limits of depth contradict each other.
+        ConfigError if the limits of depth contradict each other.
         """
         changes = {k: v for k, v in msgspec.structs.asdict(self).items() if v is not None}
         try:

@@ -40,8 +40,7 @@ class SimulationMetadata(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
 def read_metadata(recording: Recording) -> SimulationMetadata | None:
     """Return the origin of a recording; None for a recording of a real camera.
 
-    Raises:
-        SourceError: The metadata are damaged, or of a later version.
+    SourceError if the metadata are damaged, or of a later version.
     """
     if NAME not in recording.metadata:
         return None
@@ -75,8 +74,7 @@ def depth_sensor_of(
 class CleanDepthSensor:
     """Depth sensor for the clean depth of one camera.
 
-    Raises:
-        ConfigError: A change of its errors is unknown or out of range.
+    ConfigError if a change of its errors is unknown or out of range.
     """
 
     def __init__(
@@ -95,8 +93,7 @@ class CleanDepthSensor:
     def measure(self, depth_mm: U16, stamp_ns: int) -> U16:
         """Return the readings of true depth (HxW, in millimetres, 0: nothing).
 
-        Raises:
-            DecodeError: The size of the image differs from the calibration.
+        DecodeError if the size of the image differs from the calibration.
         """
         if depth_mm.shape != self._shape:
             raise DecodeError(

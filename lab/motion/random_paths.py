@@ -33,11 +33,7 @@ class FreeFloor:
         return (self.high_m[0] - self.low_m[0]) * (self.high_m[1] - self.low_m[1])
 
     def position(self, rng: np.random.Generator) -> Position:
-        """Return a free position.
-
-        Raises:
-            ValueError: No position is free.
-        """
+        """Return a free position; ValueError if no position is free."""
         for _ in range(TRIES):
             x, y = rng.uniform(self.low_m, self.high_m).tolist()
             if self.is_free((x, y)):
@@ -46,11 +42,7 @@ class FreeFloor:
 
 
 def random_start(rng: np.random.Generator, floor: FreeFloor, others: list[Position]) -> Position:
-    """Return a free position at a distance from others.
-
-    Raises:
-        ValueError: No position is free.
-    """
+    """Return a free position at a distance from others; ValueError if no position is free."""
     for _ in range(TRIES):
         start = floor.position(rng)
         if all(math.dist(start, other) >= APART_M + 0.05 for other in others):

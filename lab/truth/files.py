@@ -61,8 +61,7 @@ def save_frames(path: Path, info: CameraInfo, frames: Sequence[Arrays]) -> None:
 def join_frames(path: Path, parts: Sequence[Path]) -> None:
     """Join files of `save_frames`, at least one, in order; one is in memory at a time.
 
-    Raises:
-        SourceError: The file cannot be written.
+    SourceError if the file cannot be written.
     """
     with np.load(parts[0]) as first:
         names = list(first)

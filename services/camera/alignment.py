@@ -70,8 +70,7 @@ class ImageAlignment:
     def __call__(self, rgb: U8, depth_mm: U16) -> tuple[U8, U16]:
         """Return colour and depth, aligned.
 
-        Raises:
-            ValueError: The depth image has another size than the calibration of depth.
+        ValueError if the depth image has another size than the calibration of depth.
         """
         if self.registration:
             depth_mm = self.registration(depth_mm)

@@ -132,8 +132,7 @@ def registration(
 ) -> Registration | None:
     """Return the registration of depth to colour; None if depth is aligned.
 
-    Raises:
-        SourceError: Depth has another size and no calibration, or the transform is not rigid.
+    SourceError if depth has another size and no calibration, or the transform is not rigid.
     """
     if calibration.depth is None:
         if depth_size == (colour.height, colour.width):

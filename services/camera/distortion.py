@@ -22,8 +22,7 @@ def read_distortion(model: str, coefficients: npt.ArrayLike) -> tuple[float, ...
 
     Trailing zeros are ignored.
 
-    Raises:
-        SourceError: The model is unknown, or has too many coefficients.
+    SourceError if the model is unknown, or has too many coefficients.
     """
     numbers = np.trim_zeros(np.ravel(np.asarray(coefficients, np.float64)), "b").tolist()
     name = re.sub(r"\W+", "_", model.lower())

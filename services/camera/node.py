@@ -181,8 +181,7 @@ class CameraNode(Node):
     def close(self) -> None:
         """Stop reading and close the source.
 
-        Raises:
-            SourceError: No frame of the source matches its declaration.
+        SourceError if no frame of the source matches its declaration.
         """
         check = self._check
         cause, fault = (check.cause, check.fault) if check.hopeless else ("", "")

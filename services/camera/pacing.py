@@ -141,11 +141,7 @@ def is_jump(gap_ns: int) -> bool:
 
 
 def pacing_of(config: CameraConfig, live: bool) -> Pacing:
-    """Return the pacing of a playback.
-
-    Raises:
-        ConfigError: The playback does not suit the source.
-    """
+    """Return the pacing of a playback; ConfigError if the playback does not suit the source."""
     if config.playback not in ("auto", *(("live",) if live else ("recorded", "lockstep"))):
         kind = "live camera" if live else "recording"
         raise ConfigError(

@@ -10,8 +10,7 @@ from services.dashboard.config import DashboardConfig
 def check_page(config: DashboardConfig) -> None:
     """Check that the web server is installed, and the files of the certificate.
 
-    Raises:
-        ConfigError: The server is not installed, or a file is unusable.
+    ConfigError if the server is not installed, or a file is unusable.
     """
     need("the dashboard", "dashboard")
     if bool(config.certificate) != bool(config.certificate_key):

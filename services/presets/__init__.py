@@ -62,11 +62,7 @@ def preset_settings(name: str) -> list[str]:
 
 
 def preset_file(name: str) -> Path:
-    """Return the file of a preset.
-
-    Raises:
-        ConfigError: There is no such preset.
-    """
+    """Return the file of a preset; ConfigError if there is no such preset."""
     if name in PRESETS:
         return FOLDER / f"{name}.toml"
     if name.endswith(".toml"):

@@ -55,8 +55,7 @@ class ReportOutput(Protocol):
 class ReportFolder:
     """Writes the report into a folder, and its summary to standard output.
 
-    Raises:
-        ConfigError: The folder cannot be made or written to.
+    ConfigError if the folder cannot be made or written to.
     """
 
     def __init__(self, config: ReportConfig) -> None:
@@ -74,8 +73,7 @@ class ReportFolder:
     def finish(self, sheet: U8, page: RunPage) -> None:
         """Write videos, sheet, page and summary.
 
-        Raises:
-            People4dError: A file cannot be written, for example because the disk is full.
+        People4dError if a file cannot be written, for example because the disk is full.
         """
         deadline_s = time.monotonic() + ENCODING_S
         for video in self._videos.values():
@@ -107,8 +105,7 @@ class ReportFolder:
 def check_folder(config: ReportConfig) -> None:
     """Create the folder of the report, marked as incomplete.
 
-    Raises:
-        ConfigError: The folder cannot be made or written to.
+    ConfigError if the folder cannot be made or written to.
     """
     path = Path(config.folder)
     try:

@@ -56,8 +56,7 @@ class Cluster:
     def wait_ready(self, client: Client, instances: set[str]) -> None:
         """Wait until the heartbeats of these processes report that they work.
 
-        Raises:
-            TimeoutError: A process does not work in time.
+        TimeoutError if a process does not work in time.
         """
         waiting = set(instances)
         for health in client.messages(Health, timeout_s=READY_S):

@@ -76,8 +76,7 @@ def add(
 def check_name(name: str, file: Path) -> None:
     """Check the name of a new model and the type of its file.
 
-    Raises:
-        ModelError: The file is not an .onnx file, or the name cannot be used.
+    ModelError if the file is not an .onnx file, or the name cannot be used.
     """
     if file.suffix != ".onnx" or not file.is_file():
         raise ModelError(f"{file} is not an .onnx file", "Export the network to ONNX first.")
@@ -108,8 +107,7 @@ def demo_frame() -> U8:
 def write_entry(entry: ModelFile, file: Path) -> None:
     """Copy a file to the user's models, and write its entry in their manifest.
 
-    Raises:
-        ModelError: The folder cannot be written.
+    ModelError if the folder cannot be written.
     """
     folder = own_folder()
     manifest = folder / MANIFEST.name

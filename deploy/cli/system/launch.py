@@ -62,8 +62,7 @@ def _print_page(state: State) -> None:
 def _attend_to_end(launcher: Launcher, request: LaunchRequest) -> None:
     """Supervise a system, and stop it at the end.
 
-    Raises:
-        People4dError: A process failed, or supervisord was killed while the services continue.
+    People4dError if a process failed, or supervisord was killed while the services continue.
     """
     state = launcher.state
     with ExitStack() as end:

@@ -109,8 +109,7 @@ def stamp_of(text: str) -> int:
 def read_truth(path: Path) -> dict[int, BoxTruth]:
     """Read the boxes of a sequence by stamp [ns].
 
-    Raises:
-        SourceError: It cannot be read, or a line has other columns.
+    SourceError if it cannot be read, or a line has other columns.
     """
     try:
         return dict(_lines(read_text(path, MAX_BYTES)))

@@ -108,8 +108,7 @@ RIMT = RimtDataset(
 def position_of(message: Any) -> tuple[float, float, float]:
     """Return the position of a stamped point, transform, pose or odometry.
 
-    Raises:
-        AttributeError: The message has none.
+    AttributeError if the message has none.
     """
     for name in ("point", "transform", "translation", "pose", "pose", "position"):
         message = getattr(message, name, message)

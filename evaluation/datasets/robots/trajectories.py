@@ -41,11 +41,7 @@ class TrajectoryErrors(Counts):
 
 
 def read_poses(path: Path) -> dict[float, F64]:
-    """Read a trajectory.
-
-    Raises:
-        SourceError: It cannot be read, or a line has other columns.
-    """
+    """Read a trajectory; SourceError if it cannot be read, or a line has other columns."""
     poses = {}
     try:
         for number, line in enumerate(read_text(path, MAX_BYTES).splitlines(), 1):

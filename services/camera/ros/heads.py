@@ -53,8 +53,7 @@ def simulated_topics(bag: Bag, topics: Collection[str]) -> frozenset[str]:
 def depth_unit_m(bag: Bag, depth: str) -> float:
     """Return the unit of 16-bit depth [m]: librealsense's record, or else a millimetre.
 
-    Raises:
-        SourceError: The recorded unit is no length.
+    SourceError if the recorded unit is no length.
     """
     sensor = sdk_stream(depth).rpartition("/")[0]
     option = f"{sensor}/option/Depth_Units/value"

@@ -26,8 +26,7 @@ class CsvTruth:
 
     People without a position are left out.
 
-    Raises:
-        SourceError: The file cannot be read, or lacks a required column.
+    SourceError if the file cannot be read, or lacks a required column.
     """
 
     def __init__(self, config: GtBridgeConfig) -> None:
@@ -36,11 +35,7 @@ class CsvTruth:
             raise SourceError(f"truth {self._path} has no row of kind truth", "Check the file.")
 
     def __iter__(self) -> Iterator[Truth]:
-        """Yield one message for each stamp.
-
-        Raises:
-            SourceError: A row is invalid.
-        """
+        """Yield one message for each stamp; SourceError if a row is invalid."""
         last_ns = None
         for sequence, (stamp_ns, rows) in enumerate(groupby(self._rows(), key=self._stamp_ns)):
             people = list(islice(rows, MAX_ITEMS + 1))

@@ -23,8 +23,7 @@ RATES_HZ = (1e-3, 1e6)  # range of frame rates
 class RecordingTruth:
     """Truth messages of a recording.
 
-    Raises:
-        SourceError: The file does not exist, is not a recording, or holds no truth.
+    SourceError if the file does not exist, is not a recording, or holds no truth.
     """
 
     def __init__(self, config: GtBridgeConfig) -> None:
@@ -43,8 +42,7 @@ class RecordingTruth:
 class NpzTruth:
     """K people at N times, with ids "0" to K-1, except positions of NaN.
 
-    Raises:
-        SourceError: The file does not exist, is not NPZ, or lacks an array.
+    SourceError if the file does not exist, is not NPZ, or lacks an array.
     """
 
     def __init__(self, config: GtBridgeConfig) -> None:
@@ -94,8 +92,7 @@ def _check(t: F64, pos: F64, vel: F64, yaw: F64) -> None:
 class MotTruth:
     """Evaluated lines with a position; frame 1 is at 0 s. Boxes are not used.
 
-    Raises:
-        SourceError: The file cannot be read, has no position, or its rate is unknown.
+    SourceError if the file cannot be read, has no position, or its rate is unknown.
     """
 
     def __init__(self, config: GtBridgeConfig) -> None:

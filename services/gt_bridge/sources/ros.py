@@ -18,8 +18,7 @@ SHOWN = 8  # maximum number of topics in an error
 class RosbagTruth:
     """People messages of one topic of a bag.
 
-    Raises:
-        SourceError: The bag cannot be read, has no such topic, or several without a choice.
+    SourceError if the bag cannot be read, has no such topic, or several without a choice.
     """
 
     def __init__(self, config: GtBridgeConfig) -> None:
@@ -30,8 +29,7 @@ class RosbagTruth:
     def __iter__(self) -> Iterator[Truth]:
         """Yield the messages in the order of the bag.
 
-        Raises:
-            SourceError: The bag is damaged, or the name of a frame is invalid.
+        SourceError if the bag is damaged, or the name of a frame is invalid.
         """
         with open_bag(self._path, {}) as bag:
             for sequence, (_, _, message) in enumerate(bag.messages([self._topic])):
@@ -81,8 +79,7 @@ def stamped_truth(message: Any) -> Truth:
 def truth_of(message: Any, sequence: int) -> Truth:
     """Return a deserialised People message as Truth, without people of unknown position.
 
-    Raises:
-        ValueError: The name of the frame is invalid.
+    ValueError if the name of the frame is invalid.
     """
     stamp = message.header.stamp
     return Truth(

@@ -35,8 +35,7 @@ class Ros2Truth:
 
     A topic named .../PERSON/pose has poses of PERSON, other topics have People.
 
-    Raises:
-        ConfigError: The source does not name topics of ROS 2.
+    ConfigError if the source does not name topics of ROS 2.
     """
 
     def __init__(self, config: GtBridgeConfig) -> None:
