@@ -19,4 +19,3 @@ class ReportConfig(Config, frozen=True, kw_only=True):
     sheet_frames: Annotated[int, Meta(ge=1, le=100)] = 12
     truth: Text = ""  # source of requested ground truth; without its messages the run has limits
     note: Text = ""  # sentence on the page about simulated data
-    tile_width_px: Annotated[int, Meta(ge=160, le=1920)] = 480  # width of a frame on the sheet [px]

@@ -29,6 +29,8 @@ from services.report.sheet import COLUMNS, contact_sheet
 from services.report.statistics import RunStatistics
 from services.report.trajectories import TrajectoryStore
 
+TILE_WIDTH_PX = 480  # width of a frame on the sheet [px]
+
 
 class ReportNode(Node):
     """Joins frames with their detections and tracks, in bounded memory."""
@@ -102,7 +104,7 @@ class ReportNode(Node):
         if self._config.video:
             self._output.add_frame(AnnotatedFrame(frame.camera, frame.stamp_ns, image))
         if self._tiles.is_next:
-            self._tiles.add(Tile(shrink(image, self._config.tile_width_px), self._caption(frame)))
+            self._tiles.add(Tile(shrink(image, TILE_WIDTH_PX), self._caption(frame)))
         else:
             self._tiles.skip()
 

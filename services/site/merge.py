@@ -9,6 +9,7 @@ from msgspec.structs import replace
 
 from people4d.messages import Track
 
+SAME_M = 0.5  # maximum distance on the ground between two tracks of one person in two areas [m]
 CONFLICT_M = 1.5  # minimum distance between measured tracks of two people with one identity [m]
 
 
@@ -21,11 +22,11 @@ class Merged:
     conflicts: int  # number of omitted tracks of a second person with the same identity
 
 
-def merge(areas: Mapping[str, Iterable[Track]], same_m: float) -> Merged:
+def merge(areas: Mapping[str, Iterable[Track]]) -> Merged:
     """Return the tracks of all areas, each identity and each person once.
 
     If two areas have one identity, the more recently measured track counts. If tracks of two areas
-    with different identities are closer than `same_m`, they are one person, with the identity of
+    with different identities are closer than SAME_M, they are one person, with the identity of
     the longer track.
     """
     best: dict[int, tuple[str, Track]] = {}
@@ -46,7 +47,7 @@ def merge(areas: Mapping[str, Iterable[Track]], same_m: float) -> Merged:
                 best[track.id] = area, track
     accepted: list[tuple[str, Track]] = []
     for area, track in sorted(best.values(), key=lambda one: (-one[1].hits, one[1].id)):
-        near = (_distance_m(track, t) < same_m for other, t in accepted if other != area)
+        near = (_distance_m(track, t) < SAME_M for other, t in accepted if other != area)
         if not any(near):
             accepted.append((area, track))
     tracks = tuple(sorted((track for _, track in accepted), key=lambda track: track.id))

@@ -16,6 +16,10 @@ from people4d.messages.base import MAX_CAMERAS, Name
 from services.site.config import SiteConfig
 from services.site.merge import merge, predicted
 
+# Maximum silence of a camera whose people are published [s]; trackers predict at 10 Hz
+FRESH_S = 0.5
+SILENCE_S = 3.0  # maximum silence of an area before it is reported [s]
+CLOCK_TOLERANCE_S = 1.0  # maximum difference between the clocks of areas [s]
 COUNTERS = ("doubles", "id_conflicts", "other_frame", "refused_cameras", "clock_apart")
 
 
@@ -71,11 +75,7 @@ class SiteNode(Node):
         self._counters = Counter(dict.fromkeys(COUNTERS, 0))
 
     def attach(self, loop: LoopCallbacks) -> None:
-        """Check the name of the site.
-
-        Raises:
-            ConfigError: An area has the same name.
-        """
+        """Check the name of the site; ConfigError if an area has the same name."""
         if loop.robot in self._areas:
             raise ConfigError(
                 f"the site has the name of its area {loop.robot}",
@@ -111,7 +111,7 @@ class SiteNode(Node):
         if not heard:
             return ()
         present = {name: self._people(area, now_ns) for name, area in self._areas.items()}
-        merged = merge(present, self._config.same_m)
+        merged = merge(present)
         self._counters["doubles"] += merged.doubles
         self._counters["id_conflicts"] += merged.conflicts
         self._sequence += 1
@@ -132,7 +132,7 @@ class SiteNode(Node):
 
     def status(self) -> Status:
         """Report silent areas, and areas with another clock."""
-        silence_ns, reasons = self._config.silence_s * 1e9, []
+        silence_ns, reasons = SILENCE_S * 1e9, []
         started_ns = self._now_ns if self._started_ns is None else self._started_ns
         if not self._areas:
             reasons.append("no areas are configured: site.areas")
@@ -161,7 +161,7 @@ class SiteNode(Node):
 
     def _people(self, area: AreaState, now_ns: int) -> list[Track]:
         """Return the present people of an area, each from its newest message."""
-        fresh_ns = self._config.fresh_s * 1e9
+        fresh_ns = FRESH_S * 1e9
         newest = dict[int, Track]()
         for tracks, arrived_ns in sorted(area.last.values(), key=lambda one: one[1]):
             age_ns = now_ns - arrived_ns
@@ -177,8 +177,7 @@ class SiteNode(Node):
             if area.offsets_ns
         }
         first = next(iter(offsets.values()), 0.0)
-        limit_s = self._config.clock_tolerance_s
-        return {name: s - first for name, s in offsets.items() if abs(s - first) > limit_s}
+        return {n: s - first for n, s in offsets.items() if abs(s - first) > CLOCK_TOLERANCE_S}
 
 
 def _area_tracks(area: str, message: Tracks) -> AreaTracks:

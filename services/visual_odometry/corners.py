@@ -24,6 +24,7 @@ BACK_LEVELS = 1  # halvings of the image for backward flow, which begins at the 
 STEPS = 15  # maximum number of iterations on each level
 EIGENVALUE_MIN = 1e-4  # OpenCV's minimum eigenvalue of a window with enough contrast
 BACK_MAX_PX = 1.0  # maximum distance to the start after forward and backward flow [px]
+RANGE_M = (0.3, 10.0)  # minimum and maximum valid depth
 SMALL = 4  # reduction of the images for phase correlation
 
 
@@ -59,11 +60,10 @@ class OdometryFrame:
 
 @dataclass(frozen=True)
 class ReducedCamera:
-    """Calibration of the full images, their reduced width, and the range of the sensor."""
+    """Calibration of the full images, and their reduced width."""
 
     info: CameraInfo
     width_px: int  # maximum width of a reduced image
-    range_m: tuple[float, float]  # minimum and largest valid depth
 
     @property
     def scale(self) -> float:
@@ -116,7 +116,7 @@ def find_corners(grey: U8) -> F32:
     return np.asarray(2 * pixels[order[strengths[order] > least]], np.float32)
 
 
-def read_depth_m(depth_mm: U16, pixels: F64, range_m: tuple[float, float]) -> tuple[F64, Flags]:
+def read_depth_m(depth_mm: U16, pixels: F64) -> tuple[F64, Flags]:
     """Return the depth (N) at points (Nx2), and flags (N) of points beyond the sensor's range.
 
     Depth is NaN at the edge of a surface, outside the range, or unread. A patch with no
@@ -131,7 +131,7 @@ def read_depth_m(depth_mm: U16, pixels: F64, range_m: tuple[float, float]) -> tu
     middle = found[each, np.minimum((missing + last + 1) // 2, last)]
     spread = found[:, -1] - found[each, np.minimum(missing, last)]
     good = (missing <= len(PATCH) * (1 - READ_SHARE)) & (spread <= EDGE_SHARE * middle)
-    good &= (middle >= range_m[0]) & (middle <= range_m[1])
+    good &= (middle >= RANGE_M[0]) & (middle <= RANGE_M[1])
     return np.where(good, middle, np.nan), missing == len(PATCH)
 
 

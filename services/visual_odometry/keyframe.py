@@ -194,7 +194,7 @@ def detect_landmarks(
     """
     corners = find_corners(grey)
     pixels = camera.to_full(corners)
-    depths_m, far = read_depth_m(frame.depth_mm, pixels, camera.range_m)
+    depths_m, far = read_depth_m(frame.depth_mm, pixels)
     near = np.isfinite(depths_m)
     people = frame.people.cover_points(pixels, depths_m)
     groups = ((near & ~people, NEAR_MAX), (far & ~people, FAR_MAX), (near & people, PEOPLE_MAX))

@@ -19,7 +19,7 @@ from people4d.messages import (
     RgbdFrame,
     StaticTransform,
 )
-from services.visual_odometry.config import VisualOdometryConfig
+from services.visual_odometry.config import MAP, VisualOdometryConfig
 from services.visual_odometry.corners import OdometryFrame, PeopleRegions, ReducedCamera
 from services.visual_odometry.keyframe import PoseEstimate
 from services.visual_odometry.odometer import COUNTERS, START, Odometer
@@ -147,7 +147,7 @@ class VisualOdometryNode(Node):
         if self._odometer is None or changed:
             self._info, self._mount = info, mount
             config = self._config
-            camera = ReducedCamera(info, config.width_px, (config.range_min_m, config.range_max_m))
+            camera = ReducedCamera(info, config.width_px)
             camera_mount = BaseMount(mount, config.planar)
             self._odometer = Odometer(config, camera, camera_mount, self._counters, self._pose)
         return self._odometer
@@ -179,9 +179,8 @@ class VisualOdometryNode(Node):
     def _odometry(self, frame: RgbdFrame, pose: PoseEstimate) -> Message:
         config, sequence = self._config, self._sequence
         self._sequence += 1
-        parent = config.frame_id
-        if self._frames.path(config.map_id, parent) is None:
-            parent = config.map_id
+        known = self._frames.path(MAP, config.frame_id) is not None
+        parent = config.frame_id if known else MAP
         if not config.planar:
             return MovingTransform(
                 stamp_ns=frame.stamp_ns,

@@ -233,7 +233,7 @@ def test_frame_rate() -> None:
     assert frame_rate_hz([0, 1]) == 120.0
 
 
-@pytest.mark.parametrize("setting", [{"sheet_frames": 0}, {"tile_width_px": 10}])
+@pytest.mark.parametrize("setting", [{"sheet_frames": 0}, {"sheet_frames": 101}])
 def test_settings_out_of_range(setting: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match="expected"):
         ReportConfig(**setting)

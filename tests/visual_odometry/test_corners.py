@@ -5,8 +5,6 @@ import pytest
 
 from services.visual_odometry.corners import CELL_PX, PeopleRegions, find_corners, read_depth_m
 
-RANGE_M = (0.3, 10.0)
-
 
 def test_each_cell_has_one_corner_in_order_of_contrast() -> None:
     """A bright and a dimmer square: the four corners of the bright square come first."""
@@ -38,7 +36,7 @@ def test_depth_is_the_median_of_the_surroundings() -> None:
     depth_mm[40:, :] = 4000  # an edge between rows 39 and 40
     depth_mm[:, 50:] = 0  # 10 of the 25 around column 50 remain: too few
     pixels = np.array([[20.0, 20.0], [20.0, 39.0], [50.0, 50.0], [55.0, 10.0], [0.0, 0.0]])
-    depths, far = read_depth_m(depth_mm, pixels, RANGE_M)
+    depths, far = read_depth_m(depth_mm, pixels)
     assert depths == pytest.approx([2.0, np.nan, np.nan, np.nan, 2.0], nan_ok=True)
     assert far.tolist() == [False, False, False, True, False]
 
@@ -46,9 +44,7 @@ def test_depth_is_the_median_of_the_surroundings() -> None:
 def test_depth_out_of_range_is_none() -> None:
     depth_mm = np.full((60, 60), 12_000, np.uint16)
     depth_mm[:, :30] = 200
-    assert np.isnan(
-        read_depth_m(depth_mm, np.array([[40.0, 30.0], [10.0, 30.0]]), RANGE_M)[0]
-    ).all()
+    assert np.isnan(read_depth_m(depth_mm, np.array([[40.0, 30.0], [10.0, 30.0]]))[0]).all()
 
 
 def test_people_cover_points_in_their_box_at_their_depth() -> None:

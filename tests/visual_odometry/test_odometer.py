@@ -32,7 +32,7 @@ PLAIN = np.full((HEIGHT, WIDTH), 90, np.uint8)
 
 def odometer(config: VisualOdometryConfig = CONFIG) -> tuple[Odometer, Counter[str]]:
     counters = Counter(dict.fromkeys(COUNTERS, 0))
-    lens = ReducedCamera(INFO, config.width_px, (config.range_min_m, config.range_max_m))
+    lens = ReducedCamera(INFO, config.width_px)
     mount = BaseMount(BASE_FROM_OPTICAL, config.planar)
     return Odometer(config, lens, mount, counters), counters
 

@@ -1,10 +1,5 @@
 """people4d demo."""
 
-import os
-import select
-import sys
-import webbrowser
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -14,14 +9,11 @@ from common.config import setting
 from common.transport.ports import free_port
 from deploy.cli.options import Preset
 from deploy.cli.system.launch import LOCKSTEP_WAITS, SIMULATED, START_TIMEOUT_S, launch
-from deploy.cli.terminal import console
 from deploy.launcher.plan import CAMERA, COMPOSE_FILE, REPORT, LaunchRequest
 from deploy.launcher.state import State
 from services.presets import preset_settings
 
 DEMO = COMPOSE_FILE.parent / "demo" / "crossing.mcap"
-PAGE = "report.html"
-OFFER_S = 30.0
 
 
 def demo(
@@ -52,19 +44,3 @@ def demo(
     launch(request, START_TIMEOUT_S, detach=False)
     if not robot:
         State.of_robot(name).remove()
-    offer(report / PAGE)
-
-
-def offer(page: Path, environment: Mapping[str, str] = os.environ) -> None:
-    """Offer to open a page in a browser; only in a terminal on a desktop."""
-    terminal = sys.stdin.isatty() and sys.stdout.isatty()
-    desktop = any(environment.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
-    if not (terminal and desktop and page.is_file()):
-        return
-    console.print(
-        f"Open {page} in a browser? [Y/n] (no after {OFFER_S:g} s) ", end="", markup=False
-    )
-    ready, _, _ = select.select([sys.stdin], [], [], OFFER_S)
-    if ready and sys.stdin.readline().strip().lower() in ("", "y", "yes"):
-        webbrowser.open(page.absolute().as_uri())
-    console.print()
