@@ -33,13 +33,12 @@ class Table:
     def cell(self, column: str, *labels: str, section: str = "") -> str:
         """Return the cell of the row that begins with these labels.
 
+        LookupError if there is no such cell.
+
         Args:
             column: Title of the column, or its beginning.
             labels: First cells of the row.
             section: Beginning of the heading above the table.
-
-        Raises:
-            LookupError: There is no such cell.
         """
         for heading, row in self._rows:
             if heading.startswith(section) and tuple(row.values())[: len(labels)] == labels:

@@ -52,9 +52,8 @@ class Device(Protocol):
 class SdkCamera(Source):
     """A camera that is opened on reading, and reopened after a failure.
 
-    Its SDK is imported at its first use.
-
-    ConfigError if the SDK is not installed, or an option is unknown or wrong.
+    Its SDK is imported at its first use. ConfigError if the SDK is not installed, or an option is
+    unknown or wrong.
     """
 
     live = True

@@ -39,15 +39,14 @@ def load(
 ) -> T:
     """Build a configuration record; later sources win: file, environment, overrides.
 
+    ConfigError if a field is unknown, or a value has the wrong type or is out of range.
+
     Args:
         kind: Record type; its defaults hold for absent fields.
         section: Table of the TOML file and name in the environment: PEOPLE4D_<SECTION>_<FIELD>.
         file: TOML file, None for none.
         overrides: "field=value" or "table.field=value" as given on the command line.
         environment: Environment variables; an empty value counts as not set.
-
-    Raises:
-        ConfigError: A field is unknown, or a value has the wrong type or is out of range.
     """
     values = _read(file, section) if file else {}
     for name in kind.__struct_fields__:

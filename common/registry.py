@@ -13,16 +13,14 @@ def find(what: str, registry: Mapping[str, str], name: str, *others: str) -> Any
     """Return the class or function of a name, importing its module on demand.
 
     Plug-ins are searched last in the folders of $PEOPLE4D_PLUGINS, which the command `people4d`
-    sets to PYTHONPATH and the working directory.
+    sets to PYTHONPATH and the working directory. ConfigError if the name is unknown, or its module
+    or attribute cannot be found.
 
     Args:
         what: Kind of thing, for the error.
         registry: Name to "module:attribute".
         name: A name of the registry, or "module:attribute" of a plug-in.
         others: Further names for the error.
-
-    Raises:
-        ConfigError: The name is unknown, or its module or attribute cannot be found.
     """
     module, separator, attribute = registry.get(name, name).partition(":")
     if not separator:

@@ -48,9 +48,8 @@ _Loader.add_constructor("!reset", lambda *_: _Override(None))
 def load(file: Path) -> Any:
     """Load a compose file, with extended services merged.
 
-    Raises:
-        ConfigError: A file cannot be read or is not YAML.
-        ValueError: A service extends itself or an unknown service.
+    ConfigError if a file cannot be read or is not YAML; ValueError if a service extends itself or
+    an unknown service.
     """
     parse = cache(_parse)
     document = parse(file)

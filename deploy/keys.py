@@ -54,16 +54,14 @@ class CredentialCheck:
 def write_certificates(folder: Path, hosts: Hosts, addresses: Sequence[str], days: int) -> None:
     """Write an authority and a folder of certificates for each host.
 
-    An existing authority in the folder signs the new certificates.
+    An existing authority in the folder signs the new certificates. ConfigError if a role is
+    unknown, or the authority in the folder cannot be read.
 
     Args:
         folder: Folder of the authority.
         hosts: Roles of each host by its name.
         addresses: Names and addresses by which other hosts reach the router.
         days: Validity of the certificates.
-
-    Raises:
-        ConfigError: A role is unknown, or the authority in the folder cannot be read.
     """
     _check(hosts)
     authority = _read_authority(folder) or _new_authority(folder)

@@ -57,9 +57,7 @@ class Evaluation:
 def evaluate(plan: EvaluationPlan, on_progress: OnProgress) -> Evaluation:
     """Score all methods on all recordings.
 
-    Raises:
-        SourceError: A recording cannot be read, or has no truth.
-        ModelError: A model is absent.
+    SourceError if a recording cannot be read, or has no truth; ModelError if a model is absent.
     """
     check_models(plan)
     render_all(plan, on_progress)

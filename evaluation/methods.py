@@ -62,9 +62,8 @@ def read_methods(presets: Sequence[str], settings: Sequence[str] = ()) -> list[M
 def read_method(preset: str, settings: Sequence[str] = ()) -> Method:
     """Return the method of a preset or TOML file, as `people4d up --preset` would run it.
 
-    Settings ("service.field=value") win over the preset.
-
-    ConfigError if the preset or a setting is unknown, or a value is out of range.
+    Settings ("service.field=value") win over the preset. ConfigError if the preset or a setting is
+    unknown, or a value is out of range.
     """
     fields: dict[str, list[str]] = {service: [] for service in SERVICES}
     for text in [*preset_settings(preset), *settings]:

@@ -58,11 +58,10 @@ def lockstep(camera: CameraConfig) -> CameraConfig:
 def play(camera: CameraConfig, nodes: Sequence[Node]) -> Iterator[PipelineStep]:
     """Play a source in lock-step through detector and following nodes.
 
+    SourceError if the source cannot be opened, or sends nothing for TIMEOUT_S.
+
     Yields:
         Calibration and transform, then one step a frame.
-
-    Raises:
-        SourceError: The source cannot be opened, or sends nothing for TIMEOUT_S.
     """
     node = build_camera(camera)
     news = threading.Event()

@@ -134,7 +134,6 @@ class Tuner:
         """Search settings with cross-validation.
 
         The time decides on the number of candidates in the first search; the others have as many.
-
         SourceError if the recording is too short.
         """
         before = self.sums({})
@@ -216,10 +215,8 @@ def tune_plan(
 ) -> TuningResult:
     """Search settings of the only method of a plan on its only recording.
 
-    Raises:
-        ConfigError: The recording is for judging only.
-        SourceError: A recording cannot be read, has no truth, or is too short.
-        ModelError: A model is absent.
+    ConfigError if the recording is for judging only; SourceError if a recording cannot be read, has
+    no truth, or is too short; ModelError if a model is absent.
     """
     (recording,), (method,) = plan.recordings, plan.methods
     check_tuning(recording, method)

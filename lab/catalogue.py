@@ -26,12 +26,11 @@ def scenario_names() -> list[str]:
 def load_scenario(name: str, seed: int | None = None) -> Scenario:
     """Read a scenario by its name or the path of its file, or draw a random scene.
 
+    ConfigError if there is no such scenario, or it cannot be read.
+
     Args:
         name: Name, path, or random?OPTION=VALUE&..., see `lab.random_options.RandomScene`.
         seed: Seed of a random scene, in place of the seed in its name; others do not depend on it.
-
-    Raises:
-        ConfigError: There is no such scenario, or it cannot be read.
     """
     if is_random(name):
         return random_scenario(name, seed)

@@ -37,12 +37,11 @@ class LabOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
 class LabSource(Source):
     """A scenario as a camera, deterministic like a recording.
 
+    ConfigError if there is no such scenario, or an option is out of range.
+
     Args:
         name: Scenario that ships or path of a scenario's file, with @SEED for another seed.
         options: Fidelity and depth sensor.
-
-    Raises:
-        ConfigError: There is no such scenario, or an option is out of range.
     """
 
     options_type = LabOptions

@@ -76,14 +76,13 @@ def adjust(
 ) -> AdjustmentResult:
     """Return the poses at which the people of all cameras coincide.
 
+    CalibrationError if no two cameras have positions of one person.
+
     Args:
         cameras: Paths by name, of all cameras in `first`.
         first: Poses to begin with, in the level frame of the reference.
         reference: Camera that is the origin of poses and clocks.
         floors: Floor in view of each camera, optical frame; may lack cameras.
-
-    Raises:
-        CalibrationError: No two cameras have positions of one person.
     """
     names = [reference, *(name for name in first if name != reference)]
     level = {name: cameras[name].level_from_optical for name in names}

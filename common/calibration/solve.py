@@ -46,15 +46,14 @@ def calibrate(
 ) -> CalibrationResult:
     """Return the poses and clocks of cameras from walking people in view.
 
+    CalibrationError if the people do not determine the poses.
+
     Args:
         observed: Observations of each camera.
         reference: Camera that is the origin; empty: the first by name.
         map_from_reference: Pose of the reference (4x4); None: the map is on the floor below it, x
             forward.
         search_s: Maximum offset of clocks beyond the times of arrival [s].
-
-    Raises:
-        CalibrationError: The people do not determine the poses.
     """
     names = [c.camera for c in observed]
     reference = reference or min(names, default="")

@@ -100,12 +100,11 @@ def read_pose(path: Path, camera: str) -> F64:
 def check_tree(transforms: Sequence[StaticTransform], frames: Mapping[str, str]) -> None:
     """Check that the map may become the parent of the cameras' optical frames.
 
+    CalibrationError if a camera is on a base, or the transforms form a loop.
+
     Args:
         transforms: Transforms that are published now.
         frames: Optical frame by camera.
-
-    Raises:
-        CalibrationError: A camera is on a base, or the transforms form a loop.
     """
     parents = {t.child: t.parent for t in transforms}
     if loop := find_loop(parents):

@@ -22,13 +22,12 @@ RATE_STEP_HZ = 1000  # denominator of frame rates
 class VideoWriter:
     """Writes one video.
 
+    People4dError if the file cannot be written.
+
     Args:
         path: The file, whose name ends in .webm.
         rate_hz: Frames a second.
         size_px: Width and height.
-
-    Raises:
-        People4dError: The file cannot be written.
     """
 
     def __init__(self, path: Path, rate_hz: float, size_px: tuple[int, int]) -> None:

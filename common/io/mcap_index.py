@@ -72,9 +72,8 @@ def read_profile(path: Path) -> str:
 def scan(file: BinaryIO) -> McapIndex:
     """Index the messages of a file, up to the position where it is cut short or damaged.
 
-    Raises:
-        DecodeError: The file is no MCAP file, has compressed chunks, or exceeds a limit.
-        OSError: Reading failed.
+    DecodeError if the file is no MCAP file, has compressed chunks, or exceeds a limit; OSError if
+    reading failed.
     """
     if file.read(len(MAGIC)) != MAGIC:
         raise DecodeError("it has no MCAP signature", "Check the path.")

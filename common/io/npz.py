@@ -25,9 +25,8 @@ def read_arrays(
 ) -> Mapping[str, npt.NDArray[Any]]:
     """Read needed and optional arrays by name.
 
-    Raises:
-        OSError: The file cannot be read.
-        ValueError: It is no NPZ file, lacks an array, or one is damaged, too large or no numbers.
+    OSError if the file cannot be read; ValueError if it is no NPZ file, lacks an array, or one is
+    damaged, too large or no numbers.
     """
     try:
         with zipfile.ZipFile(path) as file:
@@ -46,9 +45,8 @@ def read_arrays(
 def read_array(path: Path) -> npt.NDArray[Any]:
     """Read an NPY file.
 
-    Raises:
-        OSError: The file cannot be read, or is too large.
-        ValueError: It is no NPY file, is damaged, or holds no numbers.
+    OSError if the file cannot be read, or is too large; ValueError if it is no NPY file, is
+    damaged, or holds no numbers.
     """
     return _parse(path.name, read_bytes(path, MAX_BYTES))
 

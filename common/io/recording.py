@@ -154,6 +154,8 @@ class Recording:
     ) -> Iterator[tuple[int, Message]]:
         """Iterate over messages in the order of their log time.
 
+        SourceError if the file was deleted after it was opened.
+
         Args:
             types: Requested types; all if none is given. Frames are CompressedRgbdFrame.
             start_s: Start [s], from the first message of the recording. The last earlier message of
@@ -163,9 +165,6 @@ class Recording:
         Yields:
             Log time in nanoseconds and the message. Messages that cannot be decoded are skipped
             and counted in `bad_messages`; topics in other encodings are ignored.
-
-        Raises:
-            SourceError: The file was deleted after it was opened.
         """
         topics = {topic for topic in self._index.topics.values() if self._holds(topic, types)}
         wanted = [entry for entry in self._index.entries if entry.topic in topics]

@@ -65,12 +65,11 @@ class Bag:
     def messages(self, topics: Collection[str]) -> Iterator[tuple[str, int, Any]]:
         """Iterate over the messages of some topics.
 
+        SourceError if the bag is damaged, or has another type of this name.
+
         Yields:
             Topic, reception time [ns], and the message. Messages that cannot be deserialised are
             skipped and counted in `bad_messages`.
-
-        Raises:
-            SourceError: The bag is damaged, or has another type of this name.
         """
         connections = [c for c in self._reader.connections if c.topic in topics]
         if not connections:

@@ -121,12 +121,11 @@ def find(model: ModelFile, searched: Sequence[Path]) -> Path:
 def locate(model: str, folder: str = "") -> tuple[Path, ModelFile | None]:
     """Return the file of a model, its checksum verified, and its entry in the manifest.
 
+    ModelError if the model is unknown, absent or altered.
+
     Args:
         model: Name in the manifest, or path of an .onnx file, which has no entry.
         folder: Folder named in a configuration; empty for none.
-
-    Raises:
-        ModelError: The model is unknown, absent or altered.
     """
     path = Path(model).expanduser()
     if path.suffix == ".onnx":

@@ -65,9 +65,8 @@ class Dds(Ros2Transport):
 
     Publishers carry the hash of their type as in ROS 2 since Iron. Messages of a publisher with
     another hash are dropped. $CYCLONEDDS_URI, the configuration of Cyclone DDS, overrides
-    `interface`.
-
-    ConfigError if the network interface does not exist, or the configuration is invalid.
+    `interface`. ConfigError if the network interface does not exist, or the configuration is
+    invalid.
     """
 
     def __init__(self, config: Ros2Config) -> None:

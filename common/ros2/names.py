@@ -21,12 +21,11 @@ LIVELINESS = "@ros2_lv"
 def resolve(topic: str, namespace: str = "") -> str:
     """Return the full name of a topic, "/" first.
 
+    ConfigError if ROS has no such name.
+
     Args:
         topic: Name; without "/" in front it is relative to the namespace.
         namespace: Namespace of the node, with or without "/" in front; empty for none.
-
-    Raises:
-        ConfigError: ROS has no such name.
     """
     for what, name in (("topic", topic), ("namespace", namespace.strip("/"))):
         valid = NAME.fullmatch(name) and "__" not in name and len(name) <= MAX_NAME

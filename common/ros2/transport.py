@@ -69,18 +69,19 @@ class Ros2Transport(ABC):
     def publisher(self, topic: str, kind: str, qos: Qos = DEFAULT) -> Ros2Publisher:
         """Announce a topic.
 
+        ConfigError if ROS has no such name, or the type is unknown.
+
         Args:
             topic: Name; without "/" in front it is below the node's namespace.
             kind: Type, for example "people_msgs/msg/People".
             qos: Quality of service.
-
-        Raises:
-            ConfigError: ROS has no such name, or the type is unknown.
         """
 
     @abstractmethod
     def subscribe(self, topic: str, kind: str, receive: Receive, qos: Qos = DEFAULT) -> None:
         """Receive a topic until `close`.
+
+        ConfigError if ROS has no such name, or the type is unknown.
 
         Args:
             topic: Name as in `publisher`.
@@ -89,9 +90,6 @@ class Ros2Transport(ABC):
                 as bad_message, others as receive_errors. During a call only the newest `depth`
                 messages wait.
             qos: Quality of service.
-
-        Raises:
-            ConfigError: ROS has no such name, or the type is unknown.
         """
 
     @abstractmethod

@@ -25,9 +25,8 @@ def find_transport(config: Ros2Config) -> type[Ros2Transport]:
 def open_transport(config: Ros2Config) -> Ros2Transport:
     """Join the ROS 2 graph.
 
-    Raises:
-        ConfigError: A setting is invalid, or the transport's library is not installed.
-        People4dError: No connection could be opened.
+    ConfigError if a setting is invalid, or the transport's library is not installed; People4dError
+    if no connection could be opened.
     """
     factory: Callable[[Ros2Config], Ros2Transport] = find_transport(config)
     return factory(config)

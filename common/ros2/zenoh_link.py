@@ -40,9 +40,8 @@ def read_config(config: Ros2Config) -> zenoh.Config:
 class ZenohLink(ZenohSession):
     """Publishes and receives bytes with attachments on any key, and declares liveliness tokens.
 
-    Raises:
-        ConfigError: An endpoint or a configuration file is invalid.
-        People4dError: No session could be opened.
+    ConfigError if an endpoint or a configuration file is invalid; People4dError if no session could
+    be opened.
     """
 
     def __init__(self, config: Ros2Config) -> None:

@@ -143,10 +143,9 @@ class StatefulNode(Node):
     def restore(self, saved: bytes, next_number: int) -> None:
         """Continue from the saved state of another process.
 
+        DecodeError if `saved` is damaged; only the number is restored.
+
         Args:
             saved: Result of `save`; empty if it is lost.
             next_number: All numbers below it are used.
-
-        Raises:
-            DecodeError: `saved` is damaged; only the number is restored.
         """

@@ -35,15 +35,14 @@ def read_config(
 ) -> zenoh.Config:
     """Read the Zenoh configuration of a service, with its access rules.
 
+    ConfigError if the file cannot be read or Zenoh refuses it.
+
     Args:
         file: The file, or a folder of one for each mode; None for $PEOPLE4D_ZENOH, else the
             shipped ones.
         default: Mode: "peer", which $PEOPLE4D_MODE overrides, "router" or "client".
         environment: Variables as in docs/launch/hosts.md; None for the process's own environment.
         role: Role of the service; empty: $PEOPLE4D_ROLE.
-
-    Raises:
-        ConfigError: The file cannot be read or Zenoh refuses it.
     """
     environment = os.environ if environment is None else environment
     mode = (environment.get("PEOPLE4D_MODE") or default) if default == "peer" else default
@@ -83,16 +82,15 @@ def _access_rules(mode: str, environment: Mapping[str, str]) -> dict[str, Any] |
 class ZenohBus(ZenohSession):
     """Publishes and subscribes through one Zenoh session.
 
+    ConfigError if the name of the robot cannot be part of a key; People4dError if no session:
+    nothing listens at the endpoint, or it refuses the credentials.
+
     Args:
         config: Zenoh configuration.
         robot: Name of the robot, third chunk of every key.
         connect_timeout_s: Longest wait for a router in client mode.
         exchange: Exchange between the services of this session, with Zenoh for other processes
             only; None: Zenoh delivers to this session, too.
-
-    Raises:
-        ConfigError: The name of the robot cannot be part of a key.
-        People4dError: No session: nothing listens at the endpoint, or it refuses the credentials.
     """
 
     def __init__(

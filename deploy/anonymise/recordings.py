@@ -76,16 +76,14 @@ def anonymise(
 ) -> AnonymisedCounts:
     """Write a copy of a recording with black heads, or without colour.
 
-    Depth is unchanged. Crops and embeddings are omitted.
+    Depth is unchanged. Crops and embeddings are omitted. SourceError if a file cannot be read or
+    written.
 
     Args:
         source: Recording to copy.
         target: The recording to write.
         colour: False: grey images in place of colour.
         on_progress: Called with the progress, 0 to 1.
-
-    Raises:
-        SourceError: A file cannot be read or written.
     """
     recording, counts = open_recording(source), AnonymisedCounts()
     covers = cover_recording(recording, model(), on_progress) if colour else {}

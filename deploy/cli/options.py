@@ -100,9 +100,8 @@ Jobs = Annotated[
 def open_client(connect: str, robot: str) -> Client:
     """Connect to the named router, or else to the router of people4d up on this host.
 
-    Silence is explained on the terminal by the robots and services found.
-
-    People4dError if no router answers.
+    Silence is explained on the terminal by the robots and services found. People4dError if no
+    router answers.
     """
     with _router(connect, robot) as endpoint:
         return Client(endpoint, robot, CONNECT_S, SILENCE_S)

@@ -27,13 +27,12 @@ log = logging.getLogger("people4d")
 class MqttExporter(Exporter):
     """Publishes people, their numbers in zones, and the entities of Home Assistant.
 
+    ConfigError if the address is invalid; People4dError if the broker does not answer, or refuses
+    the login.
+
     Args:
         robot: Name of the robot.
         url: Address of the broker; its topic, else people4d/<robot>, is the prefix of the topics.
-
-    Raises:
-        ConfigError: The address is invalid.
-        People4dError: The broker does not answer, or refuses the login.
     """
 
     def __init__(self, robot: str, url: str) -> None:

@@ -64,11 +64,8 @@ class Launcher:
         """Start every service once its dependencies are healthy.
 
         Each service has to be healthy within `timeout_s` from its start; `connect`, the endpoint of
-        the router, is written to the state.
-
-        Raises:
-            LaunchError: A service fails or is not healthy in time; everything is stopped again.
-            People4dError: The system runs already.
+        the router, is written to the state. LaunchError if a service fails or is not healthy in
+        time; everything is stopped again; People4dError if the system runs already.
         """
         self.state.prepare()
         with self.state.locked(0.0) as own:

@@ -134,7 +134,6 @@ def read_settings(
 
     The configuration is None for a program that is not a service of this project. Overrides,
     "field=value", win over the environment of the process, and the environment over the TOML file.
-
     ConfigError if a setting is unknown or out of range, or the file cannot be read.
     """
     if not service.module.startswith("services."):
@@ -178,9 +177,8 @@ def replicas_of(
 ) -> dict[str, int]:
     """Return the number of processes of each service.
 
-    The last "service=number" of a service wins; the default is the number in the plan.
-
-    ConfigError if a request names no service, or several processes of a single-process service.
+    The last "service=number" of a service wins; the default is the number in the plan. ConfigError
+    if a request names no service, or several processes of a single-process service.
     """
     by_name = {service.name: service for service in services}
     replicas = {service.name: service.replicas for service in services}

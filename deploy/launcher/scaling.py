@@ -32,7 +32,9 @@ def scale(
 ) -> None:
     """Start or stop processes of a running system, one at a time.
 
-    If a process is not ready after `timeout_s`, all new ones are stopped.
+    If a process is not ready after `timeout_s`, all new ones are stopped. ConfigError if a request,
+    "service=number", names no service, a single-process service, or more replicas than this machine
+    can run; LaunchError if a new process does not get ready.
 
     Args:
         state: State of the system.
@@ -41,11 +43,6 @@ def scale(
         timeout_s: Maximum wait for each new process [s].
         progress: Reports events.
         force: Start more replicas than this host has cores or free memory for.
-
-    Raises:
-        ConfigError: A request, "service=number", names no service, a single-process service, or
-            more replicas than this machine can run.
-        LaunchError: A new process does not get ready.
     """
     before = read_plan(state)
     numbers = replicas_of(requests, before)
@@ -77,15 +74,14 @@ def check_capacity(
 ) -> None:
     """Check that a host can run added replicas.
 
+    ConfigError if a service would have more replicas than cores, or memory is insufficient.
+
     Args:
         before: Services with their current number of replicas.
         after: Services with the requested number of replicas.
         processes: Running processes by name; a new replica needs the memory of a running one.
         cores: Processor cores; None: cores of this host.
         free_mb: Free memory in MiB; None: free memory of this host.
-
-    Raises:
-        ConfigError: A service would have more replicas than cores, or memory is insufficient.
     """
     cores = cores or len(os.sched_getaffinity(0))
     free_mb = psutil.virtual_memory().available / 2**20 if free_mb is None else free_mb

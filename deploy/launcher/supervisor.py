@@ -147,9 +147,7 @@ def quote(argument: str) -> str:
     r"""Quote one argument of a command for supervisord's configuration.
 
     The file is cut at " #" and " ;" and expands "%"; a backslash before every special character
-    leaves no blank before a comment sign.
-
-    ConfigError if the argument has more than one line.
+    leaves no blank before a comment sign. ConfigError if the argument has more than one line.
     """
     if "\n" in argument or "\r" in argument:
         raise ConfigError(f"argument {argument!r:.60} has more than one line")

@@ -37,6 +37,8 @@ def mount(
 class CameraImages:
     """Checks the images of a camera; the first ones define the size.
 
+    SourceError if intrinsics or pose are impossible.
+
     Args:
         name: Name of the camera.
         intrinsics: Lens of the colour image, or its camera matrix (3x3) without distortion.
@@ -44,9 +46,6 @@ class CameraImages:
             level at the origin.
         parent: Frame of the pose.
         max_depth_m: Larger readings of depth are not used [m].
-
-    Raises:
-        SourceError: Intrinsics or pose are impossible.
     """
 
     def __init__(

@@ -29,15 +29,12 @@ class Pipeline:
     """Detector, re-identification and tracker joined in memory; results are deterministic.
 
     Frames are processed in the calling thread, oldest first; a context manager, or `close` at the
-    end.
+    end. ConfigError if the preset or a setting is unknown, or a value is out of range; ModelError
+    if the file of a network is absent or altered.
 
     Args:
         preset: Method, as `people4d up --preset`; empty: the defaults.
         settings: Settings that override the preset: {"tracker.max_lost_s": 3.0}.
-
-    Raises:
-        ConfigError: The preset or a setting is unknown, or a value is out of range.
-        ModelError: The file of a network is absent or altered.
     """
 
     def __init__(self, preset: str = "", settings: Mapping[str, Any] | None = None) -> None:
@@ -60,6 +57,9 @@ class Pipeline:
     ) -> None:
         """Add a camera before its first frame.
 
+        ConfigError if there is such a camera already; SourceError if intrinsics or pose are
+        impossible.
+
         Args:
             name: Its name, for `process`.
             intrinsics: Lens of the colour image, or its camera matrix (3x3) without distortion.
@@ -67,10 +67,6 @@ class Pipeline:
                 `mount`; None: level at the origin.
             parent: "map", or the frame of a moving base with odometry by `add_motion`.
             max_depth_m: Larger readings of depth are not used [m].
-
-        Raises:
-            ConfigError: There is such a camera already.
-            SourceError: Intrinsics or pose are impossible.
         """
         if name in self._cameras:
             raise ConfigError(f"there is a camera {name!r} already", "Give it another name.")
@@ -86,6 +82,9 @@ class Pipeline:
     ) -> Tracks | None:
         """Return the people after a frame.
 
+        ConfigError if there is no such camera; SourceError if the images are invalid, or the stamp
+        is not later than the last one.
+
         Args:
             rgb: HxWx3 of 8 bits, red first.
             depth: HxW aligned to colour: uint16 millimetres or float metres; 0 or NaN: no reading.
@@ -96,10 +95,6 @@ class Pipeline:
         Returns:
             The people with their identities; None if the frame is too late after another
             camera.
-
-        Raises:
-            ConfigError: There is no such camera.
-            SourceError: The images are invalid, or the stamp is not later than the last one.
         """
         stamp_ns = round(stamp_s * 10**9)
         outputs = self._publish(stamp_ns, *self._camera(camera).messages(rgb, depth, stamp_ns))

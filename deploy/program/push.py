@@ -54,7 +54,9 @@ class PushedFrames(Source):
 class Camera:
     """A camera of a running system; a context manager, or `close` at the end.
 
-    The system is started without a camera: `people4d up --source push`.
+    The system is started without a camera: `people4d up --source push`. SourceError if intrinsics
+    or pose are impossible; ConfigError if no system of this robot runs, or it has a camera of this
+    name.
 
     Args:
         name: Name of the camera in keys and messages.
@@ -66,10 +68,6 @@ class Camera:
         robot: Name of the robot.
         connect: Endpoint of the system's router, "tcp/192.168.1.7:7447"; empty: $PEOPLE4D_CONNECT,
             else this machine.
-
-    Raises:
-        SourceError: Intrinsics or pose are impossible.
-        ConfigError: No system of this robot runs, or it has a camera of this name.
     """
 
     def __init__(
@@ -101,14 +99,13 @@ class Camera:
     def push(self, rgb: U8, depth: npt.NDArray[Any], stamp_ns: int) -> None:
         """Send a frame; returns at once.
 
+        SourceError if the images are invalid, or not later than the last ones; People4dError if the
+        camera has ended.
+
         Args:
             rgb: HxWx3 of 8 bits, red first.
             depth: HxW aligned to colour: uint16 millimetres or float metres; 0 or NaN: no reading.
             stamp_ns: Acquisition time on the clock of this machine [ns], as time.time_ns().
-
-        Raises:
-            SourceError: The images are invalid, or not later than the last ones.
-            People4dError: The camera has ended.
         """
         if not self._thread.is_alive():
             raise People4dError(f"camera {self._images.name} has ended: {self._error or 'closed'}")

@@ -43,13 +43,12 @@ class FoxgloveOutput:
 class FoxgloveServer(FoxgloveOutput):
     """Serves messages to Foxglove's app by its WebSocket protocol.
 
+    ConfigError if the address is in use, or not an address of this machine.
+
     Args:
         converter: Converts the messages.
         host: Address of the server.
         port: TCP port; 0: a free one.
-
-    Raises:
-        ConfigError: The address is in use, or not an address of this machine.
     """
 
     def __init__(self, converter: FoxgloveConverter, host: str, port: int) -> None:

@@ -19,12 +19,11 @@ SILENT = {"RERUN_APP_ONLY": "true", "CI": "1", "ALL_PROXY": "http://127.0.0.1:9"
 def start_viewer(port: int, headless: bool = False) -> "subprocess.Popen[bytes] | None":
     """Start the viewer, which outlives this process, and wait until it listens.
 
+    RuntimeError if the viewer does not listen.
+
     Args:
         port: Port of the viewer; a running viewer is used.
         headless: Start without a window.
-
-    Raises:
-        RuntimeError: The viewer does not listen.
     """
     if _listens(port):
         return None

@@ -48,7 +48,8 @@ def annotated_truth(
 ) -> SampledTruth:
     """Return the truth at the stamps of frames; None at frames without annotations.
 
-    A person without depth has a position if it follows from annotations within 2 s.
+    A person without depth has a position if it follows from annotations within 2 s. SourceError if
+    the file belongs to another recording, no frame of it is played, or no position is known.
 
     Args:
         path: File of annotations.
@@ -56,10 +57,6 @@ def annotated_truth(
         messages: Transforms from the camera to `frame_id`.
         stamps_ns: Stamps of the frames.
         frame_id: Frame of the positions.
-
-    Raises:
-        SourceError: The file belongs to another recording, no frame of it is played, or no
-            position is known.
     """
     buffer = TransformBuffer(history_s=1e9)
     for message in messages:

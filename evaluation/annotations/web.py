@@ -39,14 +39,12 @@ class AnnotationApp:
     """Serves the images, and stores marks in the file at once.
 
     The file is read for each request, so that two pages or programs see each other's marks.
+    SourceError if the file is no file of annotations, or annotates another recording.
 
     Args:
         name: Name of the recording.
         images: Images to annotate.
         path: File of annotations.
-
-    Raises:
-        SourceError: The file is no file of annotations, or annotates another recording.
     """
 
     def __init__(self, name: str, images: AnnotatedImages, path: Path) -> None:

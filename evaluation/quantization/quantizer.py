@@ -19,14 +19,13 @@ BATCH = 4  # number of images with all intermediate results in memory
 class Quantizer:
     """A network, and the ranges (minimum and maximum) of its activations on given images.
 
+    ConfigError if there are no images, or the package onnx is not installed; ModelError if the file
+    is no network with convolutions.
+
     Args:
         path: The .onnx file.
         images: Inputs of the network, each a batch of one.
         folder: Folder for temporary files.
-
-    Raises:
-        ConfigError: There are no images, or the package onnx is not installed.
-        ModelError: The file is no network with convolutions.
     """
 
     def __init__(self, path: Path, images: Sequence[Array], folder: Path) -> None:

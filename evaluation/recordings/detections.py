@@ -86,9 +86,8 @@ def holds_detections(source: Path) -> bool:
 def detect(job: DetectionJob) -> DetectionFiles:
     """Detect and embed the people in a recording, unless the cache has the result.
 
-    Raises:
-        SourceError: The recording cannot be read, or has more than one camera.
-        ModelError: A model is absent.
+    SourceError if the recording cannot be read, or has more than one camera; ModelError if a model
+    is absent.
     """
     if holds_detections(job.source):
         return DetectionFiles(job.source, tuple(job.source for _ in job.reids))

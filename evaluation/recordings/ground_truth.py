@@ -73,9 +73,8 @@ def read_truth(recording: EvaluationRecording, stamps_ns: Sequence[int]) -> Samp
     """Return the truth at the stamps of frames.
 
     In the virtual lab the visible share of people is known: from pixels if there is a file with the
-    truth of each frame, else from the outlines of the bodies.
-
-    SourceError if the recording has no truth, or it cannot be read.
+    truth of each frame, else from the outlines of the bodies. SourceError if the recording has no
+    truth, or it cannot be read.
     """
     for path, epoch_ns in ((recording.truth_file, EPOCH_NS), (recording.path / "gt.npz", 0)):
         if path.is_file():
@@ -91,9 +90,8 @@ def read_truth(recording: EvaluationRecording, stamps_ns: Sequence[int]) -> Samp
 def sample_truth(messages: Iterable[Truth], stamps_ns: Sequence[int], source: str) -> SampledTruth:
     """Return the people of messages of a source at other stamps.
 
-    Messages are by rising stamp; an older one begins a repetition, which is ignored.
-
-    SourceError if there is no message, or they are in several frames.
+    Messages are by rising stamp; an older one begins a repetition, which is ignored. SourceError if
+    there is no message, or they are in several frames.
     """
     near = TruthBuffer(capacity=UNBOUNDED)
     far = TruthBuffer(max_gap_ns=LOST_NS, capacity=UNBOUNDED)

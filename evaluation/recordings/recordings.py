@@ -47,10 +47,8 @@ def plan_recordings(
     """Return recordings and scenarios (lab:SCENARIO or lab:SCENARIO@SEED), in the order given.
 
     Scenarios that name no seed are rendered to the cache for each of `seeds`, or their own.
-
-    Raises:
-        ConfigError: There is no such scenario, or two recordings have the same name.
-        SourceError: There is no such recording.
+    ConfigError if there is no such scenario, or two recordings have the same name; SourceError if
+    there is no such recording.
     """
     recordings = []
     for name in names:

@@ -36,7 +36,6 @@ class VisualMotion:
     """Visual odometry on a recording; the same input gives the same output.
 
     The camera's mount replaces missing transforms. Detections mask people after their frame.
-
     SourceError if the recording cannot be read.
     """
 

@@ -29,11 +29,10 @@ from evaluation.run.run import RunScores
 def write(plan: EvaluationPlan, evaluation: Evaluation, folder: Path, command: str) -> Path:
     """Write all metrics as CSV files, images and the report.
 
+    SourceError if the folder cannot be written.
+
     Returns:
         Path of the report, which states the command that regenerates it.
-
-    Raises:
-        SourceError: The folder cannot be written.
     """
     scores = [run.scores for run in evaluation.runs]
     switches = [image for run in evaluation.runs for image in run.images]

@@ -84,9 +84,7 @@ def render_all(plan: EvaluationPlan, on_progress: OnProgress) -> None:
 def runs_of(plan: EvaluationPlan, pool: Pool) -> list[EvaluationRun]:
     """Return all runs, method by method, with detections and truth.
 
-    Raises:
-        SourceError: A recording cannot be read, or has no truth.
-        ModelError: A model is absent.
+    SourceError if a recording cannot be read, or has no truth; ModelError if a model is absent.
     """
     jobs = _jobs(plan)
     found = dict(zip(jobs, pool.do("detecting", detect, list(jobs.values())), strict=True))

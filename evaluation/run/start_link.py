@@ -30,15 +30,14 @@ def with_start_link(
 ) -> list[Message]:
     """Return the input of a tracker in which a moving camera is linked to the tracks' frame.
 
+    SourceError if the camera moves, and neither transforms nor the truth link it to that frame.
+
     Args:
         messages: Input of a tracker.
         truth: Truth at the stamps of the detections, with known poses of the camera.
         info: Calibration of the camera.
         frame_id: Frame of the tracks.
         source: Name of the recording, for the error.
-
-    Raises:
-        SourceError: The camera moves, and neither transforms nor the truth link it to that frame.
     """
     moving = [message for message in messages if isinstance(message, MOVING)]
     stamps_ns = [message.stamp_ns for message in messages if isinstance(message, Detections)]

@@ -42,15 +42,14 @@ def load_body(
 ) -> "SkinnedBody":
     """Return a dressed person of the cast; the seed varies the brightness of clothes.
 
+    ConfigError if the cast has no such person.
+
     Args:
         name: Name in the cast.
         seed: Seed of the scenario.
         outfit: Kind of clothes.
         number: Index of the person in the scenario; random outfits depend on it.
         size: Stature relative to the cast.
-
-    Raises:
-        ConfigError: The cast has no such person.
     """
     person = load_cast().get(name)
     if person is None:

@@ -61,9 +61,8 @@ def depth_sensor_of(
 ) -> "CleanDepthSensor | None":
     """Return the sensor to apply to a camera of a recording; None for measured depth.
 
-    Raises:
-        SourceError: The metadata are damaged, or of a later version.
-        ConfigError: A change is unknown or out of range.
+    SourceError if the metadata are damaged, or of a later version; ConfigError if a change is
+    unknown or out of range.
     """
     metadata = read_metadata(recording)
     if metadata is None or metadata.depth != "clean":

@@ -17,12 +17,11 @@ KEY = "key"  # file that identifies the work
 class ChunkStore:
     """Folder of finished chunks; chunks of other work are removed.
 
+    SourceError if the folder cannot be written, or holds other files.
+
     Args:
         folder: The folder; created if absent.
         key: Identifier of the work.
-
-    Raises:
-        SourceError: The folder cannot be written, or holds other files.
     """
 
     def __init__(self, folder: Path, key: str) -> None:
@@ -53,13 +52,12 @@ class ChunkStore:
 def run_chunks(work: Callable[[int], None], chunks: Sequence[int], jobs: int) -> Iterator[int]:
     """Run chunks of work, and yield the number of each finished chunk.
 
+    People4dError if a process was killed, or a chunk failed.
+
     Args:
         work: Runs one chunk; picklable for more than one job.
         chunks: Numbers of the chunks.
         jobs: Number of processes; 1: this process.
-
-    Raises:
-        People4dError: A process was killed, or a chunk failed.
     """
     if jobs == 1 or len(chunks) < 2:
         for chunk in chunks:

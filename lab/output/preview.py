@@ -96,14 +96,13 @@ def write_sheet(
 ) -> None:
     """Write a PNG of some frames.
 
+    SourceError if the file cannot be written.
+
     Args:
         preview: Preview of the scenario.
         frames: Numbers of the frames.
         path: Output file.
         progress: Called with the finished share, 0 to 1.
-
-    Raises:
-        SourceError: The file cannot be written.
     """
     tiles = []
     for done, index in enumerate(frames, 1):

@@ -44,14 +44,13 @@ def render(
 ) -> None:
     """Render a scenario; an interrupted rendering is continued.
 
+    SourceError if an output exists or cannot be written.
+
     Args:
         job: Scenario, fidelity and errors.
         outputs: Files to write.
         jobs: Number of processes; the result does not depend on it.
         on_progress: Called with the current step and its finished share, 0 to 1.
-
-    Raises:
-        SourceError: An output exists or cannot be written.
     """
     for path in outputs.paths:
         if path.exists():

@@ -18,13 +18,11 @@ class FisheyeLens:
     """Removal of an equidistant lens's distortion, by maps that are made once.
 
     The coefficients have the order of cv2.fisheye and of the model `equidistant` in ROS.
+    SourceError if the coefficients give no image.
 
     Args:
         intrinsics: Intrinsics with 4 coefficients.
         size: Height and width of the images [px].
-
-    Raises:
-        SourceError: The coefficients give no image.
     """
 
     def __init__(self, intrinsics: Intrinsics, size: tuple[int, int]) -> None:
@@ -88,15 +86,14 @@ def align(
 ) -> ImageAlignment:
     """Return the alignment of a camera's images.
 
+    SourceError if the calibration does not fit the images or cannot be used.
+
     Args:
         calibration: Calibration of the camera.
         colour: Intrinsics of its colour camera.
         size: Height and width of colour images [px].
         depth_size: Height and width of depth images [px].
         frame_id: Optical frame of colour.
-
-    Raises:
-        SourceError: The calibration does not fit the images or cannot be used.
     """
     lens = FisheyeLens(colour, size) if colour.fisheye else None
     info = camera_info(lens.pinhole if lens else colour, size, frame_id)

@@ -20,9 +20,7 @@ LENGTHS = (0, 5, 8)  # numbers of coefficients of none, plumb_bob and rational_p
 def read_distortion(model: str, coefficients: npt.ArrayLike) -> tuple[float, ...]:
     """Return 0, 5 or 8 coefficients, as their model requires, and 4 of a fisheye lens.
 
-    Trailing zeros are ignored.
-
-    SourceError if the model is unknown, or has too many coefficients.
+    Trailing zeros are ignored. SourceError if the model is unknown, or has too many coefficients.
     """
     numbers = np.trim_zeros(np.ravel(np.asarray(coefficients, np.float64)), "b").tolist()
     name = re.sub(r"\W+", "_", model.lower())

@@ -35,14 +35,13 @@ SOURCES = {
 def open_source(source: str, options: Mapping[str, Any] | None = None) -> Source:
     """Open a recording, a bag, a folder, a scenario of the lab, ROS 2 topics or a camera.
 
+    SourceError if the source does not exist or cannot be read; ConfigError if an option is unknown
+    or wrong.
+
     Args:
         source: Path, `lab:NAME` of a scenario, `ros2:/NAMESPACE` or `ros2:DRIVER` of ROS 2 topics,
             name of a camera with an SDK, or `module:Class` of a plug-in camera.
         options: Options of the kind of source; keyword arguments of a plug-in.
-
-    Raises:
-        SourceError: The source does not exist or cannot be read.
-        ConfigError: An option is unknown or wrong.
     """
     options = options or {}
     kind = kind_of(source)
@@ -57,9 +56,8 @@ def open_source(source: str, options: Mapping[str, Any] | None = None) -> Source
 def check_source(config: CameraConfig) -> None:
     """Check a source by opening it; only the process opens the lab and plug-ins.
 
-    Raises:
-        ConfigError: No source is named, or an option is wrong.
-        SourceError: The source cannot be read.
+    ConfigError if no source is named, or an option is wrong; SourceError if the source cannot be
+    read.
     """
     if not config.source:
         raise ConfigError(

@@ -34,14 +34,13 @@ log = logging.getLogger("people4d")
 class WebServer:
     """Serves a page until closed.
 
+    ConfigError if the port is taken, or certificate or state folder cannot be used.
+
     Args:
         config: Address and access.
         app_of: Application for the tokens of the roles.
         folder: Folder of the robot's state, or None.
         attach: Called with the server's event loop, and with None at its end.
-
-    Raises:
-        ConfigError: The port is taken, or certificate or state folder cannot be used.
     """
 
     def __init__(

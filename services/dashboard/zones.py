@@ -20,9 +20,8 @@ class ZonesRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def zone_edit(request: ZonesRequest) -> ZoneEdit:
     """Return the message of a request.
 
-    Raises:
-        ValueError: A zone is invalid, for example crosses itself.
-        DecodeError: A zone is invalid by a check of the decoder.
+    ValueError if a zone is invalid, for example crosses itself; DecodeError if a zone is invalid by
+    a check of the decoder.
     """
     zones = tuple(
         msgspec.structs.replace(zone, name=zone.name.strip()).zone() for zone in request.zones

@@ -39,11 +39,10 @@ PRESETS = {
 def preset_settings(name: str) -> list[str]:
     """Return the settings of a preset as "service.field=value", later ones win.
 
+    ConfigError if there is no such preset, or its file cannot be read.
+
     Args:
         name: One of PRESETS, or the path of a TOML file of that form; empty gives no settings.
-
-    Raises:
-        ConfigError: There is no such preset, or its file cannot be read.
     """
     settings: dict[str, str] = {}
     for tables in reversed(list(_chain(name))):

@@ -49,13 +49,11 @@ class SiteNode(Node):
     """Publishes the people of all areas under the name of the site.
 
     People are moved by their velocities from the arrival of their message to the time of
-    publication. Stamps are in the clock of the first configured area with messages.
+    publication. Stamps are in the clock of the first configured area with messages. ConfigError if
+    an area is named twice.
 
     Args:
         config: Configuration of the service.
-
-    Raises:
-        ConfigError: An area is named twice.
     """
 
     periodic_outputs: ClassVar[tuple[type[Message], ...]] = (Tracks,)

@@ -88,15 +88,14 @@ def play(
 ) -> Playback:
     """Run the system once.
 
+    TimeoutError if the system stopped, or did not start.
+
     Args:
         camera: Settings of the camera.
         frames: Number of measured frames, after the warm-up.
         model: Settings of the detector.
         one: Processes and cores of the system.
         cameras: Number of cameras.
-
-    Raises:
-        TimeoutError: The system stopped, or did not start.
     """
     named = [("camera", (*camera, f"camera=c{k}")) for k in range(cameras)]
     services = [("tracker", ()), ("reid", ()), ("detector", model), *named]

@@ -199,13 +199,12 @@ def listen(
 ) -> CalibrationResult:
     """Return a calibration as soon as it is certain, by attempts while messages arrive.
 
+    CalibrationError if the observations are not sufficient at the end.
+
     Args:
         session: Session of the messages.
         arrivals: Messages in order, ended by Ctrl-C.
         seconds: Maximum duration by their clock.
-
-    Raises:
-        CalibrationError: The observations are not sufficient at the end.
     """
     start_ns = last_ns = 0
     attempt: Future[CalibrationResult] | None = None

@@ -54,15 +54,14 @@ def named(
 ) -> FolderLayout:
     """Pair files by times in their names, or else by the last number in their names.
 
+    SourceError if no pair was found, two files have the same number, or there are fewer times than
+    frames.
+
     Args:
         folder: Folder with the files.
         patterns: Patterns of colour and depth, relative to the folder; empty: the usual ones.
         stamps: Times of the frames [s] in the order of their numbers, or the frame rate [Hz].
         slop_s: Maximum time difference of a pair by times [s].
-
-    Raises:
-        SourceError: No pair was found, two files have the same number, or there are fewer times
-            than frames.
     """
     tried = [patterns] if any(patterns) else LAYOUTS
     for colour, depth in tried:

@@ -36,9 +36,8 @@ _TAG = struct.Struct("<II")
 def read_mat(path: Path) -> Mapping[str, Value]:
     """Read arrays of numbers, and structures of arrays as mappings; other content is skipped.
 
-    Raises:
-        OSError: The file cannot be read, or is too large.
-        ValueError: It is not a MATLAB file, or is damaged.
+    OSError if the file cannot be read, or is too large; ValueError if it is not a MATLAB file, or
+    is damaged.
     """
     data = read_bytes(path, MAX_BYTES)
     if len(data) < HEADER_BYTES or data[124:128] != b"\x00\x01IM":

@@ -47,14 +47,13 @@ class Registration:
     def __call__(self, depth_mm: U16) -> U16:
         """Register one image; of two surfaces at one pixel, the nearer one counts.
 
+        ValueError if the image has another size than the calibration.
+
         Args:
             depth_mm: HxW in millimetres, as measured, 0 = no reading.
 
         Returns:
             Depth in the size of colour [mm], along the optical axis of colour, 0 = no reading.
-
-        Raises:
-            ValueError: The image has another size than the calibration.
         """
         if depth_mm.shape != self._shape:
             raise ValueError(f"depth: expected shape {self._shape}, got {depth_mm.shape}")

@@ -68,15 +68,14 @@ def make_camera(
 ) -> RosCamera:
     """Combine calibration and mount.
 
+    SourceError if there is no usable calibration, or depth is not aligned and cannot be.
+
     Args:
         topics: Topics that are played.
         options: Options of the source.
         heads: First images of colour and of depth.
         tree: Coordinate frames.
         base: Frames of odometry: its reference frame and its base frame.
-
-    Raises:
-        SourceError: There is no usable calibration, or depth is not aligned and cannot be.
     """
     colour, depth = heads
     calibration = _calibration(topics, options, tree, heads)

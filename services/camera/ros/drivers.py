@@ -57,14 +57,13 @@ class Candidates:
 def candidates(source: str, namespace: str, colour: str, depth: str) -> Candidates:
     """Return the possible topics of a source.
 
+    ConfigError if the transport or the driver is unknown.
+
     Args:
         source: `ros2:DRIVER` or `ros2:/NAMESPACE`, with +zenoh or +dds after ros2.
         namespace: Namespace of the driver; empty: its usual one.
         colour: Topic of colour; empty: any of the driver.
         depth: Topic of depth; empty: any of the driver.
-
-    Raises:
-        ConfigError: The transport or the driver is unknown.
     """
     match = SOURCE.fullmatch(source)
     name = match["name"] if match else ""

@@ -78,6 +78,8 @@ def export(
 ) -> dict[str, int]:
     """Write one camera of a recording, odometry, people and truth to a new ROS 2 bag.
 
+    SourceError if the recording cannot be played, or the bag exists or cannot be written.
+
     Args:
         recording: Recording to export.
         out: Folder of the bag; must not exist.
@@ -87,9 +89,6 @@ def export(
 
     Returns:
         Number of messages by topic.
-
-    Raises:
-        SourceError: The recording cannot be played, or the bag exists or cannot be written.
     """
     source = RecordingSource(recording, RecordingOptions(camera=camera))
     people = (

@@ -59,14 +59,13 @@ def find_topics(
 ) -> Topics:
     """Choose the topics of a bag.
 
+    SourceError if a topic is absent or ambiguous.
+
     Args:
         types: Type of each topic.
         wanted: Topics given by name.
         encodings: Returns the encoding of image topics, which identifies depth; if empty,
             the word "depth" in the topic does.
-
-    Raises:
-        SourceError: A topic is absent or ambiguous.
     """
     for name in astuple(wanted):
         if name and name not in types:

@@ -24,9 +24,8 @@ MAX_COLUMNS = 256
 class CsvTruth:
     """Rows of kind truth, or all rows without a column `kind`; stamps must not fall.
 
-    People without a position are left out.
-
-    SourceError if the file cannot be read, or lacks a required column.
+    People without a position are left out. SourceError if the file cannot be read, or lacks a
+    required column.
     """
 
     def __init__(self, config: GtBridgeConfig) -> None:

@@ -57,9 +57,8 @@ class LiveTruthSource(Protocol):
 def open_truth(config: GtBridgeConfig) -> Iterable[Truth]:
     """Open the configured truth, empty for an empty path.
 
-    Raises:
-        ConfigError: The source is unknown, or its class cannot be found.
-        SourceError: The file does not exist, or is invalid.
+    ConfigError if the source is unknown, or its class cannot be found; SourceError if the file does
+    not exist, or is invalid.
     """
     if not config.truth:
         return ()

@@ -33,9 +33,8 @@ TOGETHER_S = 0.05  # maximum time between the arrivals of the poses of one captu
 class Ros2Truth:
     """Receives truth, and joins poses of one stamp to one message.
 
-    A topic named .../PERSON/pose has poses of PERSON, other topics have People.
-
-    ConfigError if the source does not name topics of ROS 2.
+    A topic named .../PERSON/pose has poses of PERSON, other topics have People. ConfigError if the
+    source does not name topics of ROS 2.
     """
 
     def __init__(self, config: GtBridgeConfig) -> None:
