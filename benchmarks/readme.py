@@ -21,11 +21,7 @@ INT8 = f"Detector: model={FLOAT}-int8"
 
 
 class Table:
-    """Figures of a file with tables.
-
-    Args:
-        path: The file.
-    """
+    """Figures of a file with tables."""
 
     def __init__(self, path: Path) -> None:
         self._name, self._rows = path.name, list(_rows(path.read_text("utf-8")))

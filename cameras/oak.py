@@ -69,14 +69,7 @@ class Oak(SdkCamera):
 
 
 class OakDevice:
-    """An open OAK.
-
-    Args:
-        dai: The SDK.
-        pipeline: Started pipeline, which holds the camera.
-        queue: Queue of pairs.
-        info: Calibration of colour.
-    """
+    """An open OAK."""
 
     def __init__(self, dai: Any, pipeline: Any, queue: Any, info: CameraInfo) -> None:
         self._dai, self._pipeline, self._queue, self.info = dai, pipeline, queue, info

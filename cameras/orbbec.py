@@ -51,13 +51,7 @@ class Orbbec(SdkCamera):
 
 
 class OrbbecDevice:
-    """An open Orbbec camera.
-
-    Args:
-        ob: The SDK.
-        pipeline: Started pipeline.
-        colour: Profile of the stream of colour.
-    """
+    """An open Orbbec camera."""
 
     def __init__(self, ob: Any, pipeline: Any, colour: Any) -> None:
         self._pipeline = pipeline

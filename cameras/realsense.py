@@ -47,13 +47,7 @@ class RealSense(SdkCamera):
 
 
 class RealSenseDevice:
-    """An open RealSense.
-
-    Args:
-        rs: The SDK.
-        frames: Pipeline, or syncer, that gives the frames.
-        colour: Profile of the stream of colour.
-    """
+    """An open RealSense."""
 
     def __init__(self, rs: Any, frames: Any, colour: Any) -> None:
         self._frames, self._align = frames, rs.align(rs.stream.color)

@@ -60,12 +60,7 @@ SERVICES: dict[str, dict[str, Any]] = {
 
 
 def node_of(name: str, folder: Path) -> Node:
-    """Build a node.
-
-    Args:
-        name: Key of SERVICES: a service, and after a dash its variant.
-        folder: Folder of its outputs.
-    """
+    """Build a node."""
     service = name.partition("-")[0]
     build: Callable[[Any], Node] = importlib.import_module(f"services.{service}.build").build
     fields = SERVICES[name] | ({"folder": str(folder)} if service == "report" else {})

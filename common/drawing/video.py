@@ -23,11 +23,6 @@ class VideoWriter:
     """Writes one video.
 
     People4dError if the file cannot be written.
-
-    Args:
-        path: The file, whose name ends in .webm.
-        rate_hz: Frames a second.
-        size_px: Width and height.
     """
 
     def __init__(self, path: Path, rate_hz: float, size_px: tuple[int, int]) -> None:

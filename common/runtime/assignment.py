@@ -91,9 +91,6 @@ class Membership:
     token, but sends no heartbeats. A replica with token and heartbeats that does not answer is
     excluded for EXCLUDED_S; only TRIED_MAX replicas that have not answered yet are tried at a
     time. This process is live while it has a token.
-
-    Args:
-        own_name: Name of this replica.
     """
 
     def __init__(self, own_name: str) -> None:
@@ -175,12 +172,7 @@ class Membership:
 
 
 class Assignment:
-    """Divides messages between this and other replicas, whose messages are pending; thread-safe.
-
-    Args:
-        own_name: Name of this replica.
-        sharing: Types of shared messages.
-    """
+    """Divides messages between this and other replicas, whose messages are pending; thread-safe."""
 
     def __init__(self, own_name: str, sharing: Sharing) -> None:
         self.topic: Topic = BY_MESSAGE[sharing.work]

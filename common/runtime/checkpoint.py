@@ -47,10 +47,6 @@ class CheckpointStore:
 
     A process that is killed while it writes leaves the other file intact. Files are written in
     place, since replacing a file takes 4 ms on ext4.
-
-    Args:
-        folder: Folder of the files, made if it does not exist.
-        instance: Name of the process.
     """
 
     def __init__(self, folder: Path, instance: str) -> None:
@@ -96,11 +92,6 @@ class Checkpoint:
     """Saves the state of a node while it runs, and restores the state of its predecessor.
 
     A number is saved before it is published, the state four times a second.
-
-    Args:
-        node: Node whose state is saved.
-        store: Files of the state.
-        activity: Reports that the state cannot be saved.
     """
 
     def __init__(self, node: StatefulNode, store: CheckpointStore, activity: Activity) -> None:

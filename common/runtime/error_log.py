@@ -29,12 +29,7 @@ class ErrorLog:
         self._lock = threading.Lock()
 
     def add_error(self, error: Exception, what: str) -> None:
-        """Count a caught exception.
-
-        Args:
-            error: Caught exception.
-            what: Failed operation, for the log.
-        """
+        """Count a caught exception."""
         kind = f"{type(error).__name__} in {_source_line(error)}"
         text = f"{what} ({kind}): {str(error)[:TEXT_MAX]}"
         with self._lock:

@@ -49,12 +49,7 @@ class Activity:
         self._received_ns: dict[str, int] = {}
 
     def note_taken(self, topic: str, received_ns: int) -> None:
-        """Record that work on a message begins.
-
-        Args:
-            topic: Name of its topic.
-            received_ns: Wall clock when it arrived.
-        """
+        """Record that work on a message begins."""
         self._received_ns[topic] = received_ns
 
     def ages(self) -> dict[str, float]:

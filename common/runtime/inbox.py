@@ -30,13 +30,7 @@ class Inbox(MessageQueue):
         self._assignment, self._admits = assignment, admits
 
     def put(self, topic: Topic, key: str, payload: bytes) -> None:
-        """Decode a payload and add it unless it is assigned to another replica.
-
-        Args:
-            topic: Topic of the message.
-            key: Full key of the message.
-            payload: Untrusted bytes.
-        """
+        """Decode a payload and add it unless it is assigned to another replica."""
         received_ns = time.time_ns()
         if self._admits and not self._admits(topic, payload):
             return
@@ -47,13 +41,7 @@ class Inbox(MessageQueue):
         self._put(topic, key, payload, received_ns)
 
     def take(self, topic: Topic, key: str, message: Message) -> None:
-        """Add a message of a service in this process unless it is assigned to another replica.
-
-        Args:
-            topic: Topic of the message.
-            key: Full key that it would have on the network.
-            message: The message in its decoded form.
-        """
+        """Add a message of a service in this process unless it is assigned to another replica."""
         now_ns = time.time_ns()
         if self._shares(topic):
             pending = PendingMessage(key, message, now_ns, header_of(message))

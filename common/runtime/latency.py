@@ -92,12 +92,7 @@ def end_to_end(
 
 
 class SlidingWindow:
-    """Durations of the last seconds.
-
-    Args:
-        seconds: Length of the window.
-        max_count: Largest number of values, the newest.
-    """
+    """Durations of the last seconds."""
 
     def __init__(self, seconds: float, max_count: int = 4096) -> None:
         self._seconds = seconds

@@ -39,14 +39,7 @@ DEFAULT = LoopSettings()
 
 
 class Loop:
-    """Runs a node on a bus until it is finished or stopped.
-
-    Args:
-        node: Node to run.
-        bus: Bus of its messages.
-        process_id: Identity of this process.
-        settings: Settings of the loop.
-    """
+    """Runs a node on a bus until it is finished or stopped."""
 
     def __init__(
         self, node: Node, bus: ZenohBus, process_id: ProcessId, settings: LoopSettings = DEFAULT

@@ -81,12 +81,7 @@ def main(
 
 
 def prepare(name: str, debug: bool) -> None:
-    """Set up log, libraries, signal handlers and thread monitoring of this process.
-
-    Args:
-        name: Name of the process in the log.
-        debug: Log debug messages.
-    """
+    """Set up log, libraries, signal handlers and thread monitoring of this process."""
     logging.basicConfig(
         level=logging.DEBUG if debug else logging.INFO,
         format=f"%(asctime)s {name} %(levelname)s %(message)s",
@@ -150,12 +145,7 @@ def _instance(service: str, host: str) -> str:
 
 
 def parser(module: str, description: str) -> argparse.ArgumentParser:
-    """Return a parser of the options of every process.
-
-    Args:
-        module: Module that the process runs.
-        description: Description of the program.
-    """
+    """Return a parser of the options of every process."""
     parser = argparse.ArgumentParser(prog=f"python -m {module}", description=description)
     environment = os.environ
     config = environment.get("PEOPLE4D_CONFIG")

@@ -37,14 +37,7 @@ _LIVENESS = msgspec.msgpack.Decoder(Liveness)
 
 
 class Replica:
-    """Member of the replicas of a service; takes over the work of failed replicas.
-
-    Args:
-        bus: Bus to the other replicas.
-        process_id: Identity of this process.
-        sharing: Types of messages that are shared.
-        activity: Source of the duration of the current work.
-    """
+    """Member of the replicas of a service; takes over the work of failed replicas."""
 
     def __init__(
         self, bus: ZenohBus, process_id: ProcessId, sharing: Sharing, activity: Activity
@@ -59,11 +52,7 @@ class Replica:
         self._longest_s = 0.0
 
     def join(self, inbox: Inbox) -> None:
-        """Join the other replicas; called when the work is subscribed.
-
-        Args:
-            inbox: Receives the messages that are taken over.
-        """
+        """Join the other replicas; called when the work is subscribed."""
         self._inbox = inbox
         health = replace(BY_MESSAGE[Health], key=f"health/{self._service}/{{instance}}")
         self._follow(health, self._take_heartbeat)

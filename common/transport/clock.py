@@ -88,11 +88,7 @@ class ClockFilter:
         self._exchanges.append(exchange)
 
     def offset(self, now_ns: int) -> HostOffset | None:
-        """Return the offset with the minimum error, None before the first reply.
-
-        Args:
-            now_ns: Own clock.
-        """
+        """Return the offset with the minimum error, None before the first reply."""
         known = (exchange.at(now_ns) for exchange in self._exchanges)
         return min(known, key=lambda offset: offset.error_ns, default=None)
 

@@ -40,13 +40,7 @@ class Exchange:
         return subscription
 
     def publish(self, topic: Topic, key: str, message: Message) -> None:
-        """Pass a message to the queues of all subscribers.
-
-        Args:
-            topic: Topic of the message.
-            key: Full key of the message.
-            message: The message with its whole trace.
-        """
+        """Pass a message to the queues of all subscribers."""
         if topic.delivery != "latched" and topic.name not in self._takers:
             return
         received = as_received(message)

@@ -45,9 +45,6 @@ class MemoryBus:
     def advance(self, duration_ns: int = 0) -> list[Message]:
         """Advance the clock, then tick every node.
 
-        Args:
-            duration_ns: Time that passes.
-
         Returns:
             All messages published.
         """

@@ -21,11 +21,7 @@ SENDING = (".capture", ".release")  # stages of a source, at which a message is 
 
 
 class StreamClock:
-    """Wall times of the stamps of a stream of one or several cameras.
-
-    Args:
-        wall_ns: The wall clock.
-    """
+    """Wall times of the stamps of a stream of one or several cameras."""
 
     def __init__(self, wall_ns: Callable[[], int] = time.time_ns) -> None:
         self._wall_ns = wall_ns

@@ -118,11 +118,7 @@ def record(stage: str, start_ns: int, end_ns: int) -> None:
 
 @contextmanager
 def collect(process_id: ProcessId) -> Iterator[list[Span]]:
-    """Gather the spans measured inside the block, oldest first.
-
-    Args:
-        process_id: Process that does the work.
-    """
+    """Gather the spans measured inside the block, oldest first."""
     collection = _Collection(process_id)
     before = _collection.set(collection)
     try:

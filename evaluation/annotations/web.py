@@ -40,11 +40,6 @@ class AnnotationApp:
 
     The file is read for each request, so that two pages or programs see each other's marks.
     SourceError if the file is no file of annotations, or annotates another recording.
-
-    Args:
-        name: Name of the recording.
-        images: Images to annotate.
-        path: File of annotations.
     """
 
     def __init__(self, name: str, images: AnnotatedImages, path: Path) -> None:

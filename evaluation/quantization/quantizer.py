@@ -21,11 +21,6 @@ class Quantizer:
 
     ConfigError if there are no images, or the package onnx is not installed; ModelError if the file
     is no network with convolutions.
-
-    Args:
-        path: The .onnx file.
-        images: Inputs of the network, each a batch of one.
-        folder: Folder for temporary files.
     """
 
     def __init__(self, path: Path, images: Sequence[Array], folder: Path) -> None:

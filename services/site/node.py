@@ -51,9 +51,6 @@ class SiteNode(Node):
     People are moved by their velocities from the arrival of their message to the time of
     publication. Stamps are in the clock of the first configured area with messages. ConfigError if
     an area is named twice.
-
-    Args:
-        config: Configuration of the service.
     """
 
     periodic_outputs: ClassVar[tuple[type[Message], ...]] = (Tracks,)

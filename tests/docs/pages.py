@@ -51,14 +51,7 @@ class Block:
 
 @dataclass(frozen=True)
 class Command:
-    """A command in a page.
-
-    Args:
-        name: Page, line and text.
-        program: "people4d", "python -m" or "make".
-        arguments: What follows it.
-        complete: False: a mention in the text, which may leave out arguments.
-    """
+    """A command in a page."""
 
     name: str
     program: str

@@ -97,14 +97,7 @@ def fuzz(target: Target, corpus: Path, found: Path, seconds: float) -> float:
 
 
 class InputRunner:
-    """Runs inputs and saves inputs that raise other errors than allowed.
-
-    Args:
-        read: Reads bytes.
-        found: Folder for the inputs.
-        allowed: Error that reading may raise.
-        seconds: Of the processor, until libFuzzer ends.
-    """
+    """Runs inputs and saves inputs that raise other errors than allowed."""
 
     def __init__(
         self, read: Callable[[bytes], None], found: Path, allowed: type[Exception], seconds: float

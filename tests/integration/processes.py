@@ -40,11 +40,7 @@ class StoredCamera(Source):
 
 
 class LiveCamera(StoredCamera):
-    """Four frames of the demo recording over and over, stamped when they are released.
-
-    Args:
-        rate_hz: Frames in a second.
-    """
+    """Four frames of the demo recording over and over, stamped when they are released."""
 
     live = True
 
@@ -63,15 +59,7 @@ class LiveCamera(StoredCamera):
 def start(
     network: Network, robot: str, instance: str, settings: Sequence[str] = (), **environment: str
 ) -> "subprocess.Popen[bytes]":
-    """Start the process of a service.
-
-    Args:
-        network: Router that it connects to.
-        robot: Name of the robot.
-        instance: Service and number, for example "detector-1".
-        settings: "field=value" of its configuration.
-        environment: Variables in addition to the environment of this process.
-    """
+    """Start the process of a service."""
     service = instance.partition("-")[0]
     command = [sys.executable, "-m", f"services.{service}", "--robot", robot]
     command += ["--instance", instance]
@@ -92,15 +80,7 @@ def wait_ready(watcher: Watcher, instances: set[str]) -> None:
 def pipeline(
     network: Network, robot: str, settings: dict[str, Sequence[str]], state: str
 ) -> Iterator[None]:
-    """Run services until the block ends.
-
-    Args:
-        network: Router that they connect to.
-        robot: Name of the robot.
-        settings: "field=value" of the configuration of each instance. The last, which is the
-            camera, starts when the others are ready.
-        state: Folder of their state.
-    """
+    """Run services until the block ends; the last, the camera, starts when the others are ready."""
     *first, camera = settings
     watcher = Watcher(network.open(robot), Health)
     with contextlib.ExitStack() as stack:
@@ -119,13 +99,7 @@ def pipeline(
 
 @contextlib.contextmanager
 def threads(network: Network, robot: str, settings: dict[str, Sequence[str]]) -> Iterator[None]:
-    """Run services as `pipeline` does, each with a session of its own, in threads of this process.
-
-    Args:
-        network: Router that they connect to.
-        robot: Name of the robot.
-        settings: "field=value" of the configuration of each instance, the camera last.
-    """
+    """Run services as `pipeline` does, each with its own session, in threads of this process."""
     *first, _ = settings
     watcher = Watcher(network.open(robot), Health)
     with contextlib.ExitStack() as stack:

@@ -26,12 +26,7 @@ SLOWLY = ("--loop", "--set", "camera.stride=3")  # five frames a second, without
 
 
 class System:
-    """A running system and its messages through its router.
-
-    Args:
-        state: Its folder.
-        connect: Endpoint of its router.
-    """
+    """A running system and its messages through its router."""
 
     def __init__(self, state: State, connect: str) -> None:
         self.connect = connect

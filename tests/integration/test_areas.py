@@ -25,14 +25,7 @@ PERIOD_S = 0.1
 
 
 class AreaFeed:
-    """Publishes detections of a camera ten times a second, of the people that are set.
-
-    Args:
-        network: Router of the area or host.
-        name: Robot name of the area or host.
-        camera: Name of the camera.
-        y_m: Where it stands in the map, along y.
-    """
+    """Publishes detections of a camera ten times a second, of the people that are set."""
 
     def __init__(
         self, network: Network, name: str, camera: str = "front", y_m: float = 0.0

@@ -86,12 +86,7 @@ def is_of_arrays(function: Any) -> bool:
 
 
 def cost(steps: Sequence[Sequence[Message]], handle: Callable[[Message], object]) -> Costs:
-    """Return the cost of a frame whose inputs are handled one after another.
-
-    Args:
-        steps: Inputs of each frame.
-        handle: Handles one input.
-    """
+    """Return the cost of a frame whose inputs are handled one after another."""
     counting, kilobytes = Counting(), 0
     for number, step in enumerate(steps):
         if number < WARM:

@@ -79,12 +79,7 @@ def guarded(folder: Path, passwords: bool = False, local: str = "lo") -> Iterato
 
 
 class Listener:
-    """Collects the messages of a key expression, to be waited for.
-
-    Args:
-        session: Session of the subscription.
-        key: Key expression.
-    """
+    """Collects the messages of a key expression, to be waited for."""
 
     def __init__(self, session: zenoh.Session, key: str) -> None:
         self.received: list[bytes] = []

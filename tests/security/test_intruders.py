@@ -289,11 +289,7 @@ def test_peer_accepts_only_roles_that_may_read_it(network: Guarded) -> None:
 
 
 class Tap:
-    """Forwards a connection to a port and records the bytes of its client.
-
-    Args:
-        target: The port.
-    """
+    """Forwards a connection to a port and records the bytes of its client."""
 
     def __init__(self, target: int) -> None:
         self.recorded = bytearray()

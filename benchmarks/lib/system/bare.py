@@ -17,11 +17,7 @@ SIZE_PX = (256, 320)  # Input of a network with any size: height, width
 
 
 def bare_ms(model: str = FLOAT) -> float:
-    """Return the mean time of one run with a detector's settings [ms].
-
-    Args:
-        model: Name in the manifest, or path of an .onnx file.
-    """
+    """Return the mean time of one run with a detector's settings [ms]."""
     path = Path(model)
     if path.suffix != ".onnx":
         path = find(choose(model, load_manifest()), folders(""))

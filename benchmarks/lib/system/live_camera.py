@@ -16,13 +16,7 @@ DEMO = Path(__file__).parents[3] / "deploy" / "demo" / "crossing.mcap"
 
 
 class LiveDemo(Source):
-    """Frames of the recording at any rate, each stamped when it is released.
-
-    Args:
-        rate_hz: Frames in a second.
-        frames: Number of frames in memory, repeated without end.
-        stride: Step between used frames of the recording.
-    """
+    """Frames of the recording at any rate, each stamped when it is released."""
 
     live = True
 
@@ -43,11 +37,7 @@ class LiveDemo(Source):
 
 
 class StoredDemo(Source):
-    """Frames of the recording from memory, with their own stamps.
-
-    Args:
-        frames: Number of frames in memory.
-    """
+    """Frames of the recording from memory, with their own stamps."""
 
     def __init__(self, frames: int = 75) -> None:
         recording = RecordingSource(DEMO, RecordingOptions())

@@ -20,11 +20,7 @@ CONNECT_S = 20.0
 
 
 class Cluster:
-    """A router and processes that are started one by one.
-
-    Args:
-        logs: Folder of their output.
-    """
+    """A router and processes that are started one by one."""
 
     def __init__(self, logs: Path) -> None:
         self.endpoint = f"tcp/127.0.0.1:{free_port()}"

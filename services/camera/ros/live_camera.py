@@ -78,11 +78,6 @@ class LiveCamera:
     def setup(self, colour: tuple[Size, str], depth: tuple[Size, str], stamp_ns: int) -> Any:
         """Update `camera` by a pair of images.
 
-        Args:
-            colour: Size of the colour image and its frame.
-            depth: Size of the depth image and its frame.
-            stamp_ns: Stamp of the pair.
-
         Returns:
             A SourceSetup if the camera became known or changed, else None.
         """

@@ -47,11 +47,7 @@ class HostileFeed(Feed):
 
 
 class Stack:
-    """Router, dashboard, events, and a feed of three people, until the block ends.
-
-    Args:
-        folder: State of the services.
-    """
+    """Router, dashboard, events, and a feed of three people, until the block ends."""
 
     def __init__(self, folder: Path) -> None:
         self.network, self._folder = Network(), folder
