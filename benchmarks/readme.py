@@ -221,10 +221,7 @@ def _link(table: str) -> str:
 
 
 def written(text: str) -> str:
-    """Return the text of README.md with the present block.
-
-    ValueError if rEADME.md has no place for the block.
-    """
+    """Return README.md with the present block; ValueError if it has no place for the block."""
     if not BLOCK.search(text):
         raise ValueError(f"README.md has no {BEGIN} and {END}")
     made = block()

@@ -26,10 +26,7 @@ MODULES = {  # top-level modules by extra
 
 
 def need(what: str, extra: str) -> None:
-    """Check that the packages of an extra are installed.
-
-    ConfigError if a package needed by `what` is missing.
-    """
+    """Check that an extra is installed; ConfigError if a package needed by `what` is missing."""
     absent = missing(extra)
     if absent:
         raise ConfigError(f"{what} needs {absent}, which is not installed", install(extra))

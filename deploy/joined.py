@@ -13,10 +13,7 @@ from deploy.launcher.plan import COMPOSE_FILE
 
 
 def find(services: Sequence[str]) -> list[ServiceBuild]:
-    """Return the builds of services that may share a process.
-
-    ConfigError if the services may not share a process.
-    """
+    """Return the builds of services that may share a process, or raise ConfigError."""
     check_joinable(services, compose.read(COMPOSE_FILE, {}))
     return [_find(service) for service in services]
 

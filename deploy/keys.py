@@ -75,10 +75,7 @@ def write_certificates(folder: Path, hosts: Hosts, addresses: Sequence[str], day
 
 
 def write_passwords(folder: Path, hosts: Hosts) -> None:
-    """Write a folder of passwords for each host; the router's host has all passwords.
-
-    ConfigError if a role is unknown.
-    """
+    """Write the passwords of each host, all for the router's; ConfigError if a role is unknown."""
     _check(hosts)
     known = {role: secrets.token_urlsafe(PASSWORD_BYTES) for role in roles()}
     for host, its_roles in hosts.items():

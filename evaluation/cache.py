@@ -47,10 +47,7 @@ def code_digest(modules: Iterable[ModuleType]) -> str:
 
 
 def content_digest(path: Path) -> str:
-    """Return a digest of a recording, a file or a folder.
-
-    SourceError if the source cannot be read.
-    """
+    """Return a digest of a recording, file or folder; SourceError if it cannot be read."""
     files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
     try:
         return _digest(files, path.parent)

@@ -55,10 +55,7 @@ class Evaluation:
 
 
 def evaluate(plan: EvaluationPlan, on_progress: OnProgress) -> Evaluation:
-    """Score all methods on all recordings.
-
-    SourceError if a recording cannot be read, or has no truth; ModelError if a model is absent.
-    """
+    """Score all methods on all recordings; SourceError for a recording, ModelError for a model."""
     check_models(plan)
     render_all(plan, on_progress)
     with Pool(plan.jobs, on_progress) as pool:

@@ -51,10 +51,7 @@ def load_scenario(name: str, seed: int | None = None) -> Scenario:
 
 
 def split_seed(name: str) -> tuple[str, int | None]:
-    """Split the name or path of a scenario from the seed that may follow it, NAME@SEED.
-
-    ConfigError if the text after @ is not a seed.
-    """
+    """Split a scenario from its seed, NAME@SEED; ConfigError if the text after @ is no seed."""
     scenario, separator, seed = name.rpartition("@")
     if not separator:
         return name, None
@@ -69,10 +66,7 @@ def is_scenario(source: str) -> bool:
 
 
 def resolve(source: str) -> str:
-    """Return the source with an absolute path, since services run in other folders.
-
-    ConfigError if there is no such scenario.
-    """
+    """Return the source with an absolute path, for other folders; ConfigError if there is none."""
     name, _ = split_seed(source.removeprefix(PREFIX))
     load_scenario(name)
     if is_random(name) or NAME.fullmatch(name):

@@ -34,10 +34,7 @@ def is_random(name: str) -> bool:
 
 
 def random_scenario(name: str, seed: int | None = None) -> Scenario:
-    """Return the scene of a name and seed.
-
-    ConfigError if an option is unknown or out of range, or the floor is too small for the people.
-    """
+    """Return the scene of a name and seed; ConfigError for bad options or a full floor."""
     options = read_options(name, seed)
     rng = np.random.default_rng([options.seed, KEY])
     try:

@@ -83,10 +83,7 @@ def _settings(options: LabOptions, world: World) -> RenderSettings:
 
 
 class LabTruth:
-    """Truth of a scenario, as the source "lab.source:LabTruth" of the ground-truth bridge.
-
-    ConfigError if there is no such scenario, or it cannot be read.
-    """
+    """Truth of a scenario, "lab.source:LabTruth" of the bridge; ConfigError if it is unreadable."""
 
     def __init__(self, config: GtBridgeConfig) -> None:
         name, seed = split_seed(config.truth.removeprefix("lab:"))

@@ -49,10 +49,7 @@ class World:
         return (self, *(self._view(number, plan) for number, plan in enumerate(plans, 1)))
 
     def view(self, camera: str) -> "World":
-        """Return the world of a camera by its name; empty: the first.
-
-        ConfigError if there is no such camera.
-        """
+        """Return the world of a camera by its name; empty: the first; or ConfigError."""
         for world in self.views:
             if camera in ("", world.info.camera):
                 return world

@@ -44,10 +44,7 @@ def machine() -> str:
 
 
 def commit() -> str:
-    """Return the commit, marked if code differs from it, and today's date.
-
-    Tables written before, in the same sitting, are no difference.
-    """
+    """Return commit and date; code, not tables, that differs from it marks the commit."""
     head = _git("rev-parse", "--short=7", "HEAD") or "unknown"
     changed = _git("diff", "--name-only", "HEAD", "--", ":/", ":(top,exclude)*.md")
     return f"commit {head}{'-dirty' if changed else ''}, {date.today().isoformat()}"

@@ -66,10 +66,7 @@ class TagsFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
 
 def read_tags(path: Path) -> dict[int, Tag]:
-    """Read a file of tags, by number.
-
-    SourceError if the file cannot be read, or a tag is impossible.
-    """
+    """Read a file of tags by number; SourceError if it cannot be read, or a tag is impossible."""
     try:
         found = msgspec.convert(read_toml(path), TagsFile)
         tags = {int(number): tag for number, tag in found.tags.items()}

@@ -86,10 +86,7 @@ def read_transforms(path: Path) -> TransformsFile:
 
 
 def read_pose(path: Path, camera: str) -> F64:
-    """Return map_from_optical (4x4) of a camera.
-
-    SourceError if the file cannot be read, or has no such camera.
-    """
+    """Return map_from_optical (4x4); SourceError if the file is unreadable or lacks the camera."""
     found = read_transforms(path)
     if camera not in found.cameras:
         names = ", ".join(sorted(found.cameras)) or "none"

@@ -20,10 +20,7 @@ RATE_STEP_HZ = 1000  # denominator of frame rates
 
 
 class VideoWriter:
-    """Writes one video.
-
-    People4dError if the file cannot be written.
-    """
+    """Writes one video; People4dError if the file cannot be written."""
 
     def __init__(self, path: Path, rate_hz: float, size_px: tuple[int, int]) -> None:
         if path.suffix != SUFFIX:
@@ -41,10 +38,7 @@ class VideoWriter:
         self._stream.bit_rate = int(size_px[0] * size_px[1] * rate_hz * BITS_A_PIXEL)
 
     def write(self, image: U8) -> None:
-        """Append an image (HxWx3, red first, of the video's size).
-
-        People4dError if the file cannot be written, for example because the disk is full.
-        """
+        """Append an image (HxWx3, red first, of its size); People4dError if that fails."""
         self._mux(av.VideoFrame.from_ndarray(image, format="rgb24"))
 
     def close(self) -> None:

@@ -40,10 +40,7 @@ def write_private(path: Path, content: bytes) -> None:
 
 
 def replace_file(path: Path, content: bytes, mode: int = 0o666) -> None:
-    """Replace a file atomically by one with a mode, less the process's mask.
-
-    OSError if the file cannot be written.
-    """
+    """Replace a file atomically by one with a mode, less the process's mask; or OSError."""
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, mode)
     try:
@@ -71,10 +68,7 @@ def parse_toml(text: str) -> dict[str, Any]:
 
 
 def inside(folder: Path, name: str) -> Path:
-    """Return the path of a file in a folder by an untrusted name.
-
-    ValueError if the path leaves the folder, by its parts or by a link.
-    """
+    """Return a path in a folder by an untrusted name; ValueError if it leaves the folder."""
     if "\0" in name or not name.strip():
         raise ValueError(f"expected the name of a file, got {name!r:.80}")
     path = folder / name

@@ -25,10 +25,7 @@ def compress(frame: RgbdFrame, quality: int = 90) -> CompressedRgbdFrame:
 
 
 def decompress(message: CompressedRgbdFrame) -> RgbdFrame:
-    """Return the frame with its pixels.
-
-    DecodeError if an image is corrupt, too large or of another kind, or their sizes differ.
-    """
+    """Return the frame with its pixels; DecodeError if an image is corrupt, too large or unfit."""
     rgb = decode_jpeg(message.rgb_jpeg)
     depth_mm = decode_png16(message.depth_png)
     if rgb.shape[:2] != depth_mm.shape:
@@ -66,10 +63,7 @@ def encode_png16(depth_mm: U16, level: int = 1, smooth: bool = False) -> bytes:
 
 
 def decode_jpeg(data: bytes) -> U8:
-    """Return the pixels of an untrusted JPEG, HxWx3, red first.
-
-    DecodeError if the file is corrupt, too large, or not a JPEG.
-    """
+    """Return the pixels of an untrusted JPEG, HxWx3, red first; DecodeError if it is corrupt."""
     if not data.startswith(JPEG):
         raise DecodeError("rgb_jpeg: expected a JPEG, got a corrupt one")
     width, height = image_size(data, "rgb_jpeg")
@@ -83,10 +77,7 @@ def decode_jpeg(data: bytes) -> U8:
 
 
 def decode_png16(data: bytes) -> U16:
-    """Return the depth in an untrusted 16-bit grey PNG, HxW, millimetres.
-
-    DecodeError if the file is corrupt, too large, or not a 16-bit grey PNG.
-    """
+    """Return the depth of an untrusted 16-bit PNG, HxW, millimetres; DecodeError if it is bad."""
     if not data.startswith(PNG):
         raise DecodeError("depth_png: expected a PNG, got a corrupt one")
     width, height = image_size(data, "depth_png")

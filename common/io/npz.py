@@ -43,11 +43,7 @@ def read_arrays(
 
 
 def read_array(path: Path) -> npt.NDArray[Any]:
-    """Read an NPY file.
-
-    OSError if the file cannot be read, or is too large; ValueError if it is no NPY file, is
-    damaged, or holds no numbers.
-    """
+    """Read an NPY file; OSError if it is unreadable, ValueError if it is no such file."""
     return _parse(path.name, read_bytes(path, MAX_BYTES))
 
 

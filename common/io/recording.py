@@ -193,10 +193,7 @@ class Recording:
 
 
 def open_recording(path: Path) -> Recording:
-    """Open a recording; after a crash it is readable up to the last complete message.
-
-    SourceError if the file is absent or is not a people4d recording.
-    """
+    """Open a recording, up to its last complete message; SourceError if it is none."""
     try:
         with path.open("rb") as file:
             index = scan(file)

@@ -26,10 +26,7 @@ def remedy_of(path: Path) -> str:
 
 
 def is_bag(path: Path) -> bool:
-    """Check whether a path is a ROS bag: a .bag, .db3 or .mcap file, or a folder of these.
-
-    SourceError if an MCAP file cannot be read.
-    """
+    """Check for a ROS bag: a .bag, .db3 or .mcap file, or a folder of these; or SourceError."""
     if path.is_dir():
         known = (path / "metadata.yaml").exists() or any(path.glob("*.db3"))
         return known or any(is_bag(file) for file in sorted(path.glob("*.mcap")))

@@ -96,10 +96,7 @@ class Matcher:
         self._previous: dict[int, int] = {}  # track of each person in the previous frame
 
     def match(self, frame: EvaluationFrame) -> FrameMatches:
-        """Match the next frame.
-
-        ValueError if the similarity has another shape than people by tracks, or is not finite.
-        """
+        """Match the next frame; ValueError if the similarity does not fit people and tracks."""
         persons = _numbers(self.persons, frame.truth.ids)
         tracks = _numbers(self.tracks, frame.hypotheses.ids)
         similarity, required = self._similarity(frame.truth, frame.hypotheses), frame.truth.required

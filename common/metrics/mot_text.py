@@ -112,10 +112,7 @@ def _are_classes(columns: F64) -> bool:
 
 
 def read_info(path: Path) -> MotInfo:
-    """Read seqinfo.ini.
-
-    DecodeError if the file has no section [Sequence], or one of its values is absent or wrong.
-    """
+    """Read seqinfo.ini; DecodeError if [Sequence] or a value is absent or wrong."""
     # Values that refer to other values could grow without limit.
     parser = configparser.ConfigParser(interpolation=None)
     try:

@@ -12,10 +12,7 @@ TRANSPORTS = {"zenoh": "common.ros2.rmw_zenoh:RmwZenoh", "dds": "common.ros2.dds
 
 
 def find_transport(config: Ros2Config) -> type[Ros2Transport]:
-    """Return the class of a transport.
-
-    ConfigError if the name is unknown, or the library is not installed.
-    """
+    """Return the class of a transport; ConfigError if it is unknown, or its library is absent."""
     if config.transport == "dds":
         need("ROS 2 by DDS", "dds")
     found: type[Ros2Transport] = registry.find("transport", TRANSPORTS, config.transport)

@@ -75,10 +75,7 @@ def dds_name(kind: str) -> str:
 
 
 def make(kind: str, fields: Fields) -> Any:
-    """Return an immutable message of rosbags; omitted fields are 0, empty or false.
-
-    KeyError if the type has no such field.
-    """
+    """Return an immutable message of rosbags; omitted fields are 0, empty or false; or KeyError."""
     return _maker(kind)(fields)
 
 

@@ -55,10 +55,7 @@ def read_config(
 
 
 def is_private(environment: Mapping[str, str]) -> bool:
-    """Check that $PEOPLE4D_PRIVACY forbids pixels to leave the host.
-
-    ConfigError if the value is neither on nor off.
-    """
+    """Check $PEOPLE4D_PRIVACY: on, no pixel leaves the host; ConfigError if it is not on or off."""
     text = environment.get("PEOPLE4D_PRIVACY", "")
     if text not in ("", "off", "on"):
         raise ConfigError(f"PEOPLE4D_PRIVACY: expected on or off, got {text!r}")

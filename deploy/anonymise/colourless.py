@@ -12,10 +12,7 @@ LEFT_OUT = (Crops, Embeddings)
 
 
 def without_colour(message: Message) -> Message | None:
-    """Return a message with grey images in place of colour; None for crops and embeddings.
-
-    DecodeError if the size of a compressed image cannot be read.
-    """
+    """Return a message with grey images, None for crops and embeddings; or DecodeError."""
     if isinstance(message, LEFT_OUT):
         return None
     if isinstance(message, RgbdFrame):
@@ -24,10 +21,7 @@ def without_colour(message: Message) -> Message | None:
 
 
 def grey_frame(frame: CompressedRgbdFrame) -> CompressedRgbdFrame:
-    """Return a compressed frame with a grey image of the same size.
-
-    DecodeError if the size of its image cannot be read.
-    """
+    """Return a compressed frame with a grey image of its size; DecodeError if it has none."""
     width, height = image_size(frame.rgb_jpeg, "rgb_jpeg")
     grey = np.full((height, width, 3), GREY, np.uint8)
     return msgspec.structs.replace(frame, rgb_jpeg=encode_jpeg(grey))

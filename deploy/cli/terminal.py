@@ -60,10 +60,7 @@ def print_table(table: Table) -> None:
 
 
 def shown(text: object) -> str:
-    """Return untrusted text as markup that shows it literally.
-
-    Control characters become spaces; square brackets are escaped.
-    """
+    """Return untrusted text as literal markup; control characters become spaces."""
     return escape("".join(c if c.isprintable() else " " for c in str(text)))
 
 

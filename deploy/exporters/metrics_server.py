@@ -15,10 +15,7 @@ READ_S = 5.0  # maximum wait for the next bytes of a request [s]
 
 
 class MetricsServer:
-    """Serves the values of a registry until closed.
-
-    OSError if the server cannot listen at the address.
-    """
+    """Serves a registry until closed; OSError if it cannot listen at the address."""
 
     def __init__(self, address: str, port: int, registry: CollectorRegistry) -> None:
         kind = _ServerIPv6 if ":" in address else _Server

@@ -25,10 +25,7 @@ PIECE = (ROBOT, "service", "instance", "stage")
 
 
 class PrometheusExporter(Exporter, Collector):
-    """Serves /metrics with the robot's name in the labels.
-
-    People4dError if the server cannot listen at the address.
-    """
+    """Serves /metrics with the robot in the labels; People4dError if it cannot listen."""
 
     def __init__(self, robot: str, address: str, port: int) -> None:
         super().__init__()

@@ -158,10 +158,7 @@ class Launcher:
         return error
 
     def processes(self) -> dict[str, Process]:
-        """Return all processes by name, and report ends and restarts.
-
-        LaunchError if a process failed and is not restarted.
-        """
+        """Return all processes by name, and report restarts; LaunchError if one failed for good."""
         processes = self.supervisor.processes()
         self._reasons.add_heartbeats(self.heartbeats.all())
         for name, process in processes.items():
@@ -187,10 +184,7 @@ class Launcher:
         return health.reason if health else ""
 
     def wait_finished(self, service: str) -> None:
-        """Wait until every process of a service has finished.
-
-        LaunchError if a process of the system failed.
-        """
+        """Wait until every process of a service has finished; LaunchError if one failed."""
         while True:
             processes = self.processes()
             if all(processes[name].finished for name in self.services[service].instances):
@@ -227,10 +221,7 @@ def check_stopped(state: State, robot: str) -> None:
 
 
 def read_plan(state: State) -> tuple[Service, ...]:
-    """Return the services of a running system.
-
-    People4dError if the plan of the run is missing or damaged.
-    """
+    """Return the services of a running system; People4dError if its plan is missing or damaged."""
     try:
         return msgspec.json.decode(state.plan_file.read_bytes(), type=tuple[Service, ...])
     except (OSError, msgspec.DecodeError, UnicodeDecodeError) as error:

@@ -52,10 +52,7 @@ class LaunchRequest:
 
 
 def plan(request: LaunchRequest) -> tuple[Service, ...]:
-    """Return the services of a request in start order.
-
-    ConfigError if the request names unknown services, or files that cannot be read.
-    """
+    """Return the services of a request in start order; ConfigError if the request is wrong."""
     settings = list(request.settings)
     profiles = {PROCESSES, *request.profiles}
     if request.report:
@@ -143,10 +140,7 @@ def read_settings(
 
 
 def load_model(service: Service, settings: msgspec.Struct) -> str:
-    """Load the model of a service and return its name.
-
-    People4dError if the model is missing, altered or cannot be loaded.
-    """
+    """Load the model of a service and return its name; People4dError if it cannot be loaded."""
     _find(service.labels["people4d.model"])(settings)
     fields = msgspec.structs.asdict(settings)
     return str(fields.get("model") or fields.get("embedder"))

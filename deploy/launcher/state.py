@@ -117,10 +117,7 @@ class State:
             yield own
 
     def write(self, file: Path, content: bytes) -> None:
-        """Replace a file of the folder.
-
-        People4dError if the file cannot be written; the previous one remains.
-        """
+        """Create the folder, its owner's only; ConfigError if that, or a socket, is impossible."""
         try:
             replace_file(file, content, 0o600)
         except OSError as error:

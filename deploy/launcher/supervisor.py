@@ -188,10 +188,7 @@ class Supervisor:
         self.state = state
 
     def spawn(self, services: Sequence[Service]) -> int:
-        """Start supervisord without services, and return its process number.
-
-        People4dError if it does not start.
-        """
+        """Start supervisord without services, and return its process number; or People4dError."""
         self.state.write(self.state.config, render(self.state, services).encode())
         # Supervisord detaches from this process and its terminal once its socket is open.
         done = subprocess.run(

@@ -70,10 +70,7 @@ class CameraImages:
         return self._alignment.info if self._alignment else None
 
     def accept(self, rgb: U8, depth: npt.NDArray[Any], stamp_ns: int) -> SourceFrame:
-        """Return copied images as a frame, depth in millimetres.
-
-        SourceError if the images are invalid, or not later than the last ones.
-        """
+        """Return all processes by instance, some of them shared; or SupervisorGoneError."""
         alignment = self._alignment or self._align(rgb)
         check = FrameCheck(
             alignment.info, np.issubdtype(getattr(depth, "dtype", np.uint16), np.floating)

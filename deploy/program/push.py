@@ -142,10 +142,7 @@ class Camera:
 
 
 def _check_system(bus: ZenohBus, instance: str) -> None:
-    """Wait for a tracker of the robot.
-
-    ConfigError if there is no tracker, or there is a process of the camera's name.
-    """
+    """Wait for a tracker of the robot; ConfigError if there is none, or the camera runs already."""
     end_s = time.monotonic() + SYSTEM_S
     while True:
         present = {(service, name) for robot, service, name in bus.present() if robot == bus.robot}

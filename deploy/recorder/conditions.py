@@ -9,10 +9,7 @@ IDENTITIES_MAX = 10_000  # maximum number of stored identities
 
 
 class Condition:
-    """Condition on messages: `person`, met by each new confirmed identity, or any on a topic.
-
-    ConfigError if the name is neither a condition nor a topic.
-    """
+    """Return copied images as a frame, depth in millimetres; SourceError if unusable."""
 
     def __init__(self, name: str) -> None:
         if name != PERSON and name not in BY_NAME:

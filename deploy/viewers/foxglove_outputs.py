@@ -73,10 +73,7 @@ class FoxgloveServer(FoxgloveOutput):
 
 
 class FoxgloveFile(FoxgloveOutput):
-    """Writes a compressed, indexed MCAP file of Foxglove's messages.
-
-    SourceError if the file cannot be written, on opening and closing.
-    """
+    """Writes a compressed, indexed MCAP file of Foxglove's messages; SourceError if it cannot."""
 
     def __init__(self, converter: FoxgloveConverter, path: Path) -> None:
         super().__init__(converter)

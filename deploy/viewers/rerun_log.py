@@ -182,10 +182,7 @@ class RerunLog:
 
 
 def open_log(robot: str, file: Path | None) -> RerunLog:
-    """Open a file, or start Rerun's viewer.
-
-    SourceError if the file cannot be written, or the viewer cannot be started.
-    """
+    """Open a file, or start Rerun's viewer; SourceError if that is impossible."""
     stream = rr.RecordingStream("people4d", recording_id=None)
     stream.send_property("robot", rr.AnyValues(name=robot))
     viewer = None

@@ -97,10 +97,7 @@ class MarkView:
         return moved
 
     def point_m(self, mark: Mark, depth_mm: U16) -> F64 | None:
-        """Return the surface at a mark in the map, by the median depth.
-
-        None without depth, and at an edge of depth.
-        """
+        """Return the surface at a mark in the map, by median depth; None at an edge of depth."""
         readings_mm = _readings(mark, depth_mm, WINDOW_PX)
         if len(readings_mm) < READINGS_MIN:
             return None
@@ -150,10 +147,7 @@ def write_marks(path: Path, image: MarkedImage, digest: str) -> None:
 
 
 def check_recording(path: Path, annotations: Annotations, digest: str) -> None:
-    """Check that annotations belong to the recording with a digest.
-
-    SourceError if they belong to another one.
-    """
+    """Check that annotations are of the recording with a digest; SourceError if not."""
     if annotations.recording not in ("", digest):
         raise SourceError(
             f"{path} annotates another recording: expected first image {digest}, "

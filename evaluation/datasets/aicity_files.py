@@ -87,10 +87,7 @@ def open_hdf5(path: Path) -> Mapping[str, Any]:
 
 
 def read_truth(dataset: Dataset, folder: Path, frames: int) -> Truth | None:
-    """Return the people of each frame, None if they are not published.
-
-    SourceError if the file has another layout, or more frames than the videos.
-    """
+    """Return the people of each frame, None if not published; SourceError if they do not fit."""
     path = folder / "ground_truth.json"
     if not path.exists():
         return None

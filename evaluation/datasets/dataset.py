@@ -80,10 +80,7 @@ class Dataset(ABC):
         """
 
     def methods(self, presets: Sequence[str], settings: Sequence[str]) -> list[Method]:
-        """Return the methods of presets, the data set's default one if there is none.
-
-        ConfigError if a preset or setting is unknown, or does not fit the data set.
-        """
+        """Return the methods of presets, else the default one; ConfigError if one does not fit."""
         return read_methods(presets or [self.preset], settings)
 
     def check_tuning(self, sequences: Iterable[str]) -> None:
@@ -100,10 +97,7 @@ class Dataset(ABC):
                 )
 
     def require(self, *paths: Path) -> None:
-        """Check that files or folders exist.
-
-        SourceError if one is missing; the nearest existing folder and its content are named.
-        """
+        """Check that files or folders exist; SourceError names the nearest existing folder."""
         for path in paths:
             if path.exists():
                 continue

@@ -75,10 +75,7 @@ class JrdbTracking(Dataset):
         return SequenceResult(OspaFigures(one.score(tracks), ospa(one.truth, tracks)), files)
 
     def load(self, folder: Path, sequence: str) -> BoxSequence:
-        """Read one sequence.
-
-        SourceError if a file has another layout, or labels of other frames.
-        """
+        """Read a sequence; SourceError if a file has another layout, or labels of other frames."""
         split, name = sequence.split("/")
         found = self._frames(folder / split / FILES["detections"] / f"{name}.json", "detections")
         frames = tuple(_frame(k, found[image]) for k, image in enumerate(sorted(found)))

@@ -57,10 +57,7 @@ class KittiTracking(Dataset):
         return SequenceResult(figures, {f"{job.sequence}.txt": submission(tracks)})
 
     def load(self, folder: Path, sequence: str) -> BoxSequence:
-        """Read one sequence.
-
-        SourceError if a file has another layout, or more frames than the sequence.
-        """
+        """Read a sequence; SourceError if a file has another layout, or too many frames."""
         split, name = sequence.split("/")
         poses = self._directions(folder / split / "oxts" / f"{name}.txt")
         found = self._rows(folder / split / "det_02" / f"{name}.txt", 18, len(poses))

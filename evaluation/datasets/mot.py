@@ -60,10 +60,7 @@ class MotDataset(Dataset):
         return SequenceResult(figures, {f"{job.path.name}.txt": submission(tracks)})
 
     def load(self, folder: Path) -> BoxSequence:
-        """Read one sequence.
-
-        SourceError if a file has another layout, or more frames than the sequence.
-        """
+        """Read a sequence; SourceError if a file has another layout, or too many frames."""
         truth_file = folder / "gt" / "gt.txt"
         try:
             info = read_info(folder / "seqinfo.ini")

@@ -113,10 +113,7 @@ def predict(walks: Walks, config: PredictorConfig) -> PredictedWalks:
 
 
 def read_walks(folder: Path) -> Walks:
-    """Read `obsmat.txt` and `groups.txt` of a scene.
-
-    SourceError if the files are absent or hold something else.
-    """
+    """Read `obsmat.txt` and `groups.txt` of a scene; SourceError if they are absent or others."""
     try:
         table = np.loadtxt(folder / "obsmat.txt", ndmin=2)
         lines = (folder / "groups.txt").read_text(encoding="utf-8").splitlines()

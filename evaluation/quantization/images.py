@@ -23,10 +23,7 @@ SUFFIXES = {".jpg", ".jpeg", ".png"}
 
 
 def images_of(folder: Path) -> Iterator[U8]:
-    """Yield the images (HxWx3, RGB) of a folder in the order of their names.
-
-    ConfigError if the folder has no image, or an unreadable one.
-    """
+    """Yield the images (HxWx3, RGB) of a folder by name; ConfigError if one is unreadable."""
     try:
         files = sorted(file for file in folder.iterdir() if file.suffix.lower() in SUFFIXES)
     except OSError as error:
@@ -41,10 +38,7 @@ def images_of(folder: Path) -> Iterator[U8]:
 
 
 def inputs(session: Session, kind: str, images: Sequence[U8]) -> list[Array]:
-    """Return images as the input of the network of a people model of a kind.
-
-    ConfigError if the kind is unknown.
-    """
+    """Return images as the input of a people model of a kind; ConfigError if it is unknown."""
     model = find_factory(kind)(session, DetectorConfig(), kind)
     if not isinstance(model, NetworkModel):
         raise ConfigError(f"models of kind {kind} cannot be quantised here")

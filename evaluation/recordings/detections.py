@@ -99,10 +99,7 @@ def detect(job: DetectionJob) -> DetectionFiles:
 
 
 def read_tracker_input(detections: Path, embeddings: Path | None) -> Iterator[Message]:
-    """Yield the input of a tracker in order; the embeddings of a frame before its detections.
-
-    SourceError if the recording has more than one camera.
-    """
+    """Write the quantised network; its ends, and `floats`, stay in float32."""
     found = open_recording(embeddings).messages(Embeddings) if embeddings else ()
     vectors = {message.stamp_ns: message for _, message in found}
     cameras = set()

@@ -63,10 +63,7 @@ def plan_recordings(
 
 
 def render_recording(recording: EvaluationRecording, jobs: int, on_progress: OnProgress) -> None:
-    """Render a scenario with some processes at once, unless it was rendered before.
-
-    SourceError if the cache cannot be written.
-    """
+    """Render a scenario with some processes, unless it is cached; SourceError if it cannot be."""
     if recording.job is None or recording.path.exists():
         return
     truth = recording.truth_file if recording.job.truth_per_frame else None

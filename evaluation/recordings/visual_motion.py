@@ -89,10 +89,7 @@ class VisualMotionJob:
 
 
 def estimate_motion(job: VisualMotionJob) -> Path:
-    """Return the detections with the estimated motion, cached.
-
-    SourceError if the recording has no images.
-    """
+    """Return the detections with the estimated motion, cached; SourceError without images."""
     code = code_digest((*SHARED_CODE, services.visual_odometry))
     key = key_of(job.detections.name, code, job.camera, job.config)
     path = job.folder / "motion" / f"{Path(job.camera.source).stem}-{key}.mcap"

@@ -50,10 +50,7 @@ def floor_plans(recording: str, runs: Sequence[RunTrajectories]) -> bytes:
 
 
 def time_series(recording: str, runs: Sequence[RunTrajectories]) -> bytes:
-    """Draw position, velocity and yaw over time, all methods together, as PNG.
-
-    The person with the most required frames is shown.
-    """
+    """Draw position, velocity and yaw of the person with most frames, all methods, as PNG."""
     first = runs[0]
     person = int(np.argmax(first.required.sum(axis=0)))
     figure = Figure((11, 9.5), layout="constrained")

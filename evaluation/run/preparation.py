@@ -36,10 +36,7 @@ class EvaluationPlan:
 
 
 def check_models(plan: EvaluationPlan) -> None:
-    """Check that all models exist before the evaluation starts.
-
-    ModelError if a model is unknown, or its file is absent.
-    """
+    """Check that all models exist before the evaluation; ModelError if one does not."""
     if all(_has_no_images(recording) for recording in plan.recordings):
         return
     for method in plan.methods:
@@ -69,10 +66,7 @@ def warnings_of(plan: EvaluationPlan) -> list[str]:
 
 
 def render_all(plan: EvaluationPlan, on_progress: OnProgress) -> None:
-    """Render all scenarios that are not in the cache.
-
-    SourceError if the cache cannot be written.
-    """
+    """Render the scenarios that are not in the cache; SourceError if it cannot be written."""
     for recording in plan.recordings:
 
         def rendering(stage: str, share: float, name: str = recording.name) -> object:

@@ -74,10 +74,7 @@ class RunScores:
 
 
 def execute(run: EvaluationRun) -> RunOutput:
-    """Track the people of a recording.
-
-    SourceError if the recording has no calibration, or truth and tracks are in different frames.
-    """
+    """Track the people of a recording; SourceError without calibration or common frame."""
     messages = list(read_tracker_input(run.detections, run.embeddings))
     detections = tuple(m for m in messages if isinstance(m, Detections))
     info = next((m for m in messages if isinstance(m, CameraInfo)), None)

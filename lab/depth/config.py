@@ -91,10 +91,7 @@ class SensorChanges(Config, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     shift_px: tuple[ShiftPx, ShiftPx] | None = None  # [px] shift of depth: right, down
 
     def change_model(self, model: DepthSensorModel) -> DepthSensorModel:
-        """Return a model with the changes.
-
-        ConfigError if the limits of depth contradict each other.
-        """
+        """Return a model with the changes; ConfigError if the limits of depth contradict."""
         changes = {k: v for k, v in msgspec.structs.asdict(self).items() if v is not None}
         try:
             return msgspec.structs.replace(model, **changes)

@@ -38,10 +38,7 @@ class SimulationMetadata(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
 
 
 def read_metadata(recording: Recording) -> SimulationMetadata | None:
-    """Return the origin of a recording; None for a recording of a real camera.
-
-    SourceError if the metadata are damaged, or of a later version.
-    """
+    """Return the origin of a recording, None for a real camera; SourceError if it is unreadable."""
     if NAME not in recording.metadata:
         return None
     values: dict[str, Any] = dict(recording.metadata[NAME])
@@ -71,10 +68,7 @@ def depth_sensor_of(
 
 
 class CleanDepthSensor:
-    """Depth sensor for the clean depth of one camera.
-
-    ConfigError if a change of its errors is unknown or out of range.
-    """
+    """Depth sensor for the clean depth of one camera; ConfigError if a change is unknown."""
 
     def __init__(
         self, metadata: SimulationMetadata, info: CameraInfo, changes: Mapping[str, Any]

@@ -59,10 +59,7 @@ def save_frames(path: Path, info: CameraInfo, frames: Sequence[Arrays]) -> None:
 
 
 def join_frames(path: Path, parts: Sequence[Path]) -> None:
-    """Join files of `save_frames`, at least one, in order; one is in memory at a time.
-
-    SourceError if the file cannot be written.
-    """
+    """Join files of `save_frames` in order, one in memory at a time; or SourceError."""
     with np.load(parts[0]) as first:
         names = list(first)
     try:

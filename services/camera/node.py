@@ -179,10 +179,7 @@ class CameraNode(Node):
         return Status(state=state, reason=reason, counters=counters, gauges=gauges)
 
     def close(self) -> None:
-        """Stop reading and close the source.
-
-        SourceError if no frame of the source matches its declaration.
-        """
+        """Stop and close the source; SourceError if no frame of it matches its declaration."""
         check = self._check
         cause, fault = (check.cause, check.fault) if check.hopeless else ("", "")
         self._source.interrupt()

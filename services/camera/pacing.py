@@ -63,10 +63,7 @@ class RecordedPacing(Pacing):
 
 
 class LockstepPacing(Pacing):
-    """Frames are sent as fast as the pipeline answers.
-
-    `window` frames may be unanswered, each for `timeout_ns`.
-    """
+    """Frames as fast as the pipeline answers: `window` unanswered, each for `timeout_ns`."""
 
     def __init__(self, window: int, timeout_ns: int) -> None:
         self._window = window

@@ -8,10 +8,7 @@ from services.dashboard.config import DashboardConfig
 
 
 def check_page(config: DashboardConfig) -> None:
-    """Check that the web server is installed, and the files of the certificate.
-
-    ConfigError if the server is not installed, or a file is unusable.
-    """
+    """Check that web server and certificate are there; ConfigError if one is unusable."""
     need("the dashboard", "dashboard")
     if bool(config.certificate) != bool(config.certificate_key):
         raise ConfigError("dashboard.certificate and dashboard.certificate_key belong together")

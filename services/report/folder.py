@@ -53,10 +53,7 @@ class ReportOutput(Protocol):
 
 
 class ReportFolder:
-    """Writes the report into a folder, and its summary to standard output.
-
-    ConfigError if the folder cannot be made or written to.
-    """
+    """Writes the report into a folder, and its summary to the output; ConfigError if it cannot."""
 
     def __init__(self, config: ReportConfig) -> None:
         check_folder(config)
@@ -71,10 +68,7 @@ class ReportFolder:
         self._videos[frame.camera].add_frame(frame, waiting_bytes < WAITING_MAX)
 
     def finish(self, sheet: U8, page: RunPage) -> None:
-        """Write videos, sheet, page and summary.
-
-        People4dError if a file cannot be written, for example because the disk is full.
-        """
+        """Write videos, sheet, page and summary; People4dError if a file cannot be written."""
         deadline_s = time.monotonic() + ENCODING_S
         for video in self._videos.values():
             video.encode(deadline_s)
@@ -103,10 +97,7 @@ class ReportFolder:
 
 
 def check_folder(config: ReportConfig) -> None:
-    """Create the folder of the report, marked as incomplete.
-
-    ConfigError if the folder cannot be made or written to.
-    """
+    """Create the folder of the report, marked as incomplete; ConfigError if it cannot."""
     path = Path(config.folder)
     try:
         path.mkdir(parents=True, exist_ok=True)

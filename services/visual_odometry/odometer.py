@@ -88,10 +88,7 @@ class Odometer:
         self.pose = start  # last pose of the base
 
     def add_frame(self, frame: OdometryFrame) -> PoseEstimate | None:
-        """Return the pose of the base in the next frame; None if unknown.
-
-        The first pose is the start.
-        """
+        """Return the pose of the base in the next frame, first the start; None if unknown."""
         grey = self._camera.reduce_image(frame.rgb)
         if self._state is None:
             self._state = initial_state(frame.stamp_ns, self._mount.free, self._config)

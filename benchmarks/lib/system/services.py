@@ -50,10 +50,7 @@ class Cluster:
             )
 
     def wait_ready(self, client: Client, instances: set[str]) -> None:
-        """Wait until the heartbeats of these processes report that they work.
-
-        TimeoutError if a process does not work in time.
-        """
+        """Wait until these processes report that they work; TimeoutError if one does not."""
         waiting = set(instances)
         for health in client.messages(Health, timeout_s=READY_S):
             if health.state in ("ready", "degraded"):

@@ -74,10 +74,7 @@ def add(
 
 
 def check_name(name: str, file: Path) -> None:
-    """Check the name of a new model and the type of its file.
-
-    ModelError if the file is not an .onnx file, or the name cannot be used.
-    """
+    """Check the name of a new model and the type of its file, or raise ModelError."""
     if file.suffix != ".onnx" or not file.is_file():
         raise ModelError(f"{file} is not an .onnx file", "Export the network to ONNX first.")
     if not FILE_NAME.fullmatch(name):
@@ -105,10 +102,7 @@ def demo_frame() -> U8:
 
 
 def write_entry(entry: ModelFile, file: Path) -> None:
-    """Copy a file to the user's models, and write its entry in their manifest.
-
-    ModelError if the folder cannot be written.
-    """
+    """Copy a file to the user's models and write its entry; ModelError if that fails."""
     folder = own_folder()
     manifest = folder / MANIFEST.name
     try:

@@ -11,10 +11,7 @@ Force = Annotated[bool, typer.Option("--force", help="Overwrite the file.")]
 
 
 def check_target(target: Path, source: Path | None, force: bool) -> None:
-    """Check that a file may be written; `source` is the input recording.
-
-    ConfigError if the file is the input, or exists and may not be overwritten.
-    """
+    """Check that a file may be written; ConfigError if it is the input `source`, or exists."""
     if source and target.exists() and target.samefile(source):
         raise ConfigError(f"{target} is the recording itself", "Name another file.")
     if target.exists() and not force:

@@ -60,10 +60,7 @@ def _print_page(state: State) -> None:
 
 
 def _attend_to_end(launcher: Launcher, request: LaunchRequest) -> None:
-    """Supervise a system, and stop it at the end.
-
-    People4dError if a process failed, or supervisord was killed while the services continue.
-    """
+    """Supervise a system, and stop it at the end; People4dError if a process failed."""
     state = launcher.state
     with ExitStack() as end:
         end.callback(stop, state)

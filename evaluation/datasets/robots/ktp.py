@@ -107,10 +107,7 @@ def stamp_of(text: str) -> int:
 
 
 def read_truth(path: Path) -> dict[int, BoxTruth]:
-    """Read the boxes of a sequence by stamp [ns].
-
-    SourceError if it cannot be read, or a line has other columns.
-    """
+    """Read the boxes of a sequence by stamp [ns]; SourceError if a line has other columns."""
     try:
         return dict(_lines(read_text(path, MAX_BYTES)))
     except (OSError, ValueError) as error:

@@ -106,10 +106,7 @@ RIMT = RimtDataset(
 
 
 def position_of(message: Any) -> tuple[float, float, float]:
-    """Return the position of a stamped point, transform, pose or odometry.
-
-    AttributeError if the message has none.
-    """
+    """Return the position of a stamped point, transform, pose or odometry, or AttributeError."""
     for name in ("point", "transform", "translation", "pose", "pose", "position"):
         message = getattr(message, name, message)
     return float(message.x), float(message.y), float(message.z)

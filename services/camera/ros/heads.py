@@ -51,10 +51,7 @@ def simulated_topics(bag: Bag, topics: Collection[str]) -> frozenset[str]:
 
 
 def depth_unit_m(bag: Bag, depth: str) -> float:
-    """Return the unit of 16-bit depth [m]: librealsense's record, or else a millimetre.
-
-    SourceError if the recorded unit is no length.
-    """
+    """Return the unit of 16-bit depth [m]: of librealsense, else a millimetre; or SourceError."""
     sensor = sdk_stream(depth).rpartition("/")[0]
     option = f"{sensor}/option/Depth_Units/value"
     if not sensor or option not in bag.types:

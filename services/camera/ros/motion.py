@@ -28,10 +28,7 @@ class FrameTree:
         self._parents: dict[str, tuple[str, F64 | None]] = {}
 
     def add_transform(self, parent: str, child: str, matrix: F64 | None = None) -> None:
-        """Add a static transform (4x4, parent_from_child), or None for a moving one.
-
-        A moving one does not replace a static one.
-        """
+        """Add a static transform (4x4, parent_from_child); None, moving, does not replace one."""
         _, known = self._parents.get(child, ("", None))
         if matrix is None and known is not None:
             return

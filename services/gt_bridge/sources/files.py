@@ -21,10 +21,7 @@ RATES_HZ = (1e-3, 1e6)  # range of frame rates
 
 
 class RecordingTruth:
-    """Truth messages of a recording.
-
-    SourceError if the file does not exist, is not a recording, or holds no truth.
-    """
+    """Truth messages of a recording; SourceError if it is no recording, or holds no truth."""
 
     def __init__(self, config: GtBridgeConfig) -> None:
         self._recording = open_recording(Path(config.truth))

@@ -16,10 +16,7 @@ SHOWN = 8  # maximum number of topics in an error
 
 
 class RosbagTruth:
-    """People messages of one topic of a bag.
-
-    SourceError if the bag cannot be read, has no such topic, or several without a choice.
-    """
+    """People messages of one topic of a bag; SourceError if it has none, or several."""
 
     def __init__(self, config: GtBridgeConfig) -> None:
         self._path = Path(config.truth)
@@ -27,10 +24,7 @@ class RosbagTruth:
             self._topic = self._choose(config.topic, bag.types)
 
     def __iter__(self) -> Iterator[Truth]:
-        """Yield the messages in the order of the bag.
-
-        SourceError if the bag is damaged, or the name of a frame is invalid.
-        """
+        """Yield the messages in the order of the bag; SourceError if it is damaged."""
         with open_bag(self._path, {}) as bag:
             for sequence, (_, _, message) in enumerate(bag.messages([self._topic])):
                 try:
