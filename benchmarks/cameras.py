@@ -49,10 +49,10 @@ FAULTS_ABOUT = (
 )
 FAULTS_HEADER = ["fault", "health says", "scenes", "from s"]
 AREAS_ABOUT = (
-    "Two of the cameras and a tracker in each area, people of both in one stream by the site's "
-    "node, 15 Hz. A walk: a person is in view of one area alone, then of the other alone for 2 s. "
-    "Joined: identities that an area took from the other for a person in both views. Sent: by "
-    "each area to its neighbour."
+    "Two areas: two of the cameras and a tracker in each, people of both in one stream by the "
+    "site's node, 15 Hz. A walk: a person is in view of one area alone, then of the other alone "
+    "for 2 s. Joined: identities that an area took from the other for a person in both views. "
+    "Sent: by each area to its neighbour."
 )
 AREAS_HEADER = [
     *("two areas", "MOTA", "IDF1", "HOTA", "position RMSE m", "double people %"),
@@ -105,13 +105,9 @@ def main() -> None:
         if kind == "overlapping":
             faults = _faults(scenes[:FEW])
             parts += ["### Faults", FAULTS_ABOUT, markdown([*FAULTS_HEADER, *HEADER[1:]], faults)]
-        parts += [
-            f"### {kind.capitalize()}, two areas",
-            AREAS_ABOUT,
-            markdown(AREAS_HEADER, _areas(scenes)),
-        ]
+        parts += [f"### {kind.capitalize()}, two areas", markdown(AREAS_HEADER, _areas(scenes))]
     parts += ["## Cost", COST_ABOUT, _costs()]
-    write(__file__, "People tracked by several cameras", ABOUT, *parts)
+    write(__file__, "People tracked by several cameras", ABOUT, AREAS_ABOUT, *parts)
 
 
 def _methods(scenes: Sequence[FusionScene]) -> list[list[str]]:

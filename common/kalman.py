@@ -27,12 +27,6 @@ def innovation(x: F64, P: F64, z: F64, R: F64) -> tuple[F64, F64]:
     return z - x[..., :m], P[..., :m, :m] + R
 
 
-def mahalanobis(y: F64, S: F64) -> F64:
-    """Return the squared Mahalanobis distances (N) of innovations (Nxm) with covariances S."""
-    distances: F64 = np.add.reduce(y * np.linalg.solve(S, y[..., None])[..., 0], axis=-1)
-    return distances
-
-
 def squared_lengths(y: F64, inverse: F64) -> F64:
     """Return the squared Mahalanobis distances (N) of y (Nxm) by inverse covariances (Nxmxm)."""
     lengths: F64 = np.add.reduce(y * (inverse @ y[..., None])[..., 0], axis=-1)

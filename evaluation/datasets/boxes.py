@@ -73,16 +73,6 @@ def image_frame(rows: MotRows, number: int, info: MotInfo) -> BoxFrame:
     return BoxFrame(stamp_ns, rows.boxes_xyxy_px, rows.confidences, size_px)
 
 
-def detection_rows(frames: Sequence[BoxFrame]) -> F64:
-    """Return the detections of all frames: frame from 1, left, top, right, bottom, score."""
-    return np.vstack(
-        [
-            np.column_stack([np.full(len(one.scores), number), one.boxes_xyxy_px, one.scores])
-            for number, one in enumerate(frames, 1)
-        ]
-    )
-
-
 def track_boxes(method: Method, frames: Sequence[BoxFrame]) -> list[BoxTracks]:
     """Return the tracks of each frame; ConfigError if the method needs depth."""
     if method.tracker.tracker != "image_sort":

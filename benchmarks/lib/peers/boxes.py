@@ -14,7 +14,7 @@ from common.metrics.mot_text import read_info, read_rows, sequence
 from common.metrics.record import EvaluationSequence
 from common.metrics.scores import Row, Scores, combine, score
 from common.metrics.similarity import box_overlap
-from evaluation.datasets.boxes import detection_rows, image_frame
+from evaluation.datasets.boxes import image_frame
 from people4d.messages import F64
 from services.tracker.config import ImageSortConfig
 from services.tracker.image_sort.image_sort import BoxTracks, ImageSort
@@ -115,9 +115,11 @@ def track_peers(
 def peer_sequence(ride: Ride) -> PeerSequence:
     """Return the detections for other packages."""
     seconds = (ride.frames[-1].stamp_ns - ride.frames[0].stamp_ns) / 1e9
-    return PeerSequence(
-        detection_rows(ride.frames), len(ride.frames), (len(ride.frames) - 1) / seconds
-    )
+    rows = [
+        np.column_stack([np.full(len(one.scores), number), one.boxes_xyxy_px, one.scores])
+        for number, one in enumerate(ride.frames, 1)
+    ]
+    return PeerSequence(np.vstack(rows), len(ride.frames), (len(ride.frames) - 1) / seconds)
 
 
 def _tracked(run: PeerRun, words: str, rides: Sequence[Ride]) -> Tracked:
