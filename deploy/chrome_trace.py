@@ -56,10 +56,7 @@ class FrameTraces:
 
 
 def _frame_path(traces: Iterable[tuple[Span, ...]], clocks: Clocks) -> list[TraceSegment]:
-    """Return the segments of a frame's path by their start, without duplicates.
-
-    `other` is omitted: it shows as a gap.
-    """
+    """Return the segments of a frame's path by their start, once each; `other` is a gap."""
     found = {part for trace in traces for part in segments(trace, clocks) if part.stage != "other"}
     return sorted(found, key=lambda part: (part.start_ns, part.end_ns))
 

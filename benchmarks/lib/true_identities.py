@@ -14,10 +14,7 @@ NEAR_M = 0.6  # [m] maximum distance on the ground of a detection from its perso
 
 
 def with_true_identities(run: EvaluationRun) -> EvaluationRun:
-    """Return a run whose embeddings are the identity of the nearest true person.
-
-    It is written next to the embeddings of the run.
-    """
+    """Return a run with the identities of the nearest true people as embeddings, in a new file."""
     assert run.embeddings
     path = run.embeddings.with_name(f"{run.embeddings.stem}-true.mcap")
     found = (message for _, message in open_recording(run.detections).messages(Detections))

@@ -99,10 +99,7 @@ def choose(name: str, manifest: Mapping[str, ModelFile]) -> ModelFile:
 
 
 def folders(configured: str = "", environment: Mapping[str, str] = os.environ) -> tuple[Path, ...]:
-    """Return the search folders of models in their order.
-
-    The configured folder and the environment variable PEOPLE4D_MODELS come first.
-    """
+    """Return the search folders of models: configured, of PEOPLE4D_MODELS, then the others."""
     named = (configured, environment.get("PEOPLE4D_MODELS", ""))
     own = [Path(folder).expanduser() for folder in named if folder]
     return (*own, REPOSITORY / "models", HOME_FOLDER.expanduser())

@@ -83,10 +83,7 @@ class Matching:
 
 
 class Matcher:
-    """Matcher of single frames, for sequences that have not ended.
-
-    A match has a similarity of at least the threshold.
-    """
+    """Matcher of frames of unended sequences; a match has the threshold's similarity or more."""
 
     def __init__(self, similarity: Similarity, threshold: float = 0.5) -> None:
         self.persons: dict[Id, int] = {}  # number of each true person so far

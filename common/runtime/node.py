@@ -114,10 +114,7 @@ class Node(ABC):
         return None
 
     def is_finished(self) -> bool:
-        """Check that all work is done and the process may end; called after each message.
-
-        The status is then "finished", with the reason.
-        """
+        """Check that the process may end, "finished" with a reason; called after each message."""
         return False
 
     def status(self) -> Status:

@@ -36,10 +36,7 @@ NO_OFFSET = HostOffset(0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class TimeExchange:
-    """One query and its reply.
-
-    Source: docs/method.md section 24 [Mills 2010]: offset and round-trip delay.
-    """
+    """One query and its reply, as in docs/method.md section 24 [Mills 2010]."""
 
     query_sent_ns: int  # [ns] own clock
     query_received_ns: int  # time of reception by the other's clock

@@ -111,10 +111,7 @@ def anonymise(
 def cover_recording(
     recording: Recording, network: PersonModel, on_progress: OnProgress
 ) -> dict[tuple[str, int], list[F64]]:
-    """Return the rectangles to black out, by camera and stamp of the frame.
-
-    Detections in the recording are used as well.
-    """
+    """Return the rectangles to black out by camera and stamp, also by recorded detections."""
     known: dict[tuple[str, int], list[Cover]] = {}
     for _, message in recording.messages(Detections):
         if isinstance(message, Detections):

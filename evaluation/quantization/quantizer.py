@@ -89,10 +89,7 @@ class Quantizer:
         return []
 
     def write(self, path: Path, floats: Collection[str]) -> None:
-        """Write the quantised network; `floats` names convolutions that stay in float32.
-
-        The ends of the network stay in float32, too.
-        """
+        """Write the quantised network; its ends, and `floats`, stay in float32."""
         import onnx  # noqa: PLC0415
         from onnxruntime.quantization import QuantType  # noqa: PLC0415
         from onnxruntime.quantization.qdq_quantizer import QDQQuantizer  # noqa: PLC0415

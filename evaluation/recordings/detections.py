@@ -54,10 +54,7 @@ class DetectionJob:
     folder: Path  # folder of the cache
 
     def file(self, content: str, reid: ReidConfig | None = None) -> Path:
-        """Return the file of the detections, or of the embeddings of one of `reids`.
-
-        It depends on the digest of the source's content.
-        """
+        """Return the file of the detections, or of the embeddings of one of `reids`, by digest."""
         digest = code_digest(DETECTOR_CODE if reid is None else REID_CODE)
         parts = [content, digest, self.camera, self.detector, model_digests(self.detector)]
         if reid:

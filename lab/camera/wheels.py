@@ -47,10 +47,7 @@ WHEELS = WheelModel()
 def wheel_ticks(
     path: BasePath, duration_s: float, seed: int, wheels: WheelModel = WHEELS
 ) -> tuple[F64, I64]:
-    """Return the times (N) and counts (Nx2, left and right) of the wheel encoders on a path.
-
-    The seed determines the slip.
-    """
+    """Return the times (N) and counts (Nx2, left, right) of wheel encoders; seed: of the slip."""
     time_s: F64 = np.arange(math.floor(duration_s * wheels.rate_hz + 1e-9) + 1) / wheels.rate_hz
     forward_m, turned_rad = np.diff(path.travel(time_s), axis=0).T
     half_track_m = wheels.track_m * (1 + wheels.track_error) / 2

@@ -47,10 +47,7 @@ def grain(seed: int) -> F32:
 def develop(
     radiance: F32, exposure: float, pattern: F32, key: tuple[int, int], threads: int = 1
 ) -> U8:
-    """Return the image of a linear radiance, HxWx3 red first.
-
-    The key, seed and frame, selects the noise from the pattern of `grain`.
-    """
+    """Return the image of a radiance, HxWx3 red first; the key, seed and frame, selects noise."""
     shifts = np.random.default_rng([*key, KEY_SHIFT]).integers(0, GRAIN_PX, (3, 2))
     image = np.empty(radiance.shape, np.uint8)
     curve = tone_curve()

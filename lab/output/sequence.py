@@ -66,10 +66,7 @@ class RenderJob:
 
     @property
     def is_measured(self) -> bool:
-        """True: the sensor is applied now.
-
-        A sensor that depends on surfaces, or several sensors, cannot be applied during playback.
-        """
+        """True: the sensor is applied now, since one by surfaces, or several, cannot be later."""
         several = bool(self.scenario.cameras)
         return self.depth == "measured" or self.sensor_of(self.scenario).sees_surfaces or several
 

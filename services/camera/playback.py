@@ -18,10 +18,7 @@ ONE_FRAME_NS = 33_333_333  # assumed frame interval of a source with a single fr
 
 
 class RoundLength:
-    """Duration of one round of a loop, from the stamps of its frames in their order.
-
-    Jumps of the clock, possibly of years, do not count.
-    """
+    """Duration of one round of a loop by the stamps in their order, without jumps of the clock."""
 
     def __init__(self) -> None:
         self.count = 0  # number of frames

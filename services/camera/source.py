@@ -76,10 +76,7 @@ class Source(ABC):
         """Yield frames and motion, oldest first."""
 
     def part(self, start_s: float, duration_s: float) -> Iterator[SourceItem]:
-        """Yield the items of a period since the first one; a duration of 0 has no end.
-
-        Sources with random access override this method.
-        """
+        """Yield the items of a period since the first one; a duration of 0 has no end."""
         start_ns, length_ns = int(start_s * 1e9), int(duration_s * 1e9)
         origin_ns: int | None = None
         started = False

@@ -97,10 +97,7 @@ class ReducedCamera:
 
 
 def find_corners(grey: U8) -> F32:
-    """Return the strongest corner of each grid cell of an image (Nx2), in order of strength.
-
-    Source: docs/method.md section 18 [Shi 1994].
-    """
+    """Return the best corner of each cell (Nx2), in order; docs/method.md section 18 [Shi 1994]."""
     half, cell = cv2.pyrDown(grey), CELL_PX // 2  # half size: fine texture is lost by blur
     rows, columns = half.shape[0] // cell, half.shape[1] // cell
     if not rows or not columns:

@@ -15,10 +15,7 @@ CAPACITY = 2048  # number of stored messages: 20 s at 100 Hz
 
 
 class TruthBuffer:
-    """Truth of the last messages (`capacity`), interpolated to any stamp in between.
-
-    Short gaps of a person are interpolated, too.
-    """
+    """Truth of the last messages (`capacity`) at any stamp; short gaps are interpolated."""
 
     def __init__(self, max_gap_ns: int = MAX_GAP_NS, capacity: int = CAPACITY) -> None:
         self._max_gap_ns, self._capacity = max_gap_ns, capacity
@@ -38,10 +35,7 @@ class TruthBuffer:
         return self.messages[-1].stamp_ns if self.messages else None
 
     def at(self, stamp_ns: int) -> Truth | None:
-        """Return all people captured shortly before and shortly after a stamp.
-
-        None unless messages are close on both sides.
-        """
+        """Return the people captured shortly before and after a stamp; None without both sides."""
         gap_ns = self._max_gap_ns
         before = self._between(stamp_ns - gap_ns, stamp_ns)
         after = self._between(stamp_ns, stamp_ns + gap_ns)

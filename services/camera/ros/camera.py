@@ -116,10 +116,7 @@ def _tree(bag: Bag, tf_as_static: bool) -> FrameTree:
 
 
 def _fix_constant(bag: Bag, tree: FrameTree, frames: set[str]) -> None:
-    """Make repeated constant transforms between two sensors in /tf static.
-
-    static_transform_publisher of ROS 1 repeats them.
-    """
+    """Make transforms static that static_transform_publisher of ROS 1 repeats in /tf."""
     paths = [[(parent, child) for parent, child, _ in tree.path(frame)] for frame in frames]
     if len(paths) < 2 or not all(paths) or paths[0][-1][0] != paths[1][-1][0]:
         return  # both in one frame, or in separate trees
