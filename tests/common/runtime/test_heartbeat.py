@@ -1,5 +1,6 @@
 """Heartbeat of a process, received on the bus."""
 
+import contextlib
 import importlib.metadata
 import threading
 import time
@@ -68,7 +69,9 @@ def test_reason_of_many_lines_is_published_in_one(run: HeartbeatRun) -> None:
     assert run.wait("degraded").reason == "the model failed:  [31mno memory"
 
 
-def test_node_that_hangs_is_stalled_until_it_goes_on(run: HeartbeatRun) -> None:
+@contextlib.contextmanager
+def hanging(run: HeartbeatRun) -> Iterator[None]:
+    """Let a thread work on one message until the block ends."""
     release = threading.Event()
 
     def hang() -> None:
@@ -77,27 +80,23 @@ def test_node_that_hangs_is_stalled_until_it_goes_on(run: HeartbeatRun) -> None:
 
     thread = threading.Thread(target=hang)
     thread.start()
-    assert run.wait("stalled").reason == "busy with one message for 0 s"
+    yield
     release.set()
-    run.wait("ready")
     thread.join()
+
+
+def test_node_that_hangs_is_stalled_until_it_goes_on(run: HeartbeatRun) -> None:
+    with hanging(run):
+        assert run.wait("stalled").reason == "busy with one message for 0 s"
+    run.wait("ready")
 
 
 def test_thread_that_hangs_stalls_though_another_works(run: HeartbeatRun) -> None:
-    release = threading.Event()
-
-    def hang() -> None:
-        with run.activity.busy():
-            release.wait(WAIT_S)
-
-    thread = threading.Thread(target=hang)
-    thread.start()
-    for _ in range(10):
-        with run.activity.busy():
-            run.watcher.wait(Health)
-    run.wait("stalled")
-    release.set()
-    thread.join()
+    with hanging(run):
+        for _ in range(10):
+            with run.activity.busy():
+                run.watcher.wait(Health)
+        run.wait("stalled")
 
 
 def test_bytes_that_do_not_decode_degrade_the_process_for_a_while(

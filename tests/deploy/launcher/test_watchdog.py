@@ -225,30 +225,19 @@ def test_hung_processes_are_restarted_one_after_the_other_in_growing_intervals()
     assert "router-1" not in supervised.killed
 
 
-def test_a_process_that_hangs_after_calm_is_restarted_at_once() -> None:
+@pytest.mark.parametrize(("hung_s", "calm_s"), [(6, 6), (5, 1)], ids=["calm", "no calm"])
+def test_processes_that_hang_one_at_a_time_are_restarted_at_once(hung_s: int, calm_s: int) -> None:
     names = ["router-1", "camera-1", "detector-1", "reid-1", "tracker-1", "gait-1"]
     supervised = Supervised(*names)
     node = WatchdogNode(CONFIG, supervised, "here")
     run(node, 0, 2, *map(health, names))
-    for number, hung in enumerate(names[1:]):  # each hangs and is restarted
-        begin_s = 2 + 12 * number
+    for number, hung in enumerate(names[1:]):
+        begin_s = 2 + (hung_s + calm_s) * number
+        back_s, end_s = begin_s + hung_s, begin_s + hung_s + calm_s
         others = [health(name, p.pid) for name, p in supervised.all.items() if name != hung]
-        run(node, begin_s, begin_s + 6, *others)
+        run(node, begin_s, back_s, *others)
         assert supervised.killed == names[1 : number + 2]
-        run(node, begin_s + 6, begin_s + 12, *others, health(hung, supervised.all[hung].pid))
-
-
-def test_processes_that_hang_one_at_a_time_without_calm_are_restarted_without_delay() -> None:
-    names = ["router-1", "camera-1", "detector-1", "reid-1", "tracker-1", "gait-1"]
-    supervised = Supervised(*names)
-    node = WatchdogNode(CONFIG, supervised, "here")
-    run(node, 0, 2, *map(health, names))
-    for number, hung in enumerate(names[1:]):  # one hangs as soon as the one before is back
-        begin_s = 2 + 6 * number
-        others = [health(name, p.pid) for name, p in supervised.all.items() if name != hung]
-        run(node, begin_s, begin_s + 5, *others)
-        assert supervised.killed == names[1 : number + 2]
-        run(node, begin_s + 5, begin_s + 6, *others, health(hung, supervised.all[hung].pid))
+        run(node, back_s, end_s, *others, health(hung, supervised.all[hung].pid))
 
 
 def test_process_that_was_not_heard_of_is_not_asked_for_a_trace() -> None:
