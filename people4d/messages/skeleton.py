@@ -42,6 +42,8 @@ class PersonSkeleton(Record, frozen=True, kw_only=True):
     # [m] height from sole to crown by the lengths of bones; absent: unknown
     stature_m: Positive | None = None
     stature_sigma_m: Positive | None = None  # [m] its standard deviation
+    # probability of an object: a picture, or a figure that never moves; the track goes on
+    object_like: Probability = 0.0
 
     def __post_init__(self) -> None:
         """Check the fields, and that `measured` has one value per joint."""

@@ -18,6 +18,7 @@ from people4d.messages import (
     Message,
     MovingTransform,
     Odometry,
+    PersonSkeleton,
     Predictions,
     RgbdFrame,
     Skeletons,
@@ -27,6 +28,8 @@ from people4d.messages import (
 )
 from services.dashboard.images import depth_cloud, encode_image
 from services.dashboard.selection import CAMERAS_MAX, Key
+
+OBJECT_MIN = 0.9  # minimum probability of an object that is shown
 
 
 def person_of(track: Track, camera_m: F64 | None) -> dict[str, Any]:
@@ -121,8 +124,13 @@ def skeletons_of(skeletons: Skeletons) -> dict[str, Any]:
             one.id: [joint for joint, measured in enumerate(one.measured) if not measured]
             for one in people
         },
-        "postures": {one.id: one.posture for one in people if one.posture != "unknown"},
+        "postures": {one.id: name for one in people if (name := _posture(one)) != "unknown"},
     }
+
+
+def _posture(one: PersonSkeleton) -> str:
+    """Return the posture of a person, or that it is rather an object."""
+    return "object-like" if one.object_like >= OBJECT_MIN else one.posture
 
 
 def event_of(event: Event, at_ms: float) -> dict[str, Any]:

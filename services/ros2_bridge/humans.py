@@ -15,7 +15,7 @@ from services.ros2_bridge.config import OutputConfig
 from services.ros2_bridge.output import Ros2Output
 
 IMAGES_MAX = 16  # maximum number of detections that wait for their tracks
-PEOPLE_MAX = 64  # maximum number of people with separate topics: each has nine publishers
+PEOPLE_MAX = 64  # maximum number of people with separate topics: each has ten publishers
 
 Image = tuple[str, int]  # camera and stamp
 
@@ -73,6 +73,7 @@ class Humans:
             outputs = self._people.get(person.id)
             if outputs and outputs["posture"].is_due(message.stamp_ns):
                 outputs["posture"].send(hri.posture(person.posture, header(stamp_ns, frame_id)))
+                outputs["object_like"].send({"data": person.object_like})
                 self._left_up[person.id] = hri.is_left_up(person)
 
     def send_gesture(self, event: Event, stamp_ns: int) -> None:
@@ -90,6 +91,7 @@ class Humans:
             "region": self._output(f"{body}/roi", hri.REGION),
             "skeleton": self._output(f"{body}/skeleton2d", hri.SKELETON),
             "posture": self._output(f"{body}/posture", hri.POSTURE),
+            "object_like": self._output(f"{body}/object_like", hri.NUMBER),
             "gesture": self._output(f"{body}/gesture", hri.GESTURE),
             "position": self._output(f"{body}/position", hri.POINT),
             "velocity": self._output(f"{body}/velocity", hri.TWIST),

@@ -26,6 +26,7 @@ from people4d.messages.base import MAX_CAMERAS
 from people4d.messages.skeleton import Posture
 from services.skeleton.config import SkeletonConfig
 from services.skeleton.joint_filter import JointStates
+from services.skeleton.objects import ObjectFilter
 from services.skeleton.observation import observe_joints
 from services.skeleton.posture import PostureFilter
 from services.skeleton.skeletons import Flags, People, SkeletonTracker
@@ -64,6 +65,7 @@ class SkeletonNode(Node):
         self._detections: dict[tuple[str, int], Detections] = {}
         self._skeletons = SkeletonTracker()
         self._postures = PostureFilter()
+        self._objects = ObjectFilter()
         self._newest_ns: int | None = None
         self._frame_id = ""
         self._counters = Counter(dict.fromkeys(NODE_COUNTERS, 0))
@@ -121,6 +123,7 @@ class SkeletonNode(Node):
         postures, upright = self._postures.update(dt_s, people, observation)
         states, measured = self._skeletons.estimate_joints(dt_s, people, observation, upright)
         statures = self._skeletons.estimate_statures(people)
+        objects = self._objects.update(dt_s, people, observation, postures)
         return [
             Skeletons(
                 stamp_ns=stamp_ns,
@@ -128,7 +131,7 @@ class SkeletonNode(Node):
                 trace=tracks.trace,
                 frame_id=tracks.frame_id,
                 camera=tracks.camera,
-                people=_skeletons(found, states, measured, postures, statures),
+                people=_skeletons(found, states, measured, postures, statures, objects),
             )
         ]
 
@@ -140,6 +143,7 @@ class SkeletonNode(Node):
         if before_ns is None or moved or dt_s > GAP_MAX_S:
             self._skeletons.restart_skeletons()
             self._postures.restart()
+            self._objects.restart()
         return dt_s
 
     def _people(self, tracks: Sequence[Track]) -> list[Track]:
@@ -157,6 +161,7 @@ def _skeletons(
     measured: Flags,
     postures: Sequence[tuple[Posture, float]],
     statures: tuple[F64, F64],
+    objects: Sequence[float],
 ) -> tuple[PersonSkeleton, ...]:
     positions_m = states.position_m.astype(np.float32)
     covariances_m2 = states.position_m2.astype(np.float32)
@@ -172,6 +177,7 @@ def _skeletons(
             posture_probability=postures[row][1],
             stature_m=stature_m[row],
             stature_sigma_m=sigma_m[row],
+            object_like=objects[row],
         )
         for row, track in enumerate(tracks)
     )

@@ -20,6 +20,7 @@ from scripts.dashboard_feed import Feed
 from services.dashboard.build import build
 from services.dashboard.config import DashboardConfig
 from services.dashboard.node import DashboardNode
+from services.dashboard.scene import skeletons_of
 from services.dashboard.selection import FrameSelection
 from services.dashboard.server import PORTS
 
@@ -143,6 +144,9 @@ def test_skeletons_of_shown_frames_are_sent_with_what_is_predicted(run: RunningN
         skeletons = receive(socket, "skeletons")
     assert skeletons["predicted"] == {1: [15, 16]}
     assert skeletons["postures"] == {1: "sitting"}
+    figure = msgspec.structs.replace(person, object_like=0.95)
+    message = Skeletons(stamp_ns=10**9, people=(figure,), **header)
+    assert skeletons_of(message)["postures"] == {1: "object-like"}
     np.testing.assert_allclose(skeletons["joints"][1], person.positions_m, atol=1e-3)
 
 

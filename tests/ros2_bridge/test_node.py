@@ -237,6 +237,7 @@ def raising(posture: Posture, wrist: int) -> Skeletons:
         covariances_m2=np.tile(np.eye(3, dtype=np.float32), (17, 1, 1)),
         measured=(True,) * 17,
         posture=posture,
+        object_like=0.75,
     )
     return Skeletons(stamp_ns=START_NS, sequence=0, frame_id="map", camera="front", people=(body,))
 
@@ -250,6 +251,7 @@ def test_posture_of_a_body_is_published(posture: Posture, number: int) -> None:
     node.handle(raising(posture, 9), 0)
     found = ros.last("/humans/bodies/b00007/posture")
     assert (found.posture, stamp_of(found)) == (number, START_NS)
+    assert ros.last("/humans/bodies/b00007/object_like").data == 0.75
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,6 @@
 """Tracks and skeletons of a simulated scene, without images."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,8 +43,15 @@ class Frame:
     tracks: list[Track | None]  # track of each person
 
 
-def frames(world: World) -> Iterator[Frame]:
-    """Yield the frames of a scene with the output of tracker and skeletons."""
+def frames(
+    world: World, joints_m: Callable[[World, float], list[F64]] = World.keypoints_m
+) -> Iterator[Frame]:
+    """Yield the frames of a scene with the output of tracker and skeletons.
+
+    Args:
+        world: Scene.
+        joints_m: Joints of all figures at a time, 17x3 each.
+    """
     config = SyntheticDetectionsConfig(keypoint_depths=True, sensor=SENSORS["d435i"])
     detector = SyntheticDetections(config, world.info, world.noise_seed)
     tracker, skeleton = build_tracker(TrackerConfig()), build_skeleton(SkeletonConfig())
@@ -53,7 +60,7 @@ def frames(world: World) -> Iterator[Frame]:
             node.handle(message, 0)
     for index in range(world.frame_count):
         time_s = world.frame_s(index)
-        people = world.keypoints_m(time_s)
+        people = joints_m(world, time_s)
         found = detector.at(people, world.optical_from_map(time_s), world.stamp_ns(index), index)
         skeleton.handle(found, 0)
         messages: list[Message] = list(_outputs(tracker, found, found.stamp_ns))

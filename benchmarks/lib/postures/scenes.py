@@ -40,6 +40,20 @@ def fall(seed: int) -> World:
     return _world(rng, [faller, _daily(rng, other, 14.0)], 14.0, seed)
 
 
+def standing(seed: int, duration_s: float) -> World:
+    """Return a scene of two people who stand."""
+    rng = np.random.default_rng([seed, 3])
+    people = [_person(rng, start) for start in _starts(rng)]
+    return _world(rng, people, duration_s, seed)
+
+
+def seated(seed: int, duration_s: float) -> World:
+    """Return a scene of two people who sit down and stay, without gestures."""
+    rng = np.random.default_rng([seed, 4])
+    act = Act(at_s=2.0, move="sit", move_s=1.5, for_s=duration_s)
+    return _world(rng, [_person(rng, one, acts=(act,)) for one in _starts(rng)], duration_s, seed)
+
+
 def _starts(rng: np.random.Generator) -> list[tuple[float, float]]:
     return [(float(rng.uniform(3.2, 4.3)), float(y + rng.uniform(-0.2, 0.2))) for y in (-0.8, 0.8)]
 
