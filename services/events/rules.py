@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from common.geometry.transforms import wrap
+from common.held import HeldCondition
 from people4d.messages import F64, Event, Track, Tracks, Zone
 from people4d.messages.base import MAX_STAMP_NS
 from services.events.config import EventsConfig
@@ -22,25 +23,6 @@ GONE_MAX = 10_000  # maximum number of stored identities of disappeared people
 NEW_MAX, NEW_HZ = 256, 16.0
 FACING_RAD = math.radians(25)  # maximum angle between a facing person's yaw and the robot [rad]
 APPROACH_MPS, APPROACH_S = 0.4, 1.0  # minimum speed towards the robot, and its duration
-
-
-@dataclass(slots=True)
-class HeldCondition:
-    """A condition that is reported once after it has held for some time."""
-
-    since_ns: int | None = None
-    is_reported: bool = False
-
-    def update(self, holds: bool, stamp_ns: int, lasts_s: float) -> bool:
-        """Return True in the first frame in which the condition has held long enough."""
-        if not holds:
-            self.since_ns, self.is_reported = None, False
-            return False
-        self.since_ns = stamp_ns if self.since_ns is None else self.since_ns
-        if self.is_reported or stamp_ns - self.since_ns < lasts_s * 1e9:
-            return False
-        self.is_reported = True
-        return True
 
 
 @dataclass(slots=True)
