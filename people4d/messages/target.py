@@ -2,6 +2,8 @@
 
 from typing import Annotated, Literal
 
+import msgspec
+import numpy as np
 from msgspec import Meta
 
 from people4d.messages.base import (
@@ -25,6 +27,11 @@ VALUES = {"id": ("id",), "position_m": ("at",), "name": ("name", "enrol", "forge
 TargetState = Literal["locked", "occluded", "searching", "lost", "none"]
 
 
+TargetAction = Literal["id", "nearest", "at", "raised_hand", "name", "none", "enrol", "forget"]
+# Types of fields that are checked when a command is made; arrays are checked by every message
+TYPES = {"action": TargetAction, "id": int | None, "name": str | None, "chooser": str}
+
+
 class TargetCommand(Message, frozen=True, kw_only=True):
     """Choice of the person to follow; the newest choice is in force."""
 
@@ -32,7 +39,7 @@ class TargetCommand(Message, frozen=True, kw_only=True):
     # 1 m of `position_m`; raised_hand: the nearest person with a hand raised for 1 s; name: the
     # person enrolled as `name`; none: no person; enrol: store the locked person's views as `name`;
     # forget: delete them, and end a choice of that person
-    action: Literal["id", "nearest", "at", "raised_hand", "name", "none", "enrol", "forget"]
+    action: TargetAction
     id: PositiveInt | None = None  # identity as in Tracks; absent unless action is id
     # [m] x, y on the ground, frame: frame of Tracks; absent unless action is at
     position_m: Vector2 | None = None
@@ -40,7 +47,14 @@ class TargetCommand(Message, frozen=True, kw_only=True):
     chooser: Annotated[Text, Meta(max_length=64)] = ""  # name of the chooser; empty: unnamed
 
     def __post_init__(self) -> None:
-        """Check the fields, and that the action has its value."""
+        """Check the fields and their types, and that the action has its value."""
+        for field, kind in TYPES.items():
+            try:
+                msgspec.convert(getattr(self, field), kind)
+            except msgspec.ValidationError as error:
+                raise ValueError(f"{field}: {error}") from error
+        if self.position_m is not None and not isinstance(self.position_m, np.ndarray):
+            raise ValueError("position_m: expected an array of NumPy")
         super().__post_init__()
         for field, actions in VALUES.items():
             if (getattr(self, field) is None) == (self.action in actions):

@@ -1,10 +1,12 @@
 """Missing and poor input leads to a clear state, never to another person."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
+from people4d.messages import TargetCommand
 from services.target.observe import uncovered_crops
 from tests import builders
 from tests.target.scene import BLUE, RED, Scene, followed
@@ -134,3 +136,20 @@ def test_overlapping_crops_without_depth_do_not_count(left_px: int, uncovered: l
         builders.detection(box_xyxy_px=np.array(box, np.float32), position_m=None) for box in boxes
     ]
     assert uncovered_crops(people) == uncovered
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"action": "dance"},
+        {"action": "id", "id": "7"},
+        {"action": "id", "id": 1.5},
+        {"action": "id", "id": True},
+        {"action": "at", "position_m": [1.0, 2.0]},
+        {"action": "name", "name": 5},
+        {"action": "none", "chooser": 3},
+    ],
+)
+def test_command_with_a_wrong_type_is_refused(fields: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=r"^\w+: "):
+        TargetCommand(stamp_ns=0, sequence=0, **fields)
