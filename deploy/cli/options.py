@@ -1,5 +1,6 @@
 """Options that several commands share."""
 
+import math
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -29,6 +30,13 @@ def _running_robot(context: typer.Context, value: str) -> str:
         return value
     running = running_robots()
     return running[0] if len(running) == 1 else value
+
+
+def checked_time(value: float | None) -> float | None:
+    """Return a time in seconds; BadParameter if it is not positive and finite."""
+    if value is not None and not 0 < value < math.inf:
+        raise typer.BadParameter(f"expected a positive number of seconds, got {value:g}")
+    return value
 
 
 def _endpoints(value: str) -> str:
@@ -67,10 +75,20 @@ Connect = Annotated[
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Once = Annotated[bool, typer.Option("--once", help="Show one message and exit.")]
 Timeout = Annotated[
-    float | None, typer.Option("--timeout", help="Exit after this many seconds without a message.")
+    float | None,
+    typer.Option(
+        "--timeout",
+        callback=checked_time,
+        help="Exit after this many seconds without a message.",
+    ),
 ]
 ReadyTimeout = Annotated[
-    float, typer.Option("--timeout", help="Longest wait in seconds until a process is ready.")
+    float,
+    typer.Option(
+        "--timeout",
+        callback=checked_time,
+        help="Longest wait in seconds until a process is ready.",
+    ),
 ]
 PRESET_HELP = f"Method with its settings: {', '.join(PRESETS)}, or a TOML file."
 Preset = Annotated[str, typer.Option(help=PRESET_HELP)]

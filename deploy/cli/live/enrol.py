@@ -5,13 +5,16 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from deploy.cli.options import Connect, Robot, open_client
+from deploy.cli.options import Connect, Robot, checked_time, open_client
 from people4d.errors import People4dError
 from people4d.messages import Target, TargetCommand
 
 PersonName = Annotated[str, typer.Argument(metavar="NAME", help="Name of the person.")]
 Wait = Annotated[
-    float, typer.Option("--timeout", min=0.1, help="Longest wait for the answer in seconds.")
+    float,
+    typer.Option(
+        "--timeout", callback=checked_time, help="Longest wait for the answer in seconds."
+    ),
 ]
 WAIT_S = 10.0
 Action = Literal["id", "nearest", "at", "raised_hand", "name", "none", "enrol", "forget"]
@@ -62,7 +65,4 @@ def _ask(
                 return
             if time.monotonic() > end_s:
                 break
-    raise People4dError(
-        f"no answer arrived within {timeout_s:g} s: answers come with frames",
-        "Start people4d up --target with a source, and ask again.",
-    )
+    raise People4dError(f"no answer arrived within {timeout_s:g} s", "people4d up --target.")

@@ -38,6 +38,14 @@ def test_command_is_sent_and_its_answer_shown(
     assert shown in result.output
 
 
+@pytest.mark.parametrize("time_s", ["nan", "inf", "0", "-1"])
+def test_bad_timeout_is_refused_before_any_connection(time_s: str) -> None:
+    for command in (["forget", "anna"], ["follow", "--nearest"], ["up"]):
+        result = CliRunner().invoke(app, [*command, "--timeout", time_s])
+        assert result.exit_code == 2
+        assert "positive number of seconds" in result.output
+
+
 def test_bad_name_is_refused_before_any_connection() -> None:
     for command in (["enrol", "../a"], ["forget", ""], ["follow", "--name", "a b"]):
         result = CliRunner().invoke(app, command)
