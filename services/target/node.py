@@ -36,8 +36,11 @@ from services.target.observe import observe_people
 
 TRANSFORMS = StaticTransform | MovingTransform | Odometry
 FRAMES_MAX = 64  # maximum number of frames of detections that wait for their tracks
+SILENT_NS = 1_000_000_000  # minimum time without tracks after which commands are answered [ns]
 CLOCK_JUMP_NS = 1_000_000_000  # minimum step back of the stamps that is a clock reset [ns]
 PREDICTION_NS = 1_000_000_000  # maximum age of a predicted path [ns]
+# Header of an answer before any tracks
+NO_TRACKS = Tracks(stamp_ns=0, sequence=0, camera="none", frame_id="map", tracker="")
 FORGOTTEN = TargetCommand(stamp_ns=0, sequence=0, action="none")
 COUNTERS = (
     "commands",
@@ -51,7 +54,8 @@ COUNTERS = (
 class TargetNode(StatefulNode):
     """Publishes a Target for every frame of Tracks.
 
-    If frames stop, the tracker's predicted tracks give a Target that tells the robot to stop.
+    If frames stop, the tracker's predicted tracks give a Target that tells the robot to stop, and
+    a command is answered at once.
     """
 
     inputs: tuple[type[Message], ...] = (
@@ -74,6 +78,8 @@ class TargetNode(StatefulNode):
         self._answered_ns: int | None = None  # [ns] stamp of the last command
         self._problem = ""  # reason why it was not executed, if it is enrol or forget
         self._replaced = ""  # note about the replaced chooser
+        self._tracks: Tracks | None = None  # last tracks
+        self._arrived_ns = 0  # [ns] monotonic time of their arrival
         self._sequence = 0
         self._counters = Counter(dict.fromkeys(COUNTERS, 0))
 
@@ -87,7 +93,7 @@ class TargetNode(StatefulNode):
             )
         self._enrolment = Enrolment(folder and folder / FILE, days)
 
-    def handle(self, message: Message, now_ns: int) -> Sequence[Message]:  # noqa: ARG002
+    def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
         """Process one message; return the state of the chosen person at tracks."""
         if isinstance(message, TRANSFORMS):
             self._transforms.add_transform(message)
@@ -102,9 +108,13 @@ class TargetNode(StatefulNode):
             self._hands.update(message)
         elif isinstance(message, TargetCommand):
             self._choose(message)
+            if self._tracks is None or now_ns - self._arrived_ns > SILENT_NS:
+                last = self._tracks or NO_TRACKS
+                return [self._target(last, self._without_frames(), None)]
         elif isinstance(message, Tracks) and message.predicted:
             return [self._target(message, self._without_frames(), None)]
         elif isinstance(message, Tracks) and self._is_next(message):
+            self._tracks, self._arrived_ns = message, now_ns
             with span("target"):
                 base = self._base_from(message)
                 return [self._target(message, self._update(message, base), base)]
@@ -155,6 +165,8 @@ class TargetNode(StatefulNode):
             return "no person is locked: choose one with people4d follow ID"
         if not memory.appearance.own:
             return "no clear view of the person is known"
+        if memory.name not in ("", name):
+            return f"this person is enrolled as {memory.name}: people4d forget {memory.name}"
         if name != memory.name and self._enrolment.find(name)[0]:
             return f"{name} is enrolled already: people4d forget {name}"
         problem = self._enrolment.enrol(name, memory.appearance.embedder, memory.appearance.own)

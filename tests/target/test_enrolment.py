@@ -192,6 +192,25 @@ def test_name_of_another_person_is_not_overwritten(tmp_path: Path) -> None:
     assert ask(scene, "enrol", "anna", people).problem == refused
 
 
+def test_command_is_answered_at_once_without_frames(tmp_path: Path) -> None:
+    scene = enrolled(tmp_path)
+    command = TargetCommand(stamp_ns=5, sequence=0, action="forget", name="anna")
+    assert scene.node.handle(command, 900_000_000) == ()  # the next frame answers
+    for node, problem in ((scene.node, "anna is not enrolled"), (node_in(tmp_path), "")):
+        if not problem:
+            enrolled(tmp_path)
+        (target,) = node.handle(command, 2_000_000_000)
+        assert isinstance(target, Target)
+        assert (target.answered_ns, target.problem, target.stop) == (5, problem, True)
+
+
+def test_person_has_one_name(tmp_path: Path) -> None:
+    scene = enrolled(tmp_path)
+    refused = "this person is enrolled as anna: people4d forget anna"
+    assert ask(scene, "enrol", "bob", {1: (3.0, 0.0, RED)}).problem == refused
+    assert ask(scene, "forget", "bob", {1: (3.0, 0.0, RED)}).problem == "bob is not enrolled"
+
+
 def test_enrolment_needs_a_state_folder() -> None:
     with pytest.raises(ConfigError, match="PEOPLE4D_STATE"):
         build(TargetConfig(enrolment_days=1.0)).attach(
