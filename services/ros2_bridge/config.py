@@ -4,7 +4,7 @@ from typing import Literal
 
 from common.config import Config
 from common.ros2.config import Ros2Config
-from people4d.messages.base import NameOrEmpty, NonNegative, Positive
+from people4d.messages.base import Name, NameOrEmpty, NonNegative, Positive
 
 Output = Literal[
     "people",
@@ -77,4 +77,5 @@ class Ros2BridgeConfig(Config, frozen=True, kw_only=True):
     # on /tf at their stamp succeeds; empty: immediately
     reader_frame: str = ""
     reader_wait_s: Positive = 0.1  # [s] maximum wait for a transform at the stamp
+    base_frame: Name = "base_link"  # the robot's base, with which people are engaged
     box_m: tuple[Positive, Positive, Positive] = (0.5, 0.6, 1.75)  # [m] depth, width, height

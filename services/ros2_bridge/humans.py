@@ -15,7 +15,7 @@ from services.ros2_bridge.config import OutputConfig
 from services.ros2_bridge.output import Ros2Output
 
 IMAGES_MAX = 16  # maximum number of detections that wait for their tracks
-PEOPLE_MAX = 64  # maximum number of people with separate topics: each has ten publishers
+PEOPLE_MAX = 64  # maximum number of people with separate topics: each has eleven publishers
 
 Image = tuple[str, int]  # camera and stamp
 
@@ -46,8 +46,8 @@ class Humans:
         while len(self._images) > IMAGES_MAX:
             del self._images[next(iter(self._images))]
 
-    def send(self, message: RosPeople, key: Image) -> None:
-        """Publish people tracked in an image."""
+    def send(self, message: RosPeople, key: Image, levels: Mapping[int, int]) -> None:
+        """Publish people tracked in an image, with levels of engagement by id."""
         if not self._bodies.is_due(message.stamp_ns):
             return
         detections = self._images.get(key)
@@ -60,7 +60,10 @@ class Humans:
         for person in people:
             if person.id not in self._people:
                 self._people[person.id] = self._announce(person)
-            self._send_motion(person, header(message.stamp_ns, message.frame_id))
+            head = header(message.stamp_ns, message.frame_id)
+            self._send_motion(person, head)
+            level = {"header": head, "level": levels.get(person.id, 0)}
+            self._people[person.id]["engagement"].send(level)
             if detections:
                 image = msgspec.structs.replace(detections, stamp_ns=message.stamp_ns)
                 self._send_parts(person, image)
@@ -97,6 +100,7 @@ class Humans:
             "velocity": self._output(f"{body}/velocity", hri.TWIST),
             "body_id": self._output(f"{own}/body_id", hri.TEXT, latched=True),
             "anonymous": self._output(f"{own}/anonymous", hri.FLAG, latched=True),
+            "engagement": self._output(f"{own}/engagement_status", hri.ENGAGEMENT),
             "confidence": self._output(f"{own}/location_confidence", hri.NUMBER),
         }
         outputs["body_id"].send({"data": hri.body_id(person)})

@@ -29,6 +29,7 @@ from people4d.messages import (
     Tracks,
 )
 from services.ros2_bridge.config import Ros2BridgeConfig
+from services.ros2_bridge.engagement import Engagement
 from services.ros2_bridge.humans import Humans, Image
 from services.ros2_bridge.motion import MotionOutputs
 from services.ros2_bridge.output import Ros2Output
@@ -90,6 +91,7 @@ class Ros2BridgeNode(Node):
         self._humans: Humans | None = None
         if "humans" in config.publish:
             self._humans = Humans(config.outputs.humans, transport, self._counters)
+        self._engagement, self._levels = Engagement(), dict[int, int]()
         self._target: TargetOutput | None = None
         if "target" in config.publish:
             self._target = TargetOutput(config, transport, self._counters, self._wake)
@@ -203,6 +205,10 @@ class Ros2BridgeNode(Node):
         if self._clock:
             time_ns = sent_ns if self._is_sent else sent_ns - self._offset_ns
             self._clock.send({"clock": ros_time(time_ns)})
+        if self._humans:
+            base = self._config.base_frame
+            robot_m = self._people.robot_m(base, message.frame_id, message.stamp_ns)
+            self._levels = self._engagement.update(message, robot_m)
         groups_ns, groups = self._groups
         recent = abs(message.stamp_ns - groups_ns) < GROUPS_NS
         people = self._view.tracks(message, groups if recent else {}, self._config.states)
@@ -254,5 +260,5 @@ class Ros2BridgeNode(Node):
     def _send(self, people: RosPeople, image: Image) -> None:
         self._people.send(people)
         if self._humans:
-            self._humans.send(people, image)
+            self._humans.send(people, image, self._levels)
             self._motion.send_bodies(people)

@@ -88,6 +88,11 @@ class PeopleOutputs:
             head = header(stamp_ns, frame_id)
             self._predictions.send(markers.prediction_markers(_moved(message, matrix), head))
 
+    def robot_m(self, base: str, frame_id: str, stamp_ns: int) -> F64 | None:
+        """Return the position of the robot's base in a frame; None if unknown."""
+        found = self._transforms.lookup(frame_id, base, stamp_ns)
+        return None if found is None else found.matrix[:3, 3]
+
     def frame_of(self, source: str, stamp_ns: int) -> tuple[F64 | None, str]:
         """Return the transform from a frame to the frame of ROS, and the latter's name."""
         target = self._config.frame_id or source

@@ -254,6 +254,15 @@ def test_posture_of_a_body_is_published(posture: Posture, number: int) -> None:
     assert ros.last("/humans/bodies/b00007/object_like").data == 0.75
 
 
+def test_engagement_of_a_person_is_published() -> None:
+    node, ros = bridge(Ros2BridgeConfig(publish=("humans",)))
+    node.handle(people(person(yaw_rad=2.7)), 0)  # the robot is unknown
+    assert ros.last("/humans/persons/p00007/engagement_status").level == 0
+    node.handle(builders.static_transform(np.eye(4), "base_link"), 0)
+    node.handle(people(person(yaw_rad=2.7), at_ms=33), 0)
+    assert ros.last("/humans/persons/p00007/engagement_status").level == 2
+
+
 @pytest.mark.parametrize(
     ("kind", "wrist", "gestures"),
     [("raised_hand", 9, [3]), ("raised_hand", 10, [4]), ("waved", 9, [6]), ("fell", 9, [])],

@@ -13,6 +13,7 @@ REGION = "hri_msgs/msg/NormalizedRegionOfInterest2D"
 SKELETON = "hri_msgs/msg/Skeleton2D"
 POSTURE = "hri_msgs/msg/BodyPosture"
 GESTURE = "hri_msgs/msg/Gesture"
+ENGAGEMENT = "hri_msgs/msg/EngagementLevel"
 POINT, TWIST = "geometry_msgs/msg/PointStamped", "geometry_msgs/msg/TwistStamped"
 TEXT, FLAG, NUMBER = "std_msgs/msg/String", "std_msgs/msg/Bool", "std_msgs/msg/Float32"
 
