@@ -43,6 +43,7 @@ COLUMNS = (
     Column("posture_probability", float, "track: its probability, 0: unknown", optional=True),
     Column("stature_m", float, "[m] track: height of the body, by its bones", optional=True),
     Column("stature_sigma_m", float, "[m] track: its standard deviation", optional=True),
+    Column("child", float, "track: probability of a stature below 1.45 m", optional=True),
     Column("object_like", float, "track: probability of an object, no person", optional=True),
 )
 NAMES = tuple(column.name for column in COLUMNS)
@@ -74,6 +75,7 @@ def rows_of(
                 "posture_probability": skeleton.posture_probability,
                 "stature_m": skeleton.stature_m,
                 "stature_sigma_m": skeleton.stature_sigma_m,
+                "child": skeleton.child,
                 "object_like": skeleton.object_like,
             }
         yield {name: row.get(name) for name in NAMES}

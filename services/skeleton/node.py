@@ -1,5 +1,6 @@
 """Node of skeletons: detections and tracks in, skeletons out."""
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from typing import ClassVar
@@ -41,6 +42,7 @@ NODE_COUNTERS = (
     "repeated",  # tracks with a duplicate id
 )
 FRAMES_MAX = 64  # maximum number of detections waiting for their tracks
+CHILD_M = 1.45  # stature that few adults do not reach [m]
 CLOCK_JUMP_NS = 1_000_000_000  # minimum step back of the stamps that is a clock reset [ns]
 GAP_MAX_S = 1.0  # maximum interval between two frames; after it skeletons restart [s]
 
@@ -177,7 +179,13 @@ def _skeletons(
             posture_probability=postures[row][1],
             stature_m=stature_m[row],
             stature_sigma_m=sigma_m[row],
+            child=_probability_below(CHILD_M, stature_m[row], sigma_m[row]),
             object_like=objects[row],
         )
         for row, track in enumerate(tracks)
     )
+
+
+def _probability_below(limit: float, mean: float, sigma: float) -> float:
+    """Return the probability of a normal variable below a limit."""
+    return 0.5 * math.erfc((mean - limit) / sigma / math.sqrt(2))

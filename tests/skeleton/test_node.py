@@ -94,6 +94,7 @@ def test_stature_follows_the_size_within_its_deviation(size: float) -> None:
     assert usual.stature_m is not None
     assert last.stature_sigma_m < first.stature_sigma_m
     assert last.stature_m == pytest.approx(size * usual.stature_m, abs=2 * last.stature_sigma_m)
+    assert last.child > 0.9 if size < 1 else last.child < 0.05
 
 
 def test_hidden_joints_are_predicted_with_a_larger_covariance() -> None:

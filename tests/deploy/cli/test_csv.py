@@ -73,6 +73,7 @@ def sitting(stamp_ms: int, id_: int) -> Skeletons:
         posture_probability=0.75,
         stature_m=1.75,
         stature_sigma_m=0.0625,
+        child=0.25,
         object_like=0.5,
     )
     return Skeletons(
@@ -84,8 +85,8 @@ def test_posture_and_stature_of_a_track_are_from_skeletons_of_its_frame(tmp_path
     frames = (tracks(at, track(7, 1.0, 2.0), track(8, 3.0, 2.0)) for at in (1000, 1033))
     file = record(tmp_path, *frames, sitting(1000, 7), sitting(1040, 8))
     run(file, tmp_path / "x.csv")
-    found = [list(row.values())[-5:] for row in rows_of(tmp_path / "x.csv")]
-    assert found == [["sitting", "0.75", "1.75", "0.0625", "0.5"], *[[""] * 5] * 3]
+    found = [list(row.values())[-6:] for row in rows_of(tmp_path / "x.csv")]
+    assert found == [["sitting", "0.75", "1.75", "0.0625", "0.25", "0.5"], *[[""] * 6] * 3]
 
 
 def test_truth_at_the_stamps_of_the_tracks(tmp_path: Path) -> None:
