@@ -1,4 +1,4 @@
-"""Objects that are detected as people, beside people: what `object_like` says of each."""
+"""Objects that are detected as people, and people, by their `object_like`."""
 
 from benchmarks.lib import options
 from benchmarks.lib.postures.images import image_rows

@@ -43,7 +43,7 @@ class PersonSkeleton(Record, frozen=True, kw_only=True):
     stature_m: Positive | None = None
     stature_sigma_m: Positive | None = None  # [m] its standard deviation
     child: Probability = 0.0  # probability of a stature below 1.45 m, that of a child
-    # probability of an object: a picture, or a figure that never moves; the track goes on
+    # probability of an object: a poster, a screen, or a figure that never moves
     object_like: Probability = 0.0
 
     def __post_init__(self) -> None:

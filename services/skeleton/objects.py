@@ -1,6 +1,6 @@
-"""Objects that are detected as people: pictures, and figures that never move.
+"""Objects that are detected as people: posters, screens, and figures that never move.
 
-The surface of a picture of a person is flat, on a poster as on a screen. Mannequins, statues and
+The surface of a person on a poster or a screen is flat. Mannequins, statues and
 robots keep their head still; a person who sits or lies may do so for minutes, too (docs/method.md
 section 26).
 """
@@ -31,8 +31,8 @@ NEAR_M = 0.8  # maximum distance of a reading from the range of the track [m]
 SPREAD_M = 0.03  # minimum standard deviation of the readings in two directions [m]
 FACING = 0.5  # minimum cosine between the normal of a plane and the line of sight
 FLAT_S = 2.0  # time constant of the distance from the plane, and minimum duration of readings [s]
-# Distance from the plane that a picture and a person have equally often, and the change that
-# changes their odds by e [m]: 1 to 4 mm on pictures, at least 24 mm on real people
+# Distance from the plane that a poster and a person have equally often, and the change that
+# changes their odds by e [m]: 1 to 4 mm on posters, at least 24 mm on real people
 FLAT_M, FLAT_SCALE_M = 0.015, 0.0025
 
 

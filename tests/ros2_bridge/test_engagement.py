@@ -41,7 +41,7 @@ def test_person_is_engaged_after_three_seconds_and_disengaged_after_three_others
     assert found == begin + 3 * [DISENGAGING] + 2 * [DISENGAGED]
 
 
-def test_short_look_away_does_not_disengage() -> None:
+def test_turning_away_briefly_does_not_disengage() -> None:
     assert levels(4 * [FACING] + [AWAY] + [FACING])[-2:] == [DISENGAGING, ENGAGED]
 
 

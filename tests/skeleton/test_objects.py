@@ -1,4 +1,4 @@
-"""Objects among tracked figures: pictures, and figures that never move."""
+"""Objects among tracked figures: posters, and figures that never move."""
 
 from collections.abc import Callable
 
@@ -24,7 +24,7 @@ def swaying(number: int) -> F64:
     return np.asarray(standing() + np.array([0.0, side_m, 0.0]))
 
 
-def picture(number: int) -> F64:
+def poster(number: int) -> F64:
     """Return a walking person whose surface is a plane at 3 m."""
     pose = standing()
     pose[[9, 10], 1] += 0.2 * np.sin(number * PERIOD_S)
@@ -43,9 +43,9 @@ def object_like(
     objects, rng, found = ObjectFilter(), np.random.default_rng(1), 0.0
     for number in range(frames):
         pose_m = pose_of(number)
-        seen = observed(pose_m, hidden or [])
-        seen.range_m += rng.normal(0.0, noise_m, 17)
-        (found,) = objects.update(PERIOD_S, people(pose_m), seen, [(posture, 0.9)])
+        observation = observed(pose_m, hidden or [])
+        observation.range_m += rng.normal(0.0, noise_m, 17)
+        (found,) = objects.update(PERIOD_S, people(pose_m), observation, [(posture, 0.9)])
     return found
 
 
@@ -64,33 +64,33 @@ def test_motionless_person_who_sits_or_lies_is_no_object(posture: Posture) -> No
 
 
 @pytest.mark.parametrize("noise_m", [0.0, 0.006])
-def test_picture_of_a_moving_person_is_an_object_after_three_seconds(noise_m: float) -> None:
-    assert object_like(picture, frames=30, noise_m=noise_m) > 0.9
-    assert object_like(picture, frames=10, noise_m=noise_m) < 0.01
+def test_screen_with_a_moving_person_is_an_object_after_three_seconds(noise_m: float) -> None:
+    assert object_like(poster, frames=30, noise_m=noise_m) > 0.9
+    assert object_like(poster, frames=10, noise_m=noise_m) < 0.01
 
 
-def test_person_is_no_picture() -> None:
+def test_person_is_not_flat() -> None:
     assert object_like(swaying, frames=30) < 0.05
 
 
-def test_few_readings_are_no_picture() -> None:
-    assert object_like(picture, frames=30, hidden=list(range(7, 17))) < 0.2
+def test_few_readings_are_not_flat() -> None:
+    assert object_like(poster, frames=30, hidden=list(range(7, 17))) < 0.2
 
 
 def test_evidence_starts_again_after_a_restart() -> None:
-    objects, seen = ObjectFilter(), observed(standing(), [])
+    objects, observation = ObjectFilter(), observed(standing(), [])
     for _ in range(FRAMES):
-        (before,) = objects.update(PERIOD_S, people(standing()), seen, [("standing", 0.9)])
+        (before,) = objects.update(PERIOD_S, people(standing()), observation, [("standing", 0.9)])
     objects.restart()
-    (after,) = objects.update(PERIOD_S, people(standing()), seen, [("standing", 0.9)])
+    (after,) = objects.update(PERIOD_S, people(standing()), observation, [("standing", 0.9)])
     assert before > 0.9
     assert after < 0.01
 
 
 def test_people_without_detections_keep_their_evidence() -> None:
-    objects, seen = ObjectFilter(), observed(standing(), [])
+    objects, observation = ObjectFilter(), observed(standing(), [])
     for _ in range(FRAMES):
-        (before,) = objects.update(PERIOD_S, people(standing()), seen, [("standing", 0.9)])
-    seen.confidence[:], seen.range_m[:] = 0.0, np.nan
-    (after,) = objects.update(PERIOD_S, people(standing()), seen, [("unknown", 0.0)])
+        (before,) = objects.update(PERIOD_S, people(standing()), observation, [("standing", 0.9)])
+    observation.confidence[:], observation.range_m[:] = 0.0, np.nan
+    (after,) = objects.update(PERIOD_S, people(standing()), observation, [("unknown", 0.0)])
     assert after == before

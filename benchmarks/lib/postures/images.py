@@ -1,6 +1,6 @@
-"""Real images as video with the noise of a sensor: figures that never move, and pictures.
+"""Real images as video with the noise of a sensor: figures that never move, and posters.
 
-An image that is repeated is a figure that never moves; a picture has the depth of a plane. The
+An image that is repeated is a figure that never moves; a poster has the depth of a plane. The
 noise is that of a Kinect: 1.4 mm at 1 m, growing with the squared distance, and 3 of 255 grey
 levels.
 """
@@ -50,12 +50,12 @@ def image_rows(shared: Path, cache: Path) -> Iterator[list[str]]:
     yield row("robot of uc3m, one image", robot)
     still = [one for name in STANDING for one in play(name, [images[name]] * FRAMES)]
     yield row("people of uc3m, one image each", still)
-    pictures = [
+    posters = [
         one
         for name, (far_m, slope) in zip(STANDING, PLANES, strict=True)
-        for one in play(f"picture_{name}", [_flat(images[name], far_m, slope)] * FRAMES)
+        for one in play(f"poster_{name}", [_flat(images[name], far_m, slope)] * FRAMES)
     ]
-    yield row("people of uc3m on posters", pictures)
+    yield row("people of uc3m on posters", posters)
     yield row("filinha on a screen", _play(method, _video(folder / "screen", screen), cache))
     yield row("felix, a seated and a standing man", _play(method, felix(data).camera, cache))
     yield row("filinha, walking people", _play(method, crossing_camera(shared), cache))
@@ -89,7 +89,7 @@ def _video(folder: Path, frames: Iterable[SourceFrame]) -> CameraConfig:
 def _play(
     method: Method, camera: CameraConfig, cache: Path, duration_s: float = 0.0
 ) -> list[Figure]:
-    """Return what is said of each track, with the frames repeated for a duration."""
+    """Return the figure of each track, with the frames repeated for a duration."""
     files = detect_all(method, camera, cache)
     config = msgspec.structs.replace(method.tracker, embedding_wait_s=0.0, reorder_wait_s=0.0)
     tracker, skeleton = build_tracker(config), build_skeleton(SkeletonConfig())
@@ -99,7 +99,7 @@ def _play(
         if not isinstance(message, Detections):
             tracker.handle(message, 0)
             skeleton.handle(message, 0)
-    said = defaultdict[int, list[tuple[float, float]]](list)
+    likes = defaultdict[int, list[tuple[float, float]]](list)
     for number, frame in enumerate(_repeated(frames, duration_s)):
         skeleton.handle(frame, 0)
         for tracks in tracker.handle(frame, 0):
@@ -107,8 +107,8 @@ def _play(
             for skeletons in found:
                 assert isinstance(skeletons, Skeletons)
                 for person in skeletons.people:
-                    said[person.id].append((number / FELIX_HZ, person.object_like))
-    return [figure(*zip(*pairs, strict=True)) for pairs in said.values()]
+                    likes[person.id].append((number / FELIX_HZ, person.object_like))
+    return [figure(*zip(*pairs, strict=True)) for pairs in likes.values()]
 
 
 def _repeated(frames: Sequence[Detections], duration_s: float) -> Iterator[Detections]:

@@ -1,4 +1,4 @@
-"""Objects that are detected as people, beside still people: what `object_like` says of each."""
+"""Objects that are detected as people, and still people, by their `object_like`."""
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
@@ -26,7 +26,7 @@ SHORT_S, LONG_S = 150.0, 600.0  # durations of scenes of figures and of people [
 
 @dataclass(frozen=True)
 class Figure:
-    """What was said of one figure in all of its frames."""
+    """A figure and the frames in which it was called an object."""
 
     duration_s: float
     frames: int
@@ -68,13 +68,13 @@ def figure(times_s: Sequence[float], likes: Sequence[float]) -> Figure:
 
 
 def simulated(world: World, joints_m: Callable[[World, float], list[F64]]) -> Iterator[Figure]:
-    """Yield what is said of each figure of a scene."""
-    said = defaultdict[int, list[tuple[float, float]]](list)
+    """Yield the figures of a scene."""
+    found = defaultdict[int, list[tuple[float, float]]](list)
     for frame in frames(world, joints_m):
         for number, skeleton in enumerate(frame.skeletons):
             if skeleton is not None:
-                said[number].append((frame.time_s, skeleton.object_like))
-    for pairs in said.values():
+                found[number].append((frame.time_s, skeleton.object_like))
+    for pairs in found.values():
         times_s, likes = zip(*pairs, strict=True)
         yield figure(times_s, likes)
 
