@@ -190,7 +190,8 @@ class Crops(Message, frozen=True, kw_only=True):
     VERSION: ClassVar[int] = 2
 
     camera: Name  # name of the camera
-    crops: tuple[Crop, ...] = ()  # one for each detection whose box meets the image
+    # one for each detection whose box meets the image; every 0.25 s for a person apart from others
+    crops: tuple[Crop, ...] = ()
 
 
 class Embeddings(Message, frozen=True, kw_only=True):

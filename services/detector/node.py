@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import ClassVar
 
 import cv2
+import numpy as np
 
 from common.runtime.node import NO_LOOP, LoopCallbacks, Node, Sharing, Status
 from common.transport.trace import span
@@ -23,6 +24,7 @@ from people4d.messages import (
 )
 from people4d.messages.base import MAX_CAMERAS
 from services.detector.config import DetectorConfig
+from services.detector.crop_schedule import CropSchedule
 from services.detector.crops import FRONT_M, crop_person, hidden_pixels
 from services.detector.models.base import DetectedPerson, PersonModel
 from services.detector.orientation.angle import YawEstimate, heading_vector
@@ -71,7 +73,7 @@ class DetectorNode(Node):
         self._model = model
         self._config = config
         self._positions = PositionEstimator(config, model.name)
-        self._history = FrameHistory()
+        self._history, self._schedule = FrameHistory(), CropSchedule()
         self._orientation = OrientationEstimator(config, model.name, orientation_network)
         self._lock = threading.Lock()
         self._calibrations: dict[str, CameraInfo] = {}
@@ -131,6 +133,8 @@ class DetectorNode(Node):
         # Before the model runs, so frames are stored in order.
         before = self._history.swap_frame(frame) if self._config.velocity else None
         people, image = self._find_people(frame), DepthImage(frame.depth_mm, info)
+        boxes = np.array([p.box_xyxy_px for p in people], np.float64).reshape(-1, 4)
+        is_due = self._schedule.due(frame, boxes) if self._config.crops else []
         with span("hand_over"):
             self._loop.release()
         if self._config.position == "grown":
@@ -141,7 +145,8 @@ class DetectorNode(Node):
         outputs: list[Message] = []
         if self._config.crops:
             # Crops first, since the tracker waits for their embeddings.
-            (self._loop.publish or outputs.append)(self._crops(people, torsos, frame))
+            crops = self._crops(people, torsos, is_due, frame)
+            (self._loop.publish or outputs.append)(crops)
         observed = self._orientation.observe(people, torsos, frame.rgb, image)
         with span("locate"):
             yaws = self._orientation.estimate(people, image, observed)
@@ -215,12 +220,13 @@ class DetectorNode(Node):
         self,
         people: Sequence[DetectedPerson],
         torsos: Sequence[LayeredTorso | None],
+        is_due: Sequence[bool],
         frame: RgbdFrame,
     ) -> Crops:
         height_px, crops = self._config.crop_height_max_px, []
         with span("crops"):
-            for k, (person, torso) in enumerate(zip(people, torsos, strict=True)):
-                hidden = None
+            for k in np.flatnonzero(is_due).tolist():
+                person, torso, hidden = people[k], torsos[k], None
                 if torso is not None:
                     nearest_m = torso.layer.depth_m - FRONT_M
                     hidden = hidden_pixels(person.box_xyxy_px, frame.depth_mm, nearest_m)
