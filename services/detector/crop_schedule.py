@@ -60,9 +60,10 @@ class CropSchedule:
 
 def unchanged(boxes: F64, before: F64) -> tuple[I64, I64]:
     """Return the unchanged boxes (indices of Nx4), and theirs in the previous frame (Mx4)."""
-    overlaps = iou_xyxy(boxes, before)
+    overlaps = iou_xyxy(boxes, np.concatenate([boxes, before]))
+    apart = np.count_nonzero(overlaps[:, : len(boxes)], axis=1) == 1
+    overlaps = overlaps[:, len(boxes) :]
     pairs = overlaps > 0
-    apart = np.count_nonzero(iou_xyxy(boxes, boxes), axis=1) == 1
     one = (overlaps >= IOU_MIN) & apart[:, None]
     one &= (np.count_nonzero(pairs, axis=1) == 1)[:, None] & (np.count_nonzero(pairs, axis=0) == 1)
     now, then = np.nonzero(one)
