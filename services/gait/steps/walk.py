@@ -30,10 +30,13 @@ EXCHANGED = 0.2  # Probability that a measured foot is the other one
 OUTLIER = 1e-3  # Likelihood of any position, relative to the expected one
 # Standard deviation of the advance: of each frame [phases], and relative to the root of the advance
 ADVANCE_SIGMA, ADVANCE_RATIO = 0.5, 0.06
+BIN_S = 0.08  # Minimum time between phases [s]
 SMOOTH_S, SMOOTH_FRAMES = 0.2, 1.0  # Standard deviation of the kernel of the body's path
 STANDING_MPS = 0.12  # Maximum speed of a standing body [m/s]
 HEADING_MPS = 0.25  # Minimum speed with a direction [m/s]
 OFFSET_COUNT = 6  # Number of samples at which half of the offset of the body is corrected
+
+I64 = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -64,16 +67,18 @@ class Walk:
 def fit_walk(samples: WalkSamples) -> Walk:
     """Return the most likely walk; the phase of a standing person does not advance."""
     body_m, headings, moved_m = _path(samples)
-    offsets_m = samples.feet_m - body_m[:, None]
-    known = offsets_m[np.isfinite(offsets_m[..., 0])]
-    if len(known):
-        body_m = body_m + np.median(known, axis=0) * len(known) / (len(known) + OFFSET_COUNT)
-    scores = _scores(samples, body_m, headings)
-    advance = moved_m[:, None] / (2 * LENGTHS_M) * PHASES
-    sigma = np.sqrt(ADVANCE_SIGMA**2 + (ADVANCE_RATIO * PHASES) ** 2 * advance / PHASES)
+    axes = np.stack([headings, headings[:, ::-1] * (-1.0, 1.0)], axis=1)  # ahead, left
+    # Feet are beside the head if the camera is tilted, and behind it if the trunk is bent.
+    body_m = _centred(samples, body_m, np.broadcast_to(np.eye(2), axes.shape))
+    body_m = _centred(samples, body_m, axes, (0.5 - LIFT) * LENGTH_M)
+    bins = _bins(samples.times_s)
+    scores = _scores(samples, _offsets(samples, body_m, axes), axes, bins)
+    advance = np.diff(_means(np.cumsum(moved_m), bins), prepend=0.0)[:, None] / (2 * LENGTHS_M)
+    sigma = np.sqrt(ADVANCE_SIGMA**2 + (ADVANCE_RATIO * PHASES) ** 2 * advance)
     start = scores[0] - 0.5 * ((LENGTHS_M - LENGTH_M) / LENGTH_SIGMA_M) ** 2
-    phases, lengths = _most_likely(start, scores, advance, sigma, CHANGE_COST)
-    return Walk(phases / PHASES, LENGTHS_M[lengths], body_m, headings)
+    found, lengths = _most_likely(start, scores, advance * PHASES, sigma, CHANGE_COST)
+    phases = np.interp(samples.times_s, _means(samples.times_s, bins), found / PHASES)
+    return Walk(phases, LENGTHS_M[lengths][bins], body_m, headings)
 
 
 def foot_offset(phases: F64) -> F64:
@@ -108,15 +113,44 @@ def _path(samples: WalkSamples) -> tuple[F64, F64, F64]:
     return body_m, headings, np.append(0.0, np.where(walking, np.maximum(along_m, 0.0), 0.0))
 
 
-def _scores(samples: WalkSamples, body_m: F64, headings: F64) -> F64:
-    """Return the log-likelihoods of both feet by phase and length, NxPHASESxLENGTHS."""
+def _offsets(samples: WalkSamples, body_m: F64, axes: F64) -> F64:
+    """Return the feet from the body along axes (Nx2x2), Nx2x2."""
+    return np.einsum("nij,nfj->nfi", axes, samples.feet_m - body_m[:, None])
+
+
+def _centred(samples: WalkSamples, body_m: F64, axes: F64, ahead_m: float = 0.0) -> F64:
+    """Return the body moved along axes (Nx2x2) so that the median foot is `ahead_m` ahead of it."""
+    offsets_m = _offsets(samples, body_m, axes)
+    known = offsets_m[np.isfinite(offsets_m[..., 0])]
+    if not len(known):
+        return body_m
+    ratio = len(known) / (len(known) + OFFSET_COUNT)
+    return body_m + ratio * (np.median(known, axis=0) - (ahead_m, 0.0)) @ axes
+
+
+def _bins(times_s: F64) -> I64:
+    """Return the number of each frame's bin: a bin covers BIN_S, or one frame at lower rates."""
+    edges = np.floor((times_s - times_s[0]) / BIN_S + 1e-6)
+    return np.unique(edges, return_inverse=True)[1]
+
+
+def _means(values: F64, bins: I64) -> F64:
+    """Return the means of values over bins."""
+    return np.bincount(bins, values) / np.bincount(bins)
+
+
+def _scores(samples: WalkSamples, offsets_m: F64, axes: F64, bins: I64) -> F64:
+    """Return the log-likelihoods of both feet by phase and length, BINSxPHASESxLENGTHS.
+
+    Errors of a foot in neighbouring frames are alike, so a bin counts as one frame.
+
+    `offsets_m` are the feet (Nx2x2) from the body along the axes (Nx2x2, ahead and left).
+    """
     phases = np.arange(PHASES) / PHASES
     expected_m = [foot_offset(phases + half)[:, None] * LENGTHS_M for half in (0.0, 0.5)]
-    axes = np.stack([headings, headings[:, ::-1] * (-1.0, 1.0)], axis=1)  # ahead, left
-    offsets_m = np.einsum("nij,nfj->nfi", axes, samples.feet_m - body_m[:, None])
     noise_m2 = np.einsum("nij,nfjk,nik->nfi", axes, samples.covariances_m2, axes)
     noise_m2 = noise_m2 + np.square((ALONG_SIGMA_M, ACROSS_SIGMA_M))
-    total = np.zeros((len(body_m), PHASES, len(LENGTHS_M)))
+    total = np.zeros((bins[-1] + 1, PHASES, len(LENGTHS_M)))
     for foot in (0, 1):
         known = np.isfinite(offsets_m[:, foot, 0])
         ahead_m, left_m = (offsets_m[known, foot, k, None, None] for k in (0, 1))
@@ -128,14 +162,16 @@ def _scores(samples: WalkSamples, body_m: F64, headings: F64) -> F64:
             )
             for side in (foot, 1 - foot)
         )
-        total[known] += np.log((1 - EXCHANGED) * own + EXCHANGED * other + OUTLIER)
+        score = np.log((1 - EXCHANGED) * own + EXCHANGED * other + OUTLIER)
+        counts = np.bincount(bins[known], minlength=len(total))
+        np.add.at(total, bins[known], score / counts[bins[known], None, None])
     return total
 
 
 @compiled
 def _most_likely(
     start: F64, scores: F64, advance: F64, sigma: F64, change_cost: float
-) -> tuple[F64, npt.NDArray[np.int64]]:
+) -> tuple[F64, I64]:
     """Return unwrapped phase and index of the length in each frame, of the best sequence.
 
     Args:

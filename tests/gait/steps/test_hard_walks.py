@@ -6,6 +6,7 @@ import pytest
 from people4d.messages import F64, GaitMeasures
 from services.gait.config import StepConfig
 from services.gait.steps.step_meter import PointSample, StepMeter
+from services.gait.steps.steps import find_steps, gait_measures
 from tests.gait.steps import test_steps as walks
 from tests.gait.steps.test_steps import NOISE_M2, feet
 
@@ -72,3 +73,23 @@ def test_hesitation_in_a_step_leaves_the_cadence() -> None:
     walked_s = times_s // cycle_s * 2.0 + np.minimum(times_s % cycle_s, 2.0)
     found = measured(times_s, *feet(walked_s))
     assert found.cadence_per_min == pytest.approx(120, rel=0.03)
+
+
+@pytest.mark.parametrize("rate_hz", [5, 30])
+def test_slow_walk_in_circles_with_the_head_ahead_of_the_feet(rate_hz: int) -> None:
+    # Steps of 0.45 m in 0.9 s on a circle of 1 m.
+    times_s = np.arange(0, 12, 1 / rate_hz)
+    left, right = feet(times_s, 0.9, 0.9, step_m=0.45)
+    head = (left + right) / 2 + (0.3, 0.0, 0.0)
+    one, other, body = (
+        walks.trajectory(times_s, bent(points, 1.0)) for points in (left, right, head)
+    )
+    found = gait_measures(find_steps(body, one, other))
+    assert found.steps in (12, 13)
+    assert found.cadence_per_min == pytest.approx(60 / 0.9, rel=0.03)
+
+
+def bent(points_m: F64, radius_m: float) -> F64:
+    """Return points beside the x axis beside a circle, at the same distances to its left."""
+    angle, inner_m = points_m[:, 0] / radius_m, radius_m - points_m[:, 1]
+    return np.stack([inner_m * np.sin(angle), -inner_m * np.cos(angle), points_m[:, 2]], axis=1)
