@@ -76,7 +76,7 @@ class GaitReport:
             raise SourceError(f"folder {self._folder} cannot be made: {error.strerror}") from error
         source, frames = self._run.source, frame_count(self._run)
         on_progress(source, 0.0)
-        for done, _ in enumerate(estimate_gait(self._run, self._add), 1):
+        for done, _ in enumerate(estimate_gait(self._run, self._add, self.tables.add_skeletons), 1):
             on_progress(source, min(done / frames, 1.0))
         on_progress(source, 1.0)
 

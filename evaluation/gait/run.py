@@ -1,7 +1,7 @@
 """Gait estimation on a recording, in one process."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import msgspec
@@ -19,6 +19,7 @@ from people4d.messages import (
     MovingTransform,
     Odometry,
     RgbdFrame,
+    Skeletons,
     StaticTransform,
 )
 from services.camera.config import CameraConfig
@@ -32,7 +33,10 @@ from services.gait.estimator import (
     GaitResult,
     OnFrame,
 )
+from services.skeleton.build import build as build_skeleton
+from services.skeleton.config import SkeletonConfig
 
+OnSkeletons = Callable[[Skeletons], None]
 BoxCorners = tuple[float, float, float, float]  # [px] left, top, right, bottom
 UNLIMITED_S = 1e9
 FRAME_ID = "map"
@@ -49,24 +53,36 @@ class GaitRun:
     box: BoxCorners | None
 
 
-def estimate_gait(run: GaitRun, on_frame: OnFrame) -> Iterator[int]:
+def estimate_gait(
+    run: GaitRun, on_frame: OnFrame, on_skeletons: OnSkeletons | None = None
+) -> Iterator[int]:
     """Estimate the gait in a recording; yield the stamp of each frame.
+
+    `on_skeletons` gets the skeletons of all frames; there are none with a box.
 
     Raises:
         SourceError: The source cannot be played, or no body is in the box.
         ModelError: A model is absent.
     """
     camera = lockstep(msgspec.structs.replace(run.method.camera, source=run.source))
-    estimate = _estimate_all if run.box is None else _estimate_box
-    return estimate(camera, run, on_frame)
+    if run.box is None:
+        return _estimate_all(camera, run, on_frame, on_skeletons)
+    return _estimate_box(camera, run, on_frame)
 
 
-def _estimate_all(camera: CameraConfig, run: GaitRun, on_frame: OnFrame) -> Iterator[int]:
+def _estimate_all(
+    camera: CameraConfig, run: GaitRun, on_frame: OnFrame, on_skeletons: OnSkeletons | None
+) -> Iterator[int]:
     method = run.method
     # In one process no message arrives after the next frame has started.
     tracker = msgspec.structs.replace(method.tracker, embedding_wait_s=0.0, reorder_wait_s=0.0)
     nodes = [*pipeline(method.detector, method.reid, tracker), build(run.gait, on_frame)]
+    if on_skeletons:
+        nodes.append(build_skeleton(SkeletonConfig()))
     for step in play(camera, nodes):
+        for message in step.messages:
+            if on_skeletons and isinstance(message, Skeletons):
+                on_skeletons(message)
         yield from (m.stamp_ns for m in step.messages if isinstance(m, RgbdFrame))
 
 

@@ -8,8 +8,9 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from evaluation.gait.motion import ANGLE_FIELDS, Motion, angle_rows, motion_of
 from evaluation.report.csv_files import write_csv
-from people4d.messages import BodyPoint, GaitMeasures
+from people4d.messages import BodyPoint, GaitMeasures, PersonSkeleton, Skeletons
 from services.gait.estimator import GaitResult
 from services.gait.points.keypoints import HEAD, LEFT_FOOT, RIGHT_FOOT
 from services.gait.steps.steps import FootStep, PointTrajectory, find_steps, gait_measures
@@ -37,6 +38,7 @@ class GaitTables:
     def __init__(self) -> None:
         self._rows: list[_Row] = []
         self._start_ns: int | None = None
+        self._skeletons: dict[int, list[tuple[float, PersonSkeleton]]] = defaultdict(list)
 
     def add_frame(self, stamp_ns: int, results: Sequence[GaitResult]) -> float:
         """Add a frame and return the seconds since the first one."""
@@ -44,6 +46,12 @@ class GaitTables:
         time_s = (stamp_ns - self._start_ns) / 1e9
         self._rows += [_Row(time_s, one.person.id, p) for one in results for p in one.person.points]
         return time_s
+
+    def add_skeletons(self, message: Skeletons) -> None:
+        """Add the skeletons of a frame, after its results."""
+        time_s = (message.stamp_ns - (self._start_ns or message.stamp_ns)) / 1e9
+        for one in message.people:
+            self._skeletons[one.id].append((time_s, one))
 
     @property
     def people(self) -> tuple[int, ...]:
@@ -72,12 +80,17 @@ class GaitTables:
             return []
         return find_steps(found[HEAD], found[LEFT_FOOT], found[RIGHT_FOOT])
 
+    def motion(self, person: int) -> Motion | None:
+        """Return the joints of a person over all frames; None if they are not known."""
+        known = self._skeletons.get(person, ())
+        return motion_of([time_s for time_s, _ in known], [one for _, one in known])
+
     def measures(self, person: int) -> GaitMeasures:
         """Return the gait measures of a person over all steps."""
         return gait_measures(self.steps(person))
 
     def write(self, folder: Path) -> None:
-        """Write gait.csv, steps.csv and measures.csv.
+        """Write gait.csv, steps.csv, measures.csv and joint_angles.csv.
 
         Raises:
             SourceError: A file cannot be written.
@@ -87,6 +100,13 @@ class GaitTables:
         rows = ([one, *msgspec.structs.astuple(self.measures(one))] for one in self.people)
         header = ("person", *GaitMeasures.__struct_fields__)
         write_csv(folder / "measures.csv", header, rows)
+        angles = [
+            row
+            for one in self.people
+            if (motion := self.motion(one))
+            for row in angle_rows(one, motion, self.steps(one))
+        ]
+        write_csv(folder / "joint_angles.csv", ANGLE_FIELDS, angles)
 
     def _step_cells(self) -> Iterator[Sequence[object]]:
         for person in self.people:

@@ -41,6 +41,7 @@ def gait(
     video: Annotated[bool, typer.Option(help="Draw gait.webm, which takes longest.")] = True,
 ) -> None:
     """Track heads, hands and feet in a recording; write tables, pages and a video."""
+    from deploy.exporters.motion_files import write_motion  # noqa: PLC0415
     from evaluation.gait.report import GaitReport, read_run  # noqa: PLC0415
 
     source = scenarios.resolve(recording) if scenarios.is_scenario(recording) else recording
@@ -51,6 +52,9 @@ def gait(
             report.run(on_progress)
     finally:
         report.finish()
+    for person in report.tables.people:
+        if motion := report.tables.motion(person):
+            write_motion(out, f"person_{person}", motion)
     _print_measures(report.tables)
     pages = [str(out / f"person_{person}.html") for person in report.tables.people]
     typer.echo(f"Wrote {out}; open {' or '.join(pages)}" if pages else f"Wrote {out}")
