@@ -1,7 +1,7 @@
 """Joints of a person over a recording, and the angles of the legs over the cycle of walking.
 
 Angles are in the plane of walking; flexion of hip and knee and dorsiflexion of the ankle are above
-0. Keypoints have no toes: the foot is assumed level, so the ankle's angle is known while it stands.
+0. Keypoints have no toes: the foot is assumed level up to FLAT, where the heel rises.
 
 Source: docs/method.md, section 20.
 """
@@ -15,11 +15,11 @@ import numpy.typing as npt
 from people4d.messages import F64, PersonSkeleton
 from people4d.messages.skeleton import JOINTS
 from services.gait.steps.steps import FEET, FootStep
-from services.gait.steps.walk import LIFT
 
 SIGMA_MAX_M = 0.15  # Maximum standard deviation of an exported joint [m]
 GAP_S = 0.3  # Maximum time between known positions of an interpolated joint [s]
 SAME_S = 1e-6  # Maximum difference of equal times [s]
+FLAT = 0.4  # End of the part of the stride with a level foot
 CYCLE_STEPS = 101  # Number of samples of a cycle: 0 to 100 %
 ANGLES = ("hip", "knee", "ankle")
 ANGLE_FIELDS = (
@@ -83,7 +83,7 @@ def leg_angles(joints_m: F64) -> F64:
 def cycles(motion: Motion, steps: Sequence[FootStep], foot: str) -> F64:
     """Return hip, knee and ankle of a leg in each stride, from landing to landing, SxCYCLE_STEPSx3.
 
-    The ankle is NaN in the swing.
+    The ankle is NaN after FLAT.
     """
     angles = leg_angles(motion.joints_m)[:, FEET.index(foot)]
     ratios, found = np.linspace(0, 1, CYCLE_STEPS), []
@@ -92,7 +92,7 @@ def cycles(motion: Motion, steps: Sequence[FootStep], foot: str) -> F64:
             times_s = step.landed_s - step.stride.time_s * (1 - ratios)
             found.append(_interpolated(times_s, motion.times_s, angles))
     table = np.array(found).reshape(-1, CYCLE_STEPS, len(ANGLES))
-    table[:, ratios > LIFT, ANGLES.index("ankle")] = np.nan
+    table[:, ratios > FLAT, ANGLES.index("ankle")] = np.nan
     return table
 
 

@@ -49,7 +49,8 @@ class GaitTables:
 
     def add_skeletons(self, message: Skeletons) -> None:
         """Add the skeletons of a frame, after its results."""
-        time_s = (message.stamp_ns - (self._start_ns or message.stamp_ns)) / 1e9
+        self._start_ns = message.stamp_ns if self._start_ns is None else self._start_ns
+        time_s = (message.stamp_ns - self._start_ns) / 1e9
         for one in message.people:
             self._skeletons[one.id].append((time_s, one))
 

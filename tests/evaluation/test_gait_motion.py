@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from evaluation.gait.motion import ANGLE_FIELDS, Motion, angle_rows, leg_angles, motion_of
-from people4d.messages import F64, PersonSkeleton
+from evaluation.gait.tables import GaitTables
+from people4d.messages import F64, PersonSkeleton, Skeletons
 from people4d.messages.skeleton import JOINTS
 from services.gait.steps.steps import FootStep, Stride
 
@@ -55,11 +56,11 @@ def test_mean_and_spread_over_strides() -> None:
     ]
     assert [row["cycle_percent"] for row in rows] == list(range(101))
     assert {(row["person"], row["foot"], row["strides"]) for row in rows} == {(7, "left", 2)}
-    early, late = rows[50], rows[90]
+    early, late = rows[30], rows[50]
     assert early["hip_mean_deg"] == pytest.approx(np.degrees(0.2))
     assert early["hip_sd_deg"] == pytest.approx(np.degrees(0.2 / np.sqrt(2)))
     assert early["ankle_mean_deg"] == pytest.approx(0, abs=1e-6)
-    assert np.isnan(late["ankle_mean_deg"])  # the foot swings
+    assert np.isnan(late["ankle_mean_deg"])  # the heel has left the floor
 
 
 def landing(time_s: float) -> FootStep:
@@ -74,6 +75,17 @@ def test_joints_are_interpolated_in_short_gaps_only() -> None:
     assert motion.rate_hz == pytest.approx(10)
     expected = [0, 0.1, 0.2, 0.3, 0.4, *[np.nan] * 4, 0.9, 1.0]
     assert motion.joints_m[:, 5, 0] == pytest.approx(expected, nan_ok=True)
+
+
+def test_motion_has_the_times_of_the_recording_from_stamp_zero() -> None:
+    tables = GaitTables()
+    for stamp_ns in (0, 200_000_000, 400_000_000):
+        header = {"stamp_ns": stamp_ns, "sequence": 0, "camera": "front", "frame_id": "map"}
+        tables.add_skeletons(Skeletons(**header, people=(skeleton(stamp_ns / 1e9),)))
+    motion = tables.motion(1)
+    assert motion is not None
+    assert motion.times_s == pytest.approx(motion.joints_m[:, 0, 0])
+    assert motion.times_s == pytest.approx([0.0, 0.2, 0.4])
 
 
 def test_uncertain_joint_is_unknown() -> None:
