@@ -23,7 +23,7 @@ from services.gait.points.keypoints import (
     find_anchors,
     joint_pixels,
 )
-from services.gait.points.limbs.anchors import feet_apart, keep_own_limbs
+from services.gait.points.limbs.anchors import keep_own_limbs
 from services.gait.points.limbs.ends import end_position
 from services.gait.points.limbs.floor_feet import correct_by_floor, floor_positions
 from services.gait.points.limbs.prior import limb_priors
@@ -107,7 +107,7 @@ class DepthLayer:
         return observation.keypoints if self._config.keypoints else None
 
     def _estimates(self) -> Mapping[str, PointEstimate]:
-        return feet_apart({name: point.estimate() for name, point in self._points.items()})
+        return {name: point.estimate() for name, point in self._points.items()}
 
     def _measure(self, observation: MeshObservation) -> MeasuredBody | None:
         """Measure the body; geodesic distances begin at the middle of the torso."""

@@ -13,7 +13,6 @@ from services.gait.particles import FIRST, resample_systematic
 from services.gait.points.assignment import initial_extremities
 from services.gait.points.body import MeasuredBody, MeshObservation, extremities_in_view
 from services.gait.points.keypoints import POINTS
-from services.gait.points.limbs.anchors import feet_apart
 from services.gait.points.meter import BodyMeter
 from services.gait.points.point_filter import PointEstimate, PointFilter
 from services.gait.surface.mesh import BodyMesh
@@ -133,7 +132,7 @@ class SingleFeatureLayer:
         return self._meter.measure_body(observation, lambda _, heights_m: int(heights_m.argmax()))
 
     def _estimates(self) -> Mapping[str, PointEstimate]:
-        return feet_apart({name: point.estimate() for name, point in self._points.items()})
+        return {name: point.estimate() for name, point in self._points.items()}
 
 
 def spin_similarities(points: Sequence[FeatureFilter], mesh: BodyMesh) -> list[F64 | None]:

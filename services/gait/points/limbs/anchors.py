@@ -4,7 +4,6 @@ Source: docs/method.md, section 19.
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -12,21 +11,18 @@ from people4d.messages import CameraInfo
 from services.gait.points.keypoints import (
     COUNTERPARTS,
     KEYPOINT_CONFIDENCE_MIN,
-    LEFT_FOOT,
     PAIRS,
-    RIGHT_FOOT,
     Anchor,
     kind_of,
     pixels_of,
     sigma_px,
 )
 from services.gait.points.normal import Normal
-from services.gait.points.point_filter import PointEstimate, PointFilter
+from services.gait.points.point_filter import PointFilter
 
 EXCHANGE_MIN = 6.0  # Minimum gain of exchanged keypoints [squared deviations]
 COST_MAX = 25.0  # Maximum cost of one keypoint [squared deviations]
 DOUBTFUL_COST_MAX = 9.0  # Maximum cost of a keypoint of low confidence [squared deviations]
-FEET_APART_M = 0.13  # Minimum distance between the middles of two feet [m]
 SAME_M = 0.10  # Maximum distance between two points on one limb [m]
 
 
@@ -67,19 +63,6 @@ def keep_own_limbs(
             fits = costs[0, 0] <= costs[1, 1] if confident[0] == confident[1] else confident[0]
             own.pop(right if fits else left)
     return own
-
-
-def feet_apart(estimates: Mapping[str, PointEstimate]) -> dict[str, PointEstimate]:
-    """Return estimates without the less certain of two feet at one position."""
-    found = dict(estimates)
-    feet = [name for name in (LEFT_FOOT, RIGHT_FOOT) if name in found]
-    if len(feet) < 2 or any(found[name].state == "lost" for name in feet):
-        return found
-    both = [found[name] for name in feet]
-    if np.linalg.norm(both[0].position_m - both[1].position_m) < FEET_APART_M:
-        worse = int(np.argmax([np.trace(one.covariance[:3, :3]) for one in both]))
-        found[feet[worse]] = replace(both[worse], state="lost")
-    return found
 
 
 def _fits(

@@ -8,9 +8,9 @@ import pytest
 from common.geometry.transforms import project
 from people4d.messages import F64
 from services.gait.points.keypoints import LEFT_FOOT, RIGHT_FOOT, Anchor
-from services.gait.points.limbs.anchors import feet_apart, keep_own_limbs
+from services.gait.points.limbs.anchors import keep_own_limbs
 from services.gait.points.normal import Normal
-from services.gait.points.point_filter import PointEstimate, PointFilter
+from services.gait.points.point_filter import PointFilter
 from tests.gait.builders import INFO
 
 FEET_M = {LEFT_FOOT: np.array([0.2, 0.9, 3.0]), RIGHT_FOOT: np.array([-0.2, 0.9, 3.0])}
@@ -62,13 +62,3 @@ def test_doubtful_ankle_of_a_person_who_is_not_known_does_not_count() -> None:
         point.prior = None
     found = left_anchor(FEET_M[LEFT_FOOT], 0.2)
     assert not keep_own_limbs(found, points, 0.0, INFO)
-
-
-@pytest.mark.parametrize(("apart_m", "lost"), [(0.05, True), (0.2, False)])
-def test_of_two_feet_that_coincide_the_less_certain_one_is_lost(apart_m: float, lost: bool) -> None:
-    certain = PointEstimate(np.zeros(3), np.zeros(3), 0.05**2 * np.eye(6), "measured", 1.0)
-    other_m = np.array([apart_m, 0.0, 0.0])
-    doubtful = PointEstimate(other_m, np.zeros(3), 0.1**2 * np.eye(6), "predicted", 0.0)
-    found = feet_apart({LEFT_FOOT: doubtful, RIGHT_FOOT: certain})
-    assert found[RIGHT_FOOT] is certain
-    assert found[LEFT_FOOT].state == ("lost" if lost else "predicted")
