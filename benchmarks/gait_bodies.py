@@ -45,6 +45,9 @@ INTRO = """People of a second simulator, with other bodies and another walk than
 - Estimates and true people are paired one to one by their heads; a pair lasts while it is near
   [Bernardin 2008]."""
 
+PEERS = """Steps by event detectors of other packages that need neither angles nor heels and toes,
+on the same positions of body and feet along the path, with keypoints:"""
+
 
 def read_truth(folder: Path, frames: Sequence[GaitFrame]) -> JointTruth:
     """Return the truth of a folder in the frame of the estimates."""
@@ -70,12 +73,18 @@ def read_truth(folder: Path, frames: Sequence[GaitFrame]) -> JointTruth:
     )
 
 
-def compare(folder: Path, settings: Sequence[str] = ()) -> list[Tally]:
-    """Run a folder from images to steps, and return the comparisons of each person."""
+def compare(
+    folder: Path, settings: Sequence[str] = (), python: str = ""
+) -> tuple[list[Tally], list[Tally]]:
+    """Run a folder from images to steps, and return the comparisons of each person.
+
+    The second ones are without keypoints; `python` runs the detectors of other packages.
+    """
     run = read_run(str(folder), None, "", run_settings(folder, settings))
-    frames, results = results_of(run)
-    truth = read_truth(folder, frames)
-    return tally(truth, results, [frame.stamp_ns for frame in frames])
+    alone = read_run(str(folder), None, "", [*settings, NO_KEYPOINTS]).gait
+    frames, results, others = results_of(run, alone)
+    truth, stamps_ns = read_truth(folder, frames), [frame.stamp_ns for frame in frames]
+    return tally(truth, results, stamps_ns, python), tally(truth, others, stamps_ns)
 
 
 def run_settings(folder: Path, settings: Sequence[str] = ()) -> tuple[str, ...]:
@@ -117,23 +126,37 @@ def style_rows(people: Mapping[str, Sequence[Tally]]) -> list[list[str]]:
 
 
 def compare_all(
-    pool: ProcessPoolExecutor, folders: Sequence[Path], settings: Sequence[str]
-) -> Mapping[str, list[Tally]]:
-    """Return the comparisons of each person by folder."""
-    tasks = {folder.name: pool.submit(compare, folder.resolve(), settings) for folder in folders}
-    people: dict[str, list[Tally]] = {}
+    pool: ProcessPoolExecutor, folders: Sequence[Path], settings: Sequence[str], python: str
+) -> tuple[dict[str, list[Tally]], dict[str, list[Tally]]]:
+    """Return the comparisons of each person by folder, with keypoints and without."""
+    tasks = {one.name: pool.submit(compare, one.resolve(), settings, python) for one in folders}
+    people, alone = dict[str, list[Tally]](), dict[str, list[Tally]]()
     for name, task in tasks.items():
-        people[name] = task.result()
-        print(name, *settings, flush=True)
-    return people
+        people[name], alone[name] = task.result()
+        print(name, flush=True)
+    return people, alone
+
+
+def peer_rows(people: Mapping[str, Sequence[Tally]]) -> list[list[str]]:
+    """Return the steps that each method finds, ours first, in each half of the scenes."""
+    halves = {half: total(own) for half, own in _halves(people).items()}
+    rows = [["ours", *(f"{t.found} of {t.true}, {t.invented}" for t in halves.values())]]
+    for method in halves["judge"].peers:
+        sums = [np.sum(one.peers[method], axis=0).tolist() for one in halves.values()]
+        rows.append([method, *(f"{found} of {true}, {extra}" for found, true, extra in sums)])
+    return rows
 
 
 def by_half(people: Mapping[str, Sequence[Tally]]) -> dict[str, Mapping[str, str]]:
     """Return the figures of each half of the scenes."""
+    return {half: cells(total(tallies)) for half, tallies in _halves(people).items()}
+
+
+def _halves(people: Mapping[str, Sequence[Tally]]) -> dict[str, list[Tally]]:
     found: dict[str, list[Tally]] = {"judge": [], "choose": []}
     for name, tallies in people.items():
         found["judge" if name.startswith("judge_") else "choose"] += tallies
-    return {half: cells(total(tallies)) for half, tallies in found.items()}
+    return found
 
 
 def main() -> None:
@@ -141,10 +164,10 @@ def main() -> None:
     parser = options.parser(__doc__, "jobs")
     parser.add_argument("folders", nargs="+", type=Path, help="recordings with gt.npz")
     parser.add_argument("--set", dest="settings", action="append", default=[], help="as people4d")
+    parser.add_argument("--peers", default="", help="interpreter with gaitkit and myogait")
     arguments = parser.parse_args()
     with ProcessPoolExecutor(arguments.jobs, get_context("spawn")) as pool:
-        people = compare_all(pool, arguments.folders, arguments.settings)
-        alone = compare_all(pool, arguments.folders, [*arguments.settings, NO_KEYPOINTS])
+        people, alone = compare_all(pool, arguments.folders, arguments.settings, arguments.peers)
     columns = {
         f"{half}, {how}": figures
         for how, found in (("with keypoints", people), ("without", alone))
@@ -160,4 +183,6 @@ def main() -> None:
         markdown(["figure", *columns], rows),
         "By style, with keypoints:",
         markdown(["style", "half", "people", *BY_STYLE], style_rows(people)),
+        PEERS,
+        markdown(["detector", "judge: found, invented", "choose"], peer_rows(people)),
     )

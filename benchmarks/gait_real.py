@@ -6,9 +6,7 @@ folder that holds them. Annotated landings are in `real_people_marks/filinha_ste
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
 
 import msgspec
 import numpy as np
@@ -16,10 +14,20 @@ import numpy as np
 from benchmarks.gait_bodies import NO_KEYPOINTS
 from benchmarks.lib import options
 from benchmarks.lib.gait.causes import STAGES, Scene, first_loss
+from benchmarks.lib.gait.event_peers import peer_landings
+from benchmarks.lib.gait.steps_by_eye import (
+    Landing,
+    StepCounts,
+    StepFile,
+    StepsByEye,
+    by_person,
+    counts,
+)
 from benchmarks.lib.marks.crossing import MOUNT_RPY_RAD, MOUNT_XYZ_M, TORSO_MM, Pixel
 from benchmarks.lib.table import markdown, write
 from common.geometry.transforms import apply, invert, project
 from evaluation.annotations.marks import Mark, read_frames
+from evaluation.gait.parameters import gait_parameters
 from evaluation.gait.report import read_run
 from evaluation.gait.run import BoxCorners, estimate_gait
 from evaluation.gait.tables import GaitTables
@@ -34,8 +42,6 @@ PLAYED: Mapping[str, tuple[float, tuple[str, ...]]] = {
     "4 Hz, without keypoints": (4.0, (NO_KEYPOINTS,)),
 }
 WALKING_HZ = 4.0  # Rate at which the pictures show people walking
-NEAR_FRAMES = 1.2  # Maximum time between an annotated and a published step [frames]
-OWNER_FRAMES = 5  # Number of frames about a step that assign it to a person
 TORSO_HALF_PX, TORSO_TOP_PX = 90.0, 40.0  # Half width and top of the box in a TUE bag [px]
 AROUND_PX, SAME_M = 4, 0.10  # Maximum distance of a point from its depth reading [px, m]
 LIMBS = ("left_hand", "right_hand", "left_foot", "right_foot")
@@ -55,54 +61,15 @@ desks and each other) and stand before a robot (TUE, five single pictures).
 CAUSES = """
 Steps that are lost, by the first stage that fails in the landing's frame and its neighbours:
 """
+PEERS = """
+Steps by event detectors of other packages that need neither angles nor heels and toes, on the same
+positions of body and feet along the path:
+"""
+CADENCE = """
+Cadence of the track with the most frames of each person, beside the annotated steps, with its 95 %
+interval:
+"""
 Run = list[tuple[CameraInfo, GaitFrame, Sequence[GaitResult]]]
-
-
-class StepByEye(msgspec.Struct, frozen=True):
-    """Landing of a foot."""
-
-    frame: float
-    foot: Literal["left", "right"]
-    hidden: bool = False  # True: the foot was not visible at the landing
-
-
-class StepsByEye(msgspec.Struct, frozen=True):
-    """Landings of one person, and the frames in which they can be counted."""
-
-    person: str
-    half: Literal["choose", "judge"]
-    spans: tuple[tuple[float, float], ...]
-    steps: tuple[StepByEye, ...]
-
-
-class _StepFile(msgspec.Struct, frozen=True):
-    people: tuple[StepsByEye, ...]
-
-
-@dataclass
-class StepCounts:
-    """Steps of one person, or of several."""
-
-    true: int = 0
-    hidden: int = 0  # number of true steps of an invisible foot
-    published: int = 0  # number of steps in the frames with counted steps
-    found: int = 0
-    other_foot: int = 0  # number of found steps of the wrong foot
-    invented: int = 0
-    off_frames: list[float] = field(default_factory=list)
-    lost: list[StepByEye] = field(default_factory=list)  # true steps without a published one
-
-    def add(self, other: "StepCounts") -> None:
-        """Add the steps of another person."""
-        for name, value in vars(other).items():
-            setattr(self, name, getattr(self, name) + value)
-
-    def cells(self) -> list[str]:
-        """Return the figures of a row."""
-        off = f"{np.median(self.off_frames):.1f}" if self.off_frames else "-"
-        numbers = (self.true, self.hidden, self.published)
-        rest = (self.other_foot, self.invented)
-        return [*map(str, numbers), f"{self.found} of {self.true}", *map(str, rest), off]
 
 
 def play(source: Path, settings: Iterable[str], box: BoxCorners | None = None) -> Run:
@@ -133,52 +100,58 @@ def owners(run: Run, marks: dict[int, tuple[Mark, ...]]) -> dict[tuple[int, int]
     return found
 
 
-def published_steps(
-    run: Run, owner: Mapping[tuple[int, int], str], rate_hz: float
-) -> dict[str, list[tuple[float, str]]]:
-    """Return frame and foot of the steps of each person if frames come at a rate."""
+def tables_at(run: Run, rate_hz: float) -> GaitTables:
+    """Return the tables of a run if frames come at a rate."""
     tables = GaitTables()
     for index, (_, _, results) in enumerate(run):
         tables.add_frame(round(index / rate_hz * 1e9), results)
-    found: dict[str, list[tuple[float, str]]] = {}
-    for track in tables.people:
-        for step in tables.steps(track):
-            at = step.landed_s * rate_hz
-            near = range(int(at) - OWNER_FRAMES, int(at) + OWNER_FRAMES + 1)
-            votes = Counter(owner[track, index] for index in near if (track, index) in owner)
-            if votes:
-                found.setdefault(votes.most_common(1)[0][0], []).append((at, step.foot))
-    return found
+    return tables
 
 
-def counts(known: StepsByEye, published: Sequence[tuple[float, str]]) -> StepCounts:
-    """Count the annotated steps that were published, each by the nearest step."""
-    inside = [
-        (at, foot)
-        for at, foot in published
-        if any(begin - NEAR_FRAMES <= at <= end + NEAR_FRAMES for begin, end in known.spans)
+def published_steps(
+    tables: GaitTables, owner: Mapping[tuple[int, int], str], rate_hz: float
+) -> dict[str, list[Landing]]:
+    """Return frame and foot of the steps of each person."""
+    landed = {
+        track: [(step.landed_s, step.foot) for step in tables.steps(track)]
+        for track in tables.people
+    }
+    return by_person(landed, owner, rate_hz)
+
+
+def cadence_cells(tables: GaitTables, scene: Scene, known: StepsByEye, rate_hz: float) -> list[str]:
+    """Return the cadence by eye and of the track with the most frames, with its interval."""
+    spans_s = [
+        [step.frame / rate_hz for step in known.steps if begin <= step.frame <= end]
+        for begin, end in known.spans
     ]
-    pairs = sorted(
-        (abs(at - true.frame), n, k)
-        for n, (at, _) in enumerate(inside)
-        for k, true in enumerate(known.steps)
-        if abs(at - true.frame) <= NEAR_FRAMES
-    )
-    one, taken = StepCounts(true=len(known.steps)), dict[int, int]()
-    for off, n, k in pairs:
-        if n not in taken and k not in taken.values():
-            taken[n] = k
-            one.off_frames.append(off)
-            one.other_foot += inside[n][1] != known.steps[k].foot
-    one.hidden = sum(step.hidden for step in known.steps)
-    one.found = len(taken)
-    one.lost = [step for k, step in enumerate(known.steps) if k not in taken.values()]
-    one.invented = sum(
-        n not in taken and any(begin <= at <= end for begin, end in known.spans)
-        for n, (at, _) in enumerate(inside)
-    )
-    one.published = one.found + one.invented
-    return one
+    walked_s = sum(times_s[-1] - times_s[0] for times_s in spans_s if times_s)
+    by_eye = 60 * sum(max(len(times_s) - 1, 0) for times_s in spans_s) / walked_s
+    tracks = Counter(track for (track, _), name in scene.owner.items() if name == known.person)
+    steps = tables.steps(tracks.most_common(1)[0][0]) if tracks else []
+    one = next(p for p in gait_parameters(steps) if p.name == "cadence")
+    if one.value is None:
+        return [f"{by_eye:.0f}", "-", "-", "-"]
+    interval = "-" if one.low is None or one.high is None else f"{one.low:.0f} to {one.high:.0f}"
+    off = 100 * (one.value / by_eye - 1)
+    return [f"{by_eye:.0f}", f"{one.value:.0f}", f"{off:+.0f}", interval]
+
+
+def peer_rows(
+    name: str, run: Run, scene: Scene, known: Iterable[StepsByEye], python: str
+) -> list[list[str]]:
+    """Return the steps that the detectors of other packages find."""
+    rate_hz = PLAYED[name][0]
+    tables, rows = tables_at(run, rate_hz), []
+    walks = {str(track): tables.trajectories(track) for track in tables.people}
+    for method, landings in peer_landings(python, walks).items():
+        landed = {int(track): one for track, one in landings.items()}
+        found, total = by_person(landed, scene.owner, rate_hz), StepCounts()
+        for person in known:
+            total.add(counts(person, found.get(person.person, ())))
+        cells = total.cells()
+        rows.append([name, method, cells[3], str(total.other_foot), str(total.invented)])
+    return rows
 
 
 def cause_cells(scene: Scene, known: StepsByEye, one: StepCounts, slower: StepCounts) -> list[str]:
@@ -223,21 +196,25 @@ def main() -> None:
     """Compare, and write the report."""
     parser = options.parser(__doc__, "shared")
     parser.add_argument("--set", dest="settings", action="append", default=[], help="as people4d")
+    parser.add_argument("--peers", default="", help="interpreter with gaitkit and myogait")
     arguments = parser.parse_args()
     data = arguments.shared / "data" / "rgbd"
-    known = msgspec.json.decode((MARKS / "filinha_steps.json").read_bytes(), type=_StepFile)
+    known = msgspec.json.decode((MARKS / "filinha_steps.json").read_bytes(), type=StepFile)
     marks = read_frames(MARKS / "filinha.json")
     mount = (
         f"camera.mount_xyz_m={list(MOUNT_XYZ_M)}",
         f"camera.mount_rpy_rad={list(MOUNT_RPY_RAD)}",
     )
-    steps, depth, causes = [], [], []
+    steps, depth, causes, cadences, peers = [], [], [], [], []
     for name, (rate_hz, settings) in PLAYED.items():
         rate = f"camera.options.fps={rate_hz:g}"
         run = play(data / "filinha", (rate, *mount, *settings, *arguments.settings))
         scene = Scene(run, owners(run, marks))
-        found = published_steps(run, scene.owner, rate_hz)
-        slower = published_steps(run, scene.owner, WALKING_HZ)
+        tables = tables_at(run, rate_hz)
+        found = published_steps(tables, scene.owner, rate_hz)
+        slower = published_steps(tables_at(run, WALKING_HZ), scene.owner, WALKING_HZ)
+        if arguments.peers:
+            peers += peer_rows(name, run, scene, known.people, arguments.peers)
         halves = {"choose": StepCounts(), "judge": StepCounts()}
         for person in known.people:
             one = counts(person, found.get(person.person, ()))
@@ -247,6 +224,8 @@ def main() -> None:
                 [name, person.person, person.half, *cause_cells(scene, person, one, again)]
             )
             steps.append([name, person.person, person.half, *one.cells()])
+            cells = cadence_cells(tables, scene, person, rate_hz)
+            cadences.append([name, person.person, person.half, *cells])
         steps += [[name, "all", half, *one.cells()] for half, one in halves.items()]
         depth.append(_depth_row(f"filinha, {name}", [run]))
     bags = [
@@ -260,6 +239,12 @@ def main() -> None:
         "Gait of real people",
         INTRO.strip(),
         markdown(header, steps),
+        CADENCE.strip(),
+        markdown(
+            ["played at", "person", "half", "by eye", "cadence", "off %", "interval"], cadences
+        ),
+        PEERS.strip(),
+        markdown(["played at", "detector", "found", "other foot", "invented"], peers),
         CAUSES.strip() + "\n\n" + "\n".join(f"- {name}: {text}" for name, text in STAGES.items()),
         markdown(["played at", "person", "half", *STAGES], causes),
         markdown(["recording", "all points on the depth", "hands", "feet"], depth),

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from evaluation.gait.motion import Motion
+from evaluation.gait.motion import JointMotion
 from evaluation.report.csv_files import write_bytes
 from people4d.messages import F64
 from people4d.messages.skeleton import JOINTS
@@ -20,7 +20,7 @@ INTEL, MAGIC = 84, 0x50  # Byte order and mark of a C3D file
 FRAMES_MAX = 65535  # Maximum number of a frame in the header
 
 
-def write_motion(folder: Path, name: str, motion: Motion) -> None:
+def write_motion(folder: Path, name: str, motion: JointMotion) -> None:
     """Write NAME.trc and NAME.c3d.
 
     Raises:
@@ -30,7 +30,7 @@ def write_motion(folder: Path, name: str, motion: Motion) -> None:
     write_bytes(folder / f"{name}.c3d", c3d(motion))
 
 
-def trc(name: str, motion: Motion) -> str:
+def trc(name: str, motion: JointMotion) -> str:
     """Return the TRC file of a motion."""
     points = _positions_mm(motion)
     rate, count = f"{motion.rate_hz:g}", len(points)
@@ -52,7 +52,7 @@ def trc(name: str, motion: Motion) -> str:
     return "\n".join("\t".join(line) for line in lines) + "\n"
 
 
-def c3d(motion: Motion) -> bytes:
+def c3d(motion: JointMotion) -> bytes:
     """Return the C3D file of a motion: blocks of header, parameters and positions."""
     points = _positions_mm(motion)
     count = len(points)
@@ -70,7 +70,7 @@ def c3d(motion: Motion) -> bytes:
     return _padded(header) + parameters + _padded(data.tobytes())
 
 
-def _parameters(motion: Motion, data_start: int) -> bytes:
+def _parameters(motion: JointMotion, data_start: int) -> bytes:
     """Return the blocks of parameters; their length does not depend on `data_start`."""
     count = len(motion.joints_m)
     width = max(map(len, JOINTS))
@@ -85,7 +85,7 @@ def _parameters(motion: Motion, data_start: int) -> bytes:
         _parameter(1, "LABELS", -1, (width, len(JOINTS)), labels),
         _parameter(1, "UNITS", -1, (2,), b"mm"),
     ]
-    trial = [
+    extent = [
         _parameter(2, name, 2, (2,), end)
         for name, end in zip(("ACTUAL_START_FIELD", "ACTUAL_END_FIELD"), ends, strict=True)
     ]
@@ -93,7 +93,7 @@ def _parameters(motion: Motion, data_start: int) -> bytes:
     body = b"".join(
         struct.pack("<bb", len(name), -number) + name.encode() + struct.pack("<hb", 3, 0) + content
         for number, (name, content) in enumerate(
-            (("POINT", b"".join(point)), ("TRIAL", b"".join(trial)), ("ANALOG", b"".join(analog))),
+            (("POINT", b"".join(point)), ("TRIAL", b"".join(extent)), ("ANALOG", b"".join(analog))),
             1,
         )
     )
@@ -112,6 +112,6 @@ def _padded(data: bytes) -> bytes:
     return data + b"\0" * (-len(data) % BLOCK)
 
 
-def _positions_mm(motion: Motion) -> F64:
+def _positions_mm(motion: JointMotion) -> F64:
     """Return the joints with y up, Tx17x3 [mm]."""
     return 1000 * motion.joints_m[..., (0, 2, 1)] * (1.0, 1.0, -1.0)

@@ -10,7 +10,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from people4d.messages import F64, PersonSkeleton
 from people4d.messages.skeleton import JOINTS
@@ -32,7 +31,7 @@ SHOULDERS, HIPS = (
 
 
 @dataclass(frozen=True)
-class Motion:
+class JointMotion:
     """Joints of one person at a constant rate."""
 
     start_s: float
@@ -45,7 +44,7 @@ class Motion:
         return self.start_s + np.arange(len(self.joints_m)) / self.rate_hz
 
 
-def motion_of(times_s: Sequence[float], people: Sequence[PersonSkeleton]) -> Motion | None:
+def motion_of(times_s: Sequence[float], people: Sequence[PersonSkeleton]) -> JointMotion | None:
     """Return the joints of a person at the median rate; None with fewer than two frames."""
     if len(times_s) < 2:
         return None
@@ -54,10 +53,10 @@ def motion_of(times_s: Sequence[float], people: Sequence[PersonSkeleton]) -> Mot
     grid_s = known_s[0] + np.arange(round((known_s[-1] - known_s[0]) * rate_hz) + 1) / rate_hz
     joints_m = np.full((len(grid_s), len(JOINTS), 3), np.nan)
     for joint in range(len(JOINTS)):
-        sure = [np.trace(one.covariances_m2[joint]) < 3 * SIGMA_MAX_M**2 for one in people]
-        positions_m = np.array([one.positions_m[joint] for one in people], np.float64)[sure]
-        joints_m[:, joint] = _interpolated(grid_s, known_s[sure], positions_m)
-    return Motion(float(known_s[0]), rate_hz, joints_m)
+        certain = [np.trace(one.covariances_m2[joint]) < 3 * SIGMA_MAX_M**2 for one in people]
+        positions_m = np.array([one.positions_m[joint] for one in people], np.float64)[certain]
+        joints_m[:, joint] = _interpolated(grid_s, known_s[certain], positions_m)
+    return JointMotion(float(known_s[0]), rate_hz, joints_m)
 
 
 def leg_angles(joints_m: F64) -> F64:
@@ -69,18 +68,18 @@ def leg_angles(joints_m: F64) -> F64:
     aside = hips_m[:, 0] - hips_m[:, 1] + shoulders_m[:, 0] - shoulders_m[:, 1]
     ahead = np.cross(aside * (1.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
-    trunk = _lean(hips_m.mean(axis=1) - shoulders_m.mean(axis=1), ahead)
+    torso = _lean(hips_m.mean(axis=1) - shoulders_m.mean(axis=1), ahead)
     angles = np.empty((len(joints_m), 2, 3))
     for leg, foot in enumerate(FEET):
         hip_m, knee_m, ankle_m = (
             joints_m[:, JOINTS.index(f"{foot}_{name}")] for name in ("hip", "knee", "ankle")
         )
         thigh, shank = _lean(knee_m - hip_m, ahead), _lean(ankle_m - knee_m, ahead)
-        angles[:, leg] = np.stack([thigh - trunk, thigh - shank, -shank], axis=1)
+        angles[:, leg] = np.stack([thigh - torso, thigh - shank, -shank], axis=1)
     return np.degrees(angles)
 
 
-def cycles(motion: Motion, steps: Sequence[FootStep], foot: str) -> F64:
+def cycles(motion: JointMotion, steps: Sequence[FootStep], foot: str) -> F64:
     """Return hip, knee and ankle of a leg in each stride, from landing to landing, SxCYCLE_STEPSx3.
 
     The ankle is NaN after FLAT.
@@ -96,7 +95,9 @@ def cycles(motion: Motion, steps: Sequence[FootStep], foot: str) -> F64:
     return table
 
 
-def angle_rows(person: int, motion: Motion, steps: Sequence[FootStep]) -> Iterator[list[object]]:
+def angle_rows(
+    person: int, motion: JointMotion, steps: Sequence[FootStep]
+) -> Iterator[list[object]]:
     """Yield the rows of joint_angles.csv: mean and standard deviation over strides."""
     for foot in FEET:
         table = cycles(motion, steps, foot)
@@ -110,9 +111,9 @@ def angle_rows(person: int, motion: Motion, steps: Sequence[FootStep]) -> Iterat
             yield [person, foot, percent, int(counts[percent].max()), *pairs]
 
 
-def _lean(vectors: F64, ahead: F64) -> npt.NDArray[np.float64]:
+def _lean(vectors: F64, ahead: F64) -> F64:
     """Return the angle of downward vectors (Nx3) ahead of vertical, in the plane of walking."""
-    return np.arctan2(np.sum(vectors * ahead, axis=1), -vectors[:, 2])
+    return np.asarray(np.arctan2(np.sum(vectors * ahead, axis=1), -vectors[:, 2]))
 
 
 def _interpolated(at_s: F64, known_s: F64, values: F64) -> F64:

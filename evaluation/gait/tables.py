@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from evaluation.gait.motion import ANGLE_FIELDS, Motion, angle_rows, motion_of
+from evaluation.gait.motion import ANGLE_FIELDS, JointMotion, angle_rows, motion_of
 from evaluation.report.csv_files import write_csv
 from people4d.messages import BodyPoint, GaitMeasures, PersonSkeleton, Skeletons
 from services.gait.estimator import GaitResult
@@ -81,7 +81,7 @@ class GaitTables:
             return []
         return find_steps(found[HEAD], found[LEFT_FOOT], found[RIGHT_FOOT])
 
-    def motion(self, person: int) -> Motion | None:
+    def motion(self, person: int) -> JointMotion | None:
         """Return the joints of a person over all frames; None if they are not known."""
         known = self._skeletons.get(person, ())
         return motion_of([time_s for time_s, _ in known], [one for _, one in known])

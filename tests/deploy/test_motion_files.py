@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from deploy.exporters.motion_files import write_motion
-from evaluation.gait.motion import Motion
+from evaluation.gait.motion import JointMotion
 from people4d.messages.skeleton import JOINTS
 
 LEFT_HIP, NOSE = JOINTS.index("left_hip"), JOINTS.index("nose")
@@ -19,7 +19,7 @@ def files(tmp_path: Path) -> Path:
     joints_m = np.zeros((4, 17, 3))
     joints_m[:, LEFT_HIP] = (1.0, 2.0, 0.9)  # 2 m to the left, 0.9 m high
     joints_m[3, NOSE] = np.nan
-    write_motion(tmp_path, "person_1", Motion(0.5, 20.0, joints_m))
+    write_motion(tmp_path, "person_1", JointMotion(0.5, 20.0, joints_m))
     return tmp_path
 
 

@@ -3,21 +3,21 @@
 import numpy as np
 import pytest
 
-from evaluation.gait.motion import ANGLE_FIELDS, Motion, angle_rows, leg_angles, motion_of
+from evaluation.gait.motion import ANGLE_FIELDS, JointMotion, angle_rows, leg_angles, motion_of
 from evaluation.gait.tables import GaitTables
 from people4d.messages import F64, PersonSkeleton, Skeletons
 from people4d.messages.skeleton import JOINTS
 from services.gait.steps.steps import FootStep, Stride
 
 
-def pose(thigh_rad: float = 0.0, shank_rad: float = 0.0, trunk_rad: float = 0.0) -> F64:
+def pose(thigh_rad: float = 0.0, shank_rad: float = 0.0, torso_rad: float = 0.0) -> F64:
     """Return the joints of a person who looks along x: segments ahead of vertical, downwards."""
     joints_m = np.zeros((17, 3))
     for side, y_m in (("left", 0.1), ("right", -0.1)):
         hip_m = np.array([0.0, y_m, 0.9])
         knee_m = hip_m + 0.4 * np.array([np.sin(thigh_rad), 0.0, -np.cos(thigh_rad)])
         ankle_m = knee_m + 0.4 * np.array([np.sin(shank_rad), 0.0, -np.cos(shank_rad)])
-        shoulder_m = hip_m - 0.5 * np.array([np.sin(trunk_rad), 0.0, -np.cos(trunk_rad)])
+        shoulder_m = hip_m - 0.5 * np.array([np.sin(torso_rad), 0.0, -np.cos(torso_rad)])
         named = {"hip": hip_m, "knee": knee_m, "ankle": ankle_m, "shoulder": shoulder_m}
         for name, position_m in named.items():
             joints_m[JOINTS.index(f"{side}_{name}")] = position_m
@@ -52,7 +52,7 @@ def test_mean_and_spread_over_strides() -> None:
     joints_m = np.stack([pose(0.1 if time_s < 1.45 else 0.3) for time_s in times_s])
     rows = [
         dict(zip(ANGLE_FIELDS, row, strict=True))
-        for row in angle_rows(7, Motion(0.0, 10.0, joints_m), [landing(1.4), landing(2.4)])
+        for row in angle_rows(7, JointMotion(0.0, 10.0, joints_m), [landing(1.4), landing(2.4)])
     ]
     assert [row["cycle_percent"] for row in rows] == list(range(101))
     assert {(row["person"], row["foot"], row["strides"]) for row in rows} == {(7, "left", 2)}
@@ -60,7 +60,7 @@ def test_mean_and_spread_over_strides() -> None:
     assert early["hip_mean_deg"] == pytest.approx(np.degrees(0.2))
     assert early["hip_sd_deg"] == pytest.approx(np.degrees(0.2 / np.sqrt(2)))
     assert early["ankle_mean_deg"] == pytest.approx(0, abs=1e-6)
-    assert np.isnan(late["ankle_mean_deg"])  # the heel has left the floor
+    assert str(late["ankle_mean_deg"]) == "nan"  # the heel has left the floor
 
 
 def landing(time_s: float) -> FootStep:
@@ -80,8 +80,15 @@ def test_joints_are_interpolated_in_short_gaps_only() -> None:
 def test_motion_has_the_times_of_the_recording_from_stamp_zero() -> None:
     tables = GaitTables()
     for stamp_ns in (0, 200_000_000, 400_000_000):
-        header = {"stamp_ns": stamp_ns, "sequence": 0, "camera": "front", "frame_id": "map"}
-        tables.add_skeletons(Skeletons(**header, people=(skeleton(stamp_ns / 1e9),)))
+        tables.add_skeletons(
+            Skeletons(
+                stamp_ns=stamp_ns,
+                sequence=0,
+                camera="front",
+                frame_id="map",
+                people=(skeleton(stamp_ns / 1e9),),
+            )
+        )
     motion = tables.motion(1)
     assert motion is not None
     assert motion.times_s == pytest.approx(motion.joints_m[:, 0, 0])

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
+from benchmarks.lib.gait.event_peers import PeerLandings, peer_landings
 from benchmarks.lib.gait.limb_references import JOINT, references
 from benchmarks.lib.gait.tally import Tally
 from benchmarks.lib.gait.true_steps import (
@@ -23,7 +24,7 @@ from evaluation.gait.tables import GaitTables
 from lab.truth.motion_capture import Footfall
 from people4d.messages import F64, GaitMeasures, PersonGait
 from services.gait.estimator import GaitResult
-from services.gait.steps.steps import FEET, FootStep
+from services.gait.steps.steps import FEET, FootStep, Side
 
 Flags = npt.NDArray[np.bool_]
 
@@ -55,7 +56,10 @@ class JointTruth:
 
 
 def tally(
-    truth: JointTruth, results: Sequence[Sequence[GaitResult]], stamps_ns: Sequence[int]
+    truth: JointTruth,
+    results: Sequence[Sequence[GaitResult]],
+    stamps_ns: Sequence[int],
+    python: str = "",
 ) -> list[Tally]:
     """Return the comparisons of each true person.
 
@@ -63,6 +67,7 @@ def tally(
         truth: Truth of N frames.
         results: Results of each frame.
         stamps_ns: N.
+        python: Interpreter with event detectors of other packages; empty: none.
     """
     people = truth.joints_m.shape[1]
     reference = references(truth.joints_m, truth.camera_m)
@@ -76,6 +81,8 @@ def tally(
         assigned.append(_assigned(people_here, truth.joints_m[index], before))
         for k, person in assigned[-1].items():
             votes.setdefault(person.id, [0] * people)[k] += 1
+    walks = {str(key): tables.trajectories(key) for key in tables.people}
+    peers = peer_landings(python, walks) if python else {}
     tallies = [Tally() for _ in range(people)]
     for k in range(people):
         for index, found in enumerate(assigned):
@@ -86,7 +93,7 @@ def tally(
         falls = steps_by_ankles(truth.times_s, truth.joints_m[:, k, ANKLES])
         begun = steps_by_ankles(truth.times_s, truth.joints_m[:, k, ANKLES], begun=True)
         begun += [] if truth.footfalls is None else truth.footfalls[k]
-        _steps(tallies[k], truth, k, (falls, begun), tables, own)
+        _steps(tallies[k], truth, k, (falls, begun), tables, own, peers)
         _live(tallies[k], truth, falls, [found.get(k) for found in assigned])
     return tallies
 
@@ -165,26 +172,21 @@ def _steps(
     known: tuple[Sequence[Footfall], Sequence[Footfall]],
     tables: GaitTables,
     own: Sequence[int],
+    peers: PeerLandings,
 ) -> None:
     """Compare the steps of one person; `known`: true steps, and steps in the first frame."""
     falls, begun = known
     steps: list[FootStep] = [step for key in own for step in tables.steps(key)]
     begin_s = float(truth.times_s[0])
     visible = [fall for fall in falls if truth.in_view[_at(truth, fall.time_s), k]]
-    taken: set[int] = set()
-    for step in sorted(steps, key=lambda one: one.landed_s):
-        # Match by time alone; then compare the foot.
-        near = [
-            (abs(fall.time_s - begin_s - step.landed_s), n)
-            for n, fall in enumerate(falls)
-            if n not in taken and abs(fall.time_s - begin_s - step.landed_s) < NEAR_S
-        ]
-        if near:
-            n = min(near)[1]
-            taken.add(n)
-            tally_.wrong_foot += FEET.index(step.foot) != falls[n].side
-        elif all(abs(fall.time_s - begin_s - step.landed_s) >= NEAR_S for fall in begun):
-            tally_.invented += 1
+    taken, tally_.invented, tally_.wrong_foot = matched(
+        [(begin_s + step.landed_s, step.foot) for step in steps], falls, begun
+    )
+    for method, walks in peers.items():
+        landed = [(begin_s + time_s, foot) for key in own for time_s, foot in walks[str(key)]]
+        found, invented, _ = matched(landed, falls, begun)
+        count = sum(falls[n] in visible for n in found)
+        tally_.peers[method] = [(count, len(visible), invented)]
     tally_.true += len(visible)
     tally_.found += sum(falls[n] in visible for n in taken)
     in_range = [
@@ -205,6 +207,30 @@ def _steps(
     tally_.cadence_off.append(best.cadence_per_min / steady_per_min - 1)
     tally_.turns_cadence_off.append(best.cadence_per_min / walked[1] - 1)
     _asymmetry(tally_, falls, steps, best)
+
+
+def matched(
+    landed: Sequence[tuple[float, Side]], falls: Sequence[Footfall], begun: Sequence[Footfall]
+) -> tuple[set[int], int, int]:
+    """Match landings (time and foot) with true steps by time alone.
+
+    Returns:
+        Numbers of the found true steps, number of invented steps, number of wrong feet.
+    """
+    taken, invented, wrong = set[int](), 0, 0
+    for landed_s, foot in sorted(landed):
+        near = [
+            (abs(fall.time_s - landed_s), n)
+            for n, fall in enumerate(falls)
+            if n not in taken and abs(fall.time_s - landed_s) < NEAR_S
+        ]
+        if near:
+            n = min(near)[1]
+            taken.add(n)
+            wrong += FEET.index(foot) != falls[n].side
+        else:
+            invented += all(abs(fall.time_s - landed_s) >= NEAR_S for fall in begun)
+    return taken, invented, wrong
 
 
 def _asymmetry(

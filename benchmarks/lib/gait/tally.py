@@ -1,5 +1,6 @@
 """Comparisons of points and steps of people against joints, and their figures."""
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -7,7 +8,8 @@ import numpy as np
 
 from evaluation.gait.run import GaitRun, estimate_gait
 from people4d.messages import CameraInfo
-from services.gait.estimator import GaitFrame, GaitResult
+from services.gait.config import GaitConfig
+from services.gait.estimator import ESTIMATOR_COUNTERS, GaitEstimator, GaitFrame, GaitResult
 
 
 @dataclass
@@ -40,6 +42,8 @@ class Tally:
     limps: int = 0  # number of true asymmetries of 8 % or more
     limps_found: int = 0  # number of true limps with the correct side
     limps_invented: int = 0  # number of limps without a true limp, or at the wrong side
+    # Found, true and invented steps of other packages by method
+    peers: dict[str, list[tuple[int, int, int]]] = field(default_factory=dict)
     live: list[bool] = field(default_factory=list)  # number of measures in frames after three steps
 
     def add(self, other: "Tally") -> None:
@@ -118,16 +122,27 @@ def cells(one: Tally) -> Mapping[str, str]:
     }
 
 
-def results_of(run: GaitRun) -> tuple[list[GaitFrame], list[Sequence[GaitResult]]]:
-    """Return the frames of a run, without images, and the results in each."""
-    frames: list[GaitFrame] = []
-    results: list[Sequence[GaitResult]] = []
+Results = list[Sequence[GaitResult]]
 
-    def on_frame(_info: CameraInfo, frame: GaitFrame, found: Sequence[GaitResult]) -> None:
+
+def results_of(run: GaitRun, other: GaitConfig) -> tuple[list[GaitFrame], Results, Results]:
+    """Return the frames of a run, without images, and the results in each by two configurations.
+
+    `other` is the second configuration, on the same observations.
+    """
+    frames: list[GaitFrame] = []
+    results: Results = []
+    others: Results = []
+    second: list[GaitEstimator] = []
+
+    def on_frame(info: CameraInfo, frame: GaitFrame, found: Sequence[GaitResult]) -> None:
+        if not second:
+            second.append(GaitEstimator(other, info, Counter(dict.fromkeys(ESTIMATOR_COUNTERS, 0))))
+        others.append(second[0].update_people(frame) or ())
         empty = np.empty((0, 0), np.uint16)
         frames.append(replace(frame, rgb=np.empty((0, 0, 3), np.uint8), depth_mm=empty))
         results.append(found)
 
     for _ in estimate_gait(run, on_frame):
         pass
-    return frames, results
+    return frames, results, others

@@ -52,9 +52,9 @@ def gait(
             report.run(on_progress)
     finally:
         report.finish()
-    for person in report.tables.people:
-        if motion := report.tables.motion(person):
-            write_motion(out, f"person_{person}", motion)
+    for key in report.tables.people:
+        if motion := report.tables.motion(key):
+            write_motion(out, f"person_{key}", motion)
     _print_measures(report.tables)
     pages = [str(out / f"person_{person}.html") for person in report.tables.people]
     typer.echo(f"Wrote {out}; open {' or '.join(pages)}" if pages else f"Wrote {out}")

@@ -115,7 +115,7 @@ def _path(samples: WalkSamples) -> tuple[F64, F64, F64]:
 
 def _offsets(samples: WalkSamples, body_m: F64, axes: F64) -> F64:
     """Return the feet from the body along axes (Nx2x2), Nx2x2."""
-    return np.einsum("nij,nfj->nfi", axes, samples.feet_m - body_m[:, None])
+    return np.asarray(np.einsum("nij,nfj->nfi", axes, samples.feet_m - body_m[:, None]))
 
 
 def _centred(samples: WalkSamples, body_m: F64, axes: F64, ahead_m: float = 0.0) -> F64:
