@@ -10,8 +10,7 @@ def intersections_xyxy(a: npt.ArrayLike, b: npt.ArrayLike) -> F64:
     """Return the areas (NxM, px^2) of the intersections of Nx4 and Mx4 boxes."""
     a = np.asarray(a, np.float64).reshape(-1, 1, 4)
     b = np.asarray(b, np.float64).reshape(1, -1, 4)
-    sides = np.minimum(a[..., 2:], b[..., 2:]) - np.maximum(a[..., :2], b[..., :2])
-    return np.asarray(np.prod(np.maximum(sides, 0.0), axis=-1))
+    return _areas(np.maximum(a[..., :2], b[..., :2]), np.minimum(a[..., 2:], b[..., 2:]))
 
 
 def iou_xyxy(a: npt.ArrayLike, b: npt.ArrayLike) -> F64:
@@ -19,11 +18,16 @@ def iou_xyxy(a: npt.ArrayLike, b: npt.ArrayLike) -> F64:
     a = np.asarray(a, np.float64).reshape(-1, 1, 4)
     b = np.asarray(b, np.float64).reshape(1, -1, 4)
     overlap = intersections_xyxy(a, b)
-    area_a = np.prod(np.maximum(a[..., 2:] - a[..., :2], 0.0), axis=-1)
-    area_b = np.prod(np.maximum(b[..., 2:] - b[..., :2], 0.0), axis=-1)
-    union = area_a + area_b - overlap
+    union = _areas(a[..., :2], a[..., 2:]) + _areas(b[..., :2], b[..., 2:]) - overlap
     iou: F64 = np.divide(overlap, union, out=np.zeros_like(overlap), where=union > 0)
     return iou
+
+
+def _areas(first: F64, last: F64) -> F64:
+    """Return the areas between corners (...x2), 0 if empty."""
+    sides = np.maximum(last - first, 0.0)
+    areas: F64 = sides[..., 0] * sides[..., 1]
+    return areas
 
 
 def nms(boxes: npt.ArrayLike, scores: npt.ArrayLike, iou_max: float) -> list[int]:

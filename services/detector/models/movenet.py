@@ -20,9 +20,10 @@ from services.detector.models.network import NetworkModel, Outputs
 from services.detector.models.scores import ScoreCalibration
 
 STRIDE = 4  # [px] of the input per cell of the heads
-PEAK_CELLS = 5  # side of the window of a local maximum [cells]
+AROUND = np.ones((5, 5), np.uint8)  # window of a local maximum [cells]
 CENTRES_PER_PERSON = 3  # number of decoded peaks per person of `max_people`
 KEYPOINT_MIN = 0.127  # minimum confidence of a keypoint, as in the original
+EACH = np.arange(17)  # keypoints
 AT_CENTRES = ("box_offset", "box_scale", "kpt_regress")  # heads that are read at the centres
 SPREAD = 0.3  # ratio of twice the variance of the keypoint search to the grid's shorter side
 
@@ -33,9 +34,9 @@ SCORE_MIN = 0.05
 CALIBRATION = ScoreCalibration(midpoint=0.059, slope=4.7)
 IOU_MAX = 0.6
 SIMILARITY_MAX = 0.5  # maximum similarity of two people: people side by side are below 0.4
-# Standard deviation of annotations by COCO keypoint, relative to the person's size [1/1000]
+# Standard deviation s of annotations by COCO keypoint, relative to the person's size [1/1000]
 LABEL_MM = [26, 25, 25, 35, 35, 79, 79, 72, 72, 62, 62, 107, 107, 87, 87, 89, 89]
-LABEL_SPREAD = np.array(LABEL_MM) / 1e3
+LABEL_SPREAD: F64 = -2 * (2 * np.array(LABEL_MM) / 1e3) ** 2  # -2 (2 s)^2
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ def decode(heads: Heads, limits: Limits) -> MoveNetCandidates:
     centres below the minimum score are not read.
     """
     rows, columns, scores = find_centres(heads.center, limits.score_min)
-    best = np.argsort(-scores, kind="stable")[: CENTRES_PER_PERSON * limits.max_people]
+    best = (-scores).argsort(kind="stable")[: CENTRES_PER_PERSON * limits.max_people]
     rows, columns, scores = rows[best], columns[best], scores[best]
     offset, size, regressed = heads.read(AT_CENTRES, rows, columns)
     boxes = boxes_at(rows, columns, offset, size, heads.center.shape)
@@ -86,8 +87,9 @@ def decode(heads: Heads, limits: Limits) -> MoveNetCandidates:
 
 def find_centres(heat: F32, score_min: float) -> tuple[Cells, Cells, F64]:
     """Return rows, columns and scores of the peaks of the centre map (HxW)."""
-    around = cv2.dilate(heat, np.ones((PEAK_CELLS, PEAK_CELLS), np.uint8))
-    rows, columns = np.nonzero((heat >= around) & (heat >= score_min))
+    around = cv2.dilate(heat, AROUND)
+    peaks = np.flatnonzero(heat >= np.maximum(around, np.float32(score_min)))
+    rows, columns = np.divmod(peaks, heat.shape[1])
     return rows, columns, heat[rows, columns].astype(np.float64)
 
 
@@ -98,7 +100,8 @@ def boxes_at(rows: Cells, columns: Cells, offset: F32, size: F32, grid: tuple[in
     """
     middle = np.stack([columns, rows], axis=1) + offset[:, ::-1].astype(np.float64)
     half = np.maximum(size[:, ::-1], 0) / 2
-    clipped: F64 = np.clip(np.hstack([middle - half, middle + half]), 0, (grid[1], grid[0]) * 2)
+    corners = np.hstack([middle - half, middle + half])
+    clipped: F64 = np.minimum(np.maximum(corners, 0), (grid[1], grid[0]) * 2)
     return clipped
 
 
@@ -109,37 +112,30 @@ def read_keypoints(heads: Heads, guesses: F64, boxes: F64) -> F64:
     regressed guess; the product is its confidence, 0 in a box without a cell.
     """
     keypoints = np.zeros((len(boxes), 17, 3))
-    bounds = np.ceil(boxes).astype(int)
-    found = np.flatnonzero((bounds[:, 2:] > bounds[:, :2]).all(axis=1))
-    for index in found:
-        keypoints[index] = best_cells(heads.keypoints, guesses[index], *bounds[index].tolist())
-    x, y = keypoints[found, :, 0].astype(int).ravel(), keypoints[found, :, 1].astype(int).ravel()
-    (offsets,) = heads.read(("kpt_offset",), y, x)
-    each = np.arange(17)
-    keypoints[found, :, :2] += offsets.reshape(-1, 17, 17, 2)[:, each, each, ::-1]
+    height, width = heads.keypoints.shape[1:]
+    near_y, near_x = (
+        np.exp(
+            (np.arange(side) - guesses[..., axis, None]) ** 2 / (-SPREAD * min(height, width))
+        ).astype(np.float32)
+        for axis, side in enumerate((height, width))
+    )
+    bounds = np.ceil(boxes).astype(int).tolist()
+    found = [
+        k for k, (left, top, right, bottom) in enumerate(bounds) if left < right and top < bottom
+    ]
+    for k in found:
+        left, top, right, bottom = bounds[k]
+        weighed = heads.keypoints[:, top:bottom, left:right] * near_y[k, :, top:bottom, None]
+        weighed *= near_x[k, :, None, left:right]
+        flat = weighed.reshape(17, -1)
+        best = flat.argmax(axis=1)
+        rows, columns = np.divmod(best, right - left)
+        own = keypoints[k]
+        own[:, 0], own[:, 1], own[:, 2] = columns + left, rows + top, flat[EACH, best]
+    cells = keypoints[found, :, 1::-1].astype(np.intp).reshape(-1, 2)
+    (offsets,) = heads.read(("kpt_offset",), cells[:, 0], cells[:, 1])
+    keypoints[found, :, :2] += offsets.reshape(-1, 17, 17, 2)[:, EACH, EACH, ::-1]
     return keypoints
-
-
-def best_cells(heat: F32, guess: F64, left: int, top: int, right: int, bottom: int) -> F64:
-    """Return 17x3 (column, row, confidence) of one person's keypoints.
-
-    Args:
-        heat: 17xHxW, probabilities.
-        guess: 17x2 row and column, as regressed.
-        left: First column of the box.
-        top: First row.
-        right: Column after the last one.
-        bottom: Row after the last one.
-    """
-    variance = SPREAD * min(heat.shape[1:])
-    near_y = np.exp(-((np.arange(top, bottom) - guess[:, :1]) ** 2) / variance).astype(np.float32)
-    near_x = np.exp(-((np.arange(left, right) - guess[:, 1:]) ** 2) / variance).astype(np.float32)
-    weighed = heat[:, top:bottom, left:right] * near_y[:, :, None]
-    weighed *= near_x[:, None, :]
-    flat = weighed.reshape(17, -1)
-    best = flat.argmax(axis=1)
-    rows, columns = np.divmod(best, right - left)
-    return np.stack([left + columns, top + rows, flat[np.arange(17), best]], axis=1)
 
 
 def select_people(candidates: MoveNetCandidates, limits: Limits) -> list[int]:
@@ -148,11 +144,11 @@ def select_people(candidates: MoveNetCandidates, limits: Limits) -> list[int]:
     good = np.flatnonzero(candidates.scores >= limits.score_min)
     boxes, keypoints = candidates.boxes[good], candidates.keypoints[good]
     same = iou_xyxy(boxes, boxes) > limits.iou_max
-    same |= similarities(boxes, keypoints) > SIMILARITY_MAX
-    for index in np.argsort(-candidates.scores[good], kind="stable").tolist():
+    is_same = (same | (similarities(boxes, keypoints) > SIMILARITY_MAX)).tolist()
+    for index in (-candidates.scores[good]).argsort(kind="stable").tolist():
         if len(selected) == limits.max_people:
             break
-        if not same[index, selected].any():
+        if not any(is_same[index][other] for other in selected):
             selected.append(index)
     people: list[int] = good[selected].tolist()
     return people
@@ -165,10 +161,11 @@ def similarities(boxes: F64, keypoints: F64) -> F64:
     """
     confident = keypoints[:, :, 2] > KEYPOINT_MIN
     both = confident[:, None] & confident
-    areas = np.maximum((boxes[:, 2:] - boxes[:, :2]).prod(axis=1), 1.0)
-    spread = 2 * np.minimum(areas[:, None], areas)[:, :, None] * (2 * LABEL_SPREAD) ** 2
-    squared = np.square(keypoints[:, None, :, :2] - keypoints[:, :, :2]).sum(axis=3)
-    near = np.exp(-squared / spread) * both
+    sides = boxes[:, 2:] - boxes[:, :2]
+    areas = np.maximum(sides[:, 0] * sides[:, 1], 1.0)
+    apart = keypoints[:, None, :, :2] - keypoints[:, :, :2]
+    squared = apart[..., 0] ** 2 + apart[..., 1] ** 2
+    near = np.exp(squared / np.minimum(areas[:, None], areas)[..., None] / LABEL_SPREAD) * both
     mean: F64 = near.sum(axis=2) / np.maximum(both.sum(axis=2), 1)
     return mean
 

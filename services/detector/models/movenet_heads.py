@@ -63,9 +63,10 @@ class LocalHeads:
         """Return the values of heads at N cells, NxC each."""
         height, width = self.center.shape
         y, x = rows[:, None] + REACH[:, 0], columns[:, None] + REACH[:, 1]
-        cells = np.clip(y, 0, height - 1) * width + np.clip(x, 0, width - 1)
+        bounded = np.minimum(np.maximum(y, 0), height - 1), np.minimum(np.maximum(x, 0), width - 1)
+        cells = bounded[0] * width + bounded[1]
         patches = self._features.reshape(FEATURES, -1).take(cells, axis=1)
-        inside = (y >= 0) & (y < height) & (x >= 0) & (x < width)
+        inside = (y == bounded[0]) & (x == bounded[1])
         if not inside.all():
             patches *= inside
         flat = patches.transpose(1, 0, 2).reshape(len(rows), FEATURES * len(REACH))

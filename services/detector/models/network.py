@@ -1,6 +1,6 @@
 """People models around a network: its image input, and the run from image to people."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, TypeAlias
 
@@ -130,17 +130,21 @@ class NetworkModel:
             letterbox, image = self.input_of(rgb)
         outputs = self._session.run(image)
         with span("postprocess"):
-            return [self._scored(person) for person in self._people(outputs, letterbox)]
+            return self._scored(self._people(outputs, letterbox))
 
     def input_of(self, rgb: U8) -> tuple[Letterbox, Array]:
         """Return the position of an image (HxWx3) in the network's input, and that input."""
         return self._input.prepare(rgb, self.grey, self.highest)
 
-    def _scored(self, person: DetectedPerson) -> DetectedPerson:
-        score = min(person.score / self._score_scale, 1.0)
+    def _scored(self, people: Sequence[DetectedPerson]) -> list[DetectedPerson]:
+        """Return people with the published scores."""
+        scores = np.minimum(np.array([person.score for person in people]) / self._score_scale, 1.0)
         if self._calibrated:
-            score = float(self.calibration.probability(score))
-        return replace(person, score=score)
+            scores = self.calibration.probability(scores)
+        return [
+            replace(person, score=score)
+            for person, score in zip(people, scores.tolist(), strict=True)
+        ]
 
     def _check(self, outputs: Outputs) -> None:
         """Check that a run has the outputs of this kind."""
