@@ -13,24 +13,23 @@ class AppearanceEmbedder(NetworkEmbedder):
     usual_name = "appearance"
     channels = 4  # red, green, blue, mask
 
-    def tensor(self, crop: Crop) -> F32:
-        """Return colours and mask, 4xHxW.
+    def draw(self, crop: Crop, tensor: F32) -> None:
+        """Write colours and mask, 4xHxW.
 
         Without a mask, the whole crop except its hidden pixels counts as the person.
         """
         height, width = self.size
         resized = cv2.resize(crop.rgb, (width, height), interpolation=cv2.INTER_AREA)
-        tensor = np.ones((self.channels, height, width), np.float32)
-        tensor[:3] = resized.transpose(2, 0, 1) / np.float32(255)
-        visible = cv2.inRange(crop.rgb, HIDDEN_RGB, HIDDEN_RGB) == 0
+        np.divide(resized.transpose(2, 0, 1), np.float32(255), out=tensor[:3])
+        tensor[3] = 1.0
+        hidden = cv2.inRange(crop.rgb, HIDDEN_RGB, HIDDEN_RGB)
         if crop.mask is not None and crop.mask.any():
-            visible &= crop.mask != 0
-        if visible.any() and not visible.all():
-            share = cv2.resize(
-                visible.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA
-            )
-            tensor[3] = share > 0.5
-        return tensor
+            hidden[crop.mask == 0] = 1
+        count = cv2.countNonZero(hidden)
+        if 0 < count < hidden.size:
+            visible = (hidden == 0).astype(np.float32)
+            share = cv2.resize(visible, (width, height), interpolation=cv2.INTER_AREA)
+            np.greater(share, 0.5, out=tensor[3])
 
 
 load = AppearanceEmbedder.load

@@ -61,15 +61,17 @@ class NetworkEmbedder(ABC):
         return cls(open_session(path, config.threads, config.engine))
 
     @abstractmethod
-    def tensor(self, crop: Crop) -> F32:
-        """Return a crop as the network's input, CxHxW; its aspect ratio is not preserved."""
+    def draw(self, crop: Crop, tensor: F32) -> None:
+        """Write a crop as the network's input, CxHxW; its aspect ratio is not preserved."""
 
     def embed(self, crops: Sequence[Crop]) -> F32:
         """Embed crops (to NxD) in one run, or one by one if the network's N is 1."""
         if not crops:
             return np.zeros((0, self.dimension), np.float32)
         with span("preprocess"):
-            images = np.stack([self.tensor(crop) for crop in crops])
+            images = np.empty((len(crops), self.channels, *self.size), np.float32)
+            for crop, image in zip(crops, images, strict=True):
+                self.draw(crop, image)
         parts = [images] if self._batch is None else list(images[:, None])
         vectors = np.concatenate([self._run(part) for part in parts])
         with span("postprocess"):

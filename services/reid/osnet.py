@@ -18,14 +18,14 @@ class OsnetEmbedder(NetworkEmbedder):
     channels = 3
     default_size = (256, 128)
 
-    def tensor(self, crop: Crop) -> F32:
-        """Return colours, 3xHxW."""
+    def draw(self, crop: Crop, tensor: F32) -> None:
+        """Write colours, 3xHxW."""
         height, width = self.size
         shrinks = crop.rgb.shape[0] > height and crop.rgb.shape[1] > width
         method = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
         resized = cv2.resize(crop.rgb, (width, height), interpolation=method)
         values = (np.asarray(resized, np.float32) / 255 - MEAN) / DEVIATION
-        return np.ascontiguousarray(values.transpose(2, 0, 1))
+        tensor[:] = values.transpose(2, 0, 1)
 
 
 load = OsnetEmbedder.load
