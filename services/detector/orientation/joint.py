@@ -11,7 +11,7 @@ uninformative likelihood is flat, so no selection is needed.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from functools import cache
 from typing import NamedTuple
 
@@ -53,16 +53,21 @@ SIGMA_FACE = 0.3  # standard deviation of the nose, over NOSE_M
 SIGMA_HEAD_RAD = 0.3  # standard deviation of the head's yaw on the chest [rad]
 SIDE_CONFIDENCE = 0.6  # mean confidence of a side's keypoints below which sigma grows
 SWAPPED, SWAPPED_MAX = 0.03, 0.5  # probability that left and right are confused, and its maximum
-# Outlier probabilities: joints of another person, guessed joints
-OUTLIERS_ACROSS, OUTLIERS_ALONG, OUTLIERS_HEAD = 0.05, 0.08, 0.1
 STEP_DEG = 3  # step of the angles [deg]
 ANGLES: F64 = np.radians(np.arange(-180, 180, STEP_DEG))
 SINE, COSINE = np.sin(ANGLES), np.cos(ANGLES)
 FROM_BEHIND = (1 + COSINE) / 2
-# Half the range of angles around the best one for mean and variance [rad]
-NEAR_RAD = math.radians(60)
+OPPOSITE = np.roll(np.arange(len(ANGLES)), len(ANGLES) // 2)  # index of the opposite angle
+OFFSETS: F64 = wrap_each(ANGLES - ANGLES[:, None])  # [rad] angles from each angle
+NEAR = np.abs(OFFSETS) <= math.radians(60)  # angles for mean and variance, by best angle
 FAR_MAX = 0.1  # maximum probability of the other angles
-SPAN_M = 1.0  # range of distances of outlier joints [m]
+# Outlier probabilities (joints of another person, guessed joints) of shoulders and hips, across and
+# along, and of the head, and the range of outliers [m, rad]
+OUTLIERS: F64 = np.array([0.05, 0.08, 0.05, 0.08, 0.1])[:, None, None]
+SPANS: F64 = np.array([1.0, 1.0, 1.0, 1.0, 2 * math.pi])[:, None, None]
+# Variances of the widths of shoulders and hips by angle [m^2], and of their differences in depth
+WIDTHS_M2: F64 = np.array([(SIGMA_WIDTH * pair.width_m * COSINE) ** 2 for pair in PAIRS.values()])
+ALONG_M2: F64 = np.array([[pair.sigma_along_m**2] for pair in PAIRS.values()])
 SIGMA_MAX_RAD = math.pi / 2  # maximum standard deviation of an estimated angle [rad]
 
 
@@ -92,16 +97,11 @@ def joint_yaws(
 
 def log_likelihood(observations: YawObservations, fx: float) -> F64:
     """Return the logarithm of the likelihood of each of `ANGLES`, NxA; fx in pixels."""
-    flat = np.zeros((len(observations.z_m), len(ANGLES)))
-    cues = [(error, flat + sigma, *rest) for error, sigma, *rest in _cues(observations, fx)]
-    errors, sigmas, outliers, spans = map(np.array, zip(*cues, strict=True))
-    by_cue = _log_density(errors, sigmas, outliers[:, None, None], spans[:, None, None])
-    total: F64 = by_cue.sum(axis=0)
+    density = _densities(observations, fx).prod(axis=0)
     # Low confidence of the joints of a side makes confusion of the sides more likely.
-    factors = sigma_factors(observations)[:, None]
-    swapped = np.minimum(SWAPPED * factors**2, SWAPPED_MAX)
-    turned = np.roll(total, len(ANGLES) // 2, axis=1)
-    return np.logaddexp(np.log1p(-swapped) + total, np.log(swapped) + turned)
+    swapped = np.minimum(SWAPPED * sigma_factors(observations) ** 2, SWAPPED_MAX)[:, None]
+    log_p: F64 = np.log((1 - swapped) * density + swapped * density[:, OPPOSITE])
+    return log_p
 
 
 @cache
@@ -129,36 +129,39 @@ def expected_along(name: str) -> F64:
     return expected_m
 
 
-def _cues(observations: YawObservations, fx: float) -> Iterator[tuple[F64, F64, float, float]]:
-    """Yield the arguments of `_log_density` for shoulders, hips and head."""
-    z_m = observations.z_m
-    for name, pair in PAIRS.items():
-        offsets = observations.pairs[name]
-        # Variances of joints, pixels and widths of people
-        joints_m = np.hypot(SIGMA_ACROSS_M, math.sqrt(2) * JOINT_PX * z_m / fx)
-        sigma_m = np.hypot(joints_m[:, None], SIGMA_WIDTH * pair.width_m * COSINE)
-        error_m = offsets.across_m[:, None] - expected_across(name)
-        yield error_m, sigma_m, OUTLIERS_ACROSS, SPAN_M
-        noise_m = np.hypot(pair.sigma_along_m, DEPTH_PER_M * z_m**2)[:, None]
-        error_m = offsets.along_m[:, None] - expected_along(name)
-        yield error_m, noise_m, OUTLIERS_ALONG, SPAN_M
-    yield _head(observations)
+@cache
+def _expected() -> F64:
+    """Return the expected distances of shoulders and hips, across and along, by angle, 4xA."""
+    return np.array([of(name) for name in PAIRS for of in (expected_across, expected_along)])
 
 
-def _head(observations: YawObservations) -> tuple[F64, F64, float, float]:
-    """Return the cue of the head, which may be turned relative to the chest."""
+def _densities(observations: YawObservations, fx: float) -> F64:
+    """Return the densities of the five cues, 5xNxA: shoulders and hips across and along, head.
+
+    A density is normal with a fraction of uniform outliers; 1 if the cue is unknown.
+    """
+    z_m, pairs = observations.z_m, [observations.pairs[name] for name in PAIRS]
+    distances_m = np.array([of for pair in pairs for of in (pair.across_m, pair.along_m)])
+    errors = np.empty((5, len(z_m), len(ANGLES)))
+    np.subtract(distances_m[..., None], _expected()[:, None], out=errors[:4])
+    # Variances of joints, pixels and widths of people
+    joints_m2 = SIGMA_ACROSS_M**2 + 2 * (JOINT_PX * z_m / fx) ** 2
+    variances = np.empty_like(errors)
+    np.add(joints_m2[:, None], WIDTHS_M2[:, None], out=variances[:4:2])
+    variances[1:4:2] = (ALONG_M2 + (DEPTH_PER_M * z_m**2) ** 2)[..., None]
+    errors[4], variances[4] = _head(observations)
+    normal = np.exp(errors * errors / variances * -0.5) / np.sqrt(variances)
+    densities = normal * ((1 - OUTLIERS) / math.sqrt(2 * math.pi)) + OUTLIERS / SPANS
+    densities[np.isnan(errors[..., 0])] = 1.0
+    return densities
+
+
+def _head(observations: YawObservations) -> tuple[F64, F64]:
+    """Return error and variance of the head, which may be turned relative to the chest."""
     forward, left = observations.ears_m / EARS_M, observations.nose_m / NOSE_M
     size = np.maximum(np.hypot(forward, left), 0.3)
-    sigma_rad = np.hypot(SIGMA_HEAD_RAD, SIGMA_FACE / size)
     error_rad = wrap_each(np.arctan2(left, forward)[:, None] - ANGLES)
-    return error_rad, sigma_rad[:, None], OUTLIERS_HEAD, 2 * math.pi
-
-
-def _log_density(error: F64, sigma: F64, outliers: F64, span: F64) -> F64:
-    """Return the log density of errors: normal, a fraction of outliers uniform; 0 if unknown."""
-    normal = np.exp(-np.square(error / sigma) / 2) * ((1 - outliers) / math.sqrt(2 * math.pi))
-    density = np.log(normal / sigma + outliers / span)
-    return np.where(np.isnan(error[..., :1]), 0.0, density)
+    return error_rad, (SIGMA_HEAD_RAD**2 + (SIGMA_FACE / size) ** 2)[:, None]
 
 
 def best_angles(log_p: F64) -> tuple[F64, F64]:
@@ -167,18 +170,20 @@ def best_angles(log_p: F64) -> tuple[F64, F64]:
     Both use only the angles around the best one. A small probability elsewhere, for example of the
     opposite direction, is left to the filter over time; a larger one increases the variance.
     """
-    p = np.exp(log_p - log_p.max(axis=1, keepdims=True))
+    most = log_p.max(axis=1, keepdims=True)
+    p = np.exp(log_p - most)
     p /= p.sum(axis=1, keepdims=True)
-    best_rad = ANGLES[p.argmax(axis=1)]
-    off = wrap_each(ANGLES - best_rad[:, None])
-    near_p = np.where(np.abs(off) <= NEAR_RAD, p, 0.0)
+    best = p.argmax(axis=1)
+    off = OFFSETS[best]
+    near_p = p * NEAR[best]
     total = near_p.sum(axis=1)
     mean = (near_p * off).sum(axis=1) / total
     variance = (near_p * np.square(off - mean[:, None])).sum(axis=1) / total
     variance += np.maximum(1 - total - FAR_MAX, 0.0) * math.pi**2
     # The grid has a variance of its own.
     sigma_rad = np.sqrt(variance + math.radians(STEP_DEG) ** 2 / 12)
-    return best_rad + mean, np.where(np.ptp(log_p, axis=1) < 1e-9, np.inf, sigma_rad)
+    is_flat = most[:, 0] - log_p.min(axis=1) < 1e-9
+    return ANGLES[best] + mean, np.where(is_flat, np.inf, sigma_rad)
 
 
 def sigma_factors(observations: YawObservations) -> F64:

@@ -4,6 +4,7 @@ It uses features beyond keypoints: hair or a face, the back or the front of clot
 """
 
 import math
+from collections.abc import Sequence
 from functools import cache
 from typing import TypeVar, cast
 
@@ -24,6 +25,7 @@ LAYER_M = (-0.4, 0.5)  # depths of the person's mask, relative to the person's d
 OUTLIERS = 0.05  # probability of an image that does not show the person
 LOG_MIN = -50.0  # minimum log probability
 OUTSIDE_MM = 1  # depth assumed outside the image [mm]
+BLANK: F32 = np.array(HIDDEN_RGB, np.float32)[:, None, None]
 
 Image = TypeVar("Image", U8, U16)
 
@@ -85,39 +87,51 @@ def upper_bodies(rgb: U8, image: DepthImage, keypoints: F32, depths_m: F64) -> F
         keypoints: Nx17x3, u and v in pixels and confidence, COCO order.
         depths_m: [m] N, depths of the people.
     """
-    shoulders_px = keypoints[:, list(SHOULDERS), :2].astype(np.float64).mean(axis=1)
-    px_per_m = np.array([[image.info.fy, image.info.fx]]) / depths_m[:, None]
-    sizes_px = np.array(SIZE_M) * px_per_m
-    corners_px = np.nan_to_num(shoulders_px[:, ::-1]) - (ABOVE_M, SIZE_M[1] / 2) * px_per_m
-    pairs = zip(corners_px, sizes_px, depths_m.tolist(), strict=True)
-    return np.stack([upper_body(rgb, image, corner, size, z_m) for corner, size, z_m in pairs])
+    shoulders_px = keypoints[:, SHOULDERS, :2].astype(np.float64).mean(axis=1)
+    px_per_m = np.array([[image.info.fx, image.info.fy]]) / depths_m[:, None]
+    corners_px = shoulders_px - (SIZE_M[1] / 2, ABOVE_M) * px_per_m
+    sides_px = np.hstack([corners_px, corners_px + SIZE_M[::-1] * px_per_m])
+    height, width = rgb.shape[:2]
+    limits = np.array([width, height] * 2)
+    sides_px = np.rint(np.fmin(np.fmax(sides_px, -limits), 2 * limits))
+    bodies = np.empty((len(keypoints), 4, *SIZE_PX), np.float32)
+    windows = sides_px.astype(int).tolist()
+    for body, window, depth_m in zip(bodies, windows, depths_m.tolist(), strict=True):
+        _draw_body(body, rgb, image, window, depth_m)
+    bodies[:, :3] /= 255
+    return bodies
 
 
-def upper_body(rgb: U8, image: DepthImage, corner_px: F64, size_px: F64, depth_m: float) -> F32:
-    """Return one window (4x64x48); its corner and size in pixels are rows and columns.
+def _draw_body(
+    body: F32, rgb: U8, image: DepthImage, window: Sequence[int], depth_m: float
+) -> None:
+    """Draw one body (4x64x48), colours 0 to 255; pixels nearer or outside the image are blanked.
 
-    Pixels nearer than the person, and outside of the image, are blanked.
+    Args:
+        body: Drawing.
+        rgb: Colour image.
+        image: Depth image.
+        window: Left, top, right and bottom side [px].
+        depth_m: Depth of the person.
     """
-    shape = np.array(rgb.shape[:2])
-    low = np.rint(np.clip(corner_px, -shape, 2 * shape)).astype(int)
-    high = np.maximum(np.rint(np.clip(corner_px + size_px, -shape, 2 * shape)).astype(int), low + 4)
-    first, end = np.clip(low, 0, shape), np.clip(high, 0, shape)
-    tensor = np.zeros((4, *SIZE_PX), np.float32)
-    tensor[:3] = np.array(HIDDEN_RGB)[:, None, None]
-    if (first < end).all():
-        inside = (slice(first[0], end[0]), slice(first[1], end[1]))
-        top, left, bottom, right = (int(n) for n in (*(first - low), *(high - end)))
-        edges = (top, bottom, left, right)
-        nearest_mm, farthest_mm = (round(1000 * (depth_m + reach_m)) for reach_m in LAYER_M)
-        bordered_mm = _bordered(image.depth_mm[inside], edges, (OUTSIDE_MM,))
-        depths_mm = cv2.resize(bordered_mm, SIZE_PX[::-1], interpolation=cv2.INTER_NEAREST)
-        hidden = (depths_mm > 0) & (depths_mm < max(nearest_mm, OUTSIDE_MM + 1))
-        colours = _reduced(_bordered(rgb[inside], edges, HIDDEN_RGB))
-        colours[hidden] = HIDDEN_RGB
-        tensor[:3] = colours.transpose(2, 0, 1)
-        tensor[3] = ~hidden & (depths_mm <= farthest_mm)
-    tensor[:3] /= 255
-    return tensor
+    left, top, right, bottom = window
+    right, bottom = max(right, left + 4), max(bottom, top + 4)
+    height, width = rgb.shape[:2]
+    u, v, end_u, end_v = max(left, 0), max(top, 0), min(right, width), min(bottom, height)
+    if u >= end_u or v >= end_v:
+        body[:3], body[3] = BLANK, 0.0
+        return
+    edges = (v - top, bottom - end_v, u - left, right - end_u)
+    nearest_mm, farthest_mm = (round(1000 * (depth_m + reach_m)) for reach_m in LAYER_M)
+    bordered_mm = _bordered(image.depth_mm[v:end_v, u:end_u], edges, (OUTSIDE_MM,))
+    depths_mm = cv2.resize(bordered_mm, SIZE_PX[::-1], interpolation=cv2.INTER_NEAREST)
+    # Minus 1, a missing reading wraps to the farthest.
+    hidden = (depths_mm - np.uint16(1)) < max(nearest_mm - 1, OUTSIDE_MM)
+    body[:3] = _reduced(_bordered(rgb[v:end_v, u:end_u], edges, HIDDEN_RGB)).transpose(2, 0, 1)
+    np.less_equal(depths_mm, farthest_mm, out=body[3])
+    if hidden.any():
+        np.copyto(body[:3], BLANK, where=hidden)
+        body[3][hidden] = 0.0
 
 
 def _bordered(window: Image, edges: tuple[int, int, int, int], value: tuple[int, ...]) -> Image:

@@ -22,7 +22,6 @@ from services.detector.orientation.angle import (
 from services.detector.position.surface import DepthImage, DepthWindows
 from services.detector.position.visible_area import in_image
 
-SIDES = [[1, 3, 5, 7, 9, 11, 13, 15], [2, 4, 6, 8, 10, 12, 14, 16]]  # COCO: left, right
 # Minimum confidence of a keypoint, lower than for positions: keypoints of low confidence are mostly
 # correct, and raise the uncertainty of the yaw
 CONFIDENCE_MIN = 0.1
@@ -70,13 +69,13 @@ def observe_bodies(keypoints: F32, layers_m: F64, image: DepthImage) -> YawObser
         wide_m = np.where(np.isnan(deep_m), np.nan, across_m[:, right] - across_m[:, left])
         pairs[name] = JointOffsets(wide_m, deep_m / np.cos(rays_rad) - wide_m * np.tan(rays_rad))
     left_m, right_m = across_m[:, LEFT_EAR], across_m[:, RIGHT_EAR]
-    confidence = keypoints[:, :, 2].astype(np.float64)
+    confidence = keypoints[:, 1:, 2].astype(np.float64).reshape(-1, 8, 2)  # COCO: left, right
     return YawObservations(
         z_m=layers_m,
         pairs=pairs,
         nose_m=(left_m + right_m) / 2 - across_m[:, NOSE],
         ears_m=right_m - left_m,
-        side=confidence[:, SIDES].mean(axis=2).min(axis=1),
+        side=confidence.mean(axis=1).min(axis=1),
         ray_rad=rays_rad,
     )
 
@@ -89,6 +88,6 @@ def _joint_depths(pixels: F64, layers_m: F64, image: DepthImage) -> F64:
     inside = in_image(joints_px, image.info)
     middle_m = np.repeat(layers_m, 4)
     windows = DepthWindows(np.where(inside[:, None], joints_px, 0.0), image, sides_px.ravel())
-    depths_m, share = windows.medians(middle_m - REACH_M, middle_m + REACH_M)
-    depths_m[~inside | (share < VISIBLE_MIN)] = np.nan  # False for a joint at NaN
+    depths_m, found = windows.medians(middle_m - REACH_M, middle_m + REACH_M)
+    depths_m[~inside | (found < VISIBLE_MIN * windows.sizes())] = np.nan
     return depths_m.reshape(-1, 4)

@@ -110,16 +110,26 @@ def variances_across(z_m: float, info: CameraInfo) -> tuple[float, float]:
     return CENTROID_M**2 + pixel_m2, CENTROID_DOWN_M**2 + pixel_m2
 
 
-def covariance(position_m: F64, right_m2: float, down_m2: float, along_m2: float) -> F64:
+def covariance(
+    position_m: Sequence[float], right_m2: float, down_m2: float, along_m2: float
+) -> F64:
     """Return the 3x3 covariance of a position from variances across and along its line of sight.
 
     The frame is optical; `right_m2` and `down_m2` are across the line of sight.
     """
-    # Plain floats: np.cross takes ten times as long for one vector.
-    x, y, z = (position_m / np.linalg.norm(position_m)).tolist()
+    # Plain floats: arrays take five times as long for one position.
+    length_m = math.hypot(*position_m)
+    x, y, z = (coordinate / length_m for coordinate in position_m)
     level = math.hypot(x, z)
     right_x, right_z = z / level, -x / level
-    down = y * right_z, z * right_x - x * right_z, -y * right_x  # the ray x the right
-    axes = np.array([[right_x, down[0], x], [0.0, down[1], y], [right_z, down[2], z]])
-    rotated: F64 = (axes * (right_m2, down_m2, along_m2)) @ axes.T
-    return (rotated + rotated.T) / 2  # exactly symmetric
+    down_x, down_y, down_z = y * right_z, z * right_x - x * right_z, -y * right_x  # ray x right
+    xy = down_m2 * down_x * down_y + along_m2 * x * y
+    xz = right_m2 * right_x * right_z + down_m2 * down_x * down_z + along_m2 * x * z
+    yz = down_m2 * down_y * down_z + along_m2 * y * z
+    return np.array(
+        [
+            [right_m2 * right_x**2 + down_m2 * down_x**2 + along_m2 * x**2, xy, xz],
+            [xy, down_m2 * down_y**2 + along_m2 * y**2, yz],
+            [xz, yz, right_m2 * right_z**2 + down_m2 * down_z**2 + along_m2 * z**2],
+        ]
+    )

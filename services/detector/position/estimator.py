@@ -87,4 +87,4 @@ class PositionEstimator:
     ) -> F64:
         z_m, sigma_m = float(point_m[2]), axis_sigma(self._ellipse, yaw_rad)
         along_m2 = variance_along(z_m, readings_m, sigma_m, self._config.depth_error_per_m)
-        return covariance(point_m, *variances_across(z_m, image.info), along_m2)
+        return covariance(point_m.tolist(), *variances_across(z_m, image.info), along_m2)

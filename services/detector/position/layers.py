@@ -16,9 +16,10 @@ import numpy as np
 
 from people4d.messages import F64
 from services.detector.position.proportions import BodySize
-from services.detector.position.surface import DepthWindows, Flags
+from services.detector.position.surface import DepthWindows, Flags, Indices
 
-HALF_M = 0.25  # maximum distance of a reading from the middle of its layer [m]
+# Maximum distance of a reading from the middle of its layer, and an allowance for rounding [m]
+HALF_M = 0.25 + 1e-9
 SIZE_SIGMA = 0.2  # standard deviation of the logarithm of people's sizes
 MISFIT = 0.02  # minimum weight of a possible layer by the person's size
 LARGER_MAX = 2.0  # maximum size of a person, relative to the mean
@@ -103,25 +104,33 @@ def _best_layer(person: DepthSamples, own: Flags) -> _Choice:
     if not own.any():
         return NO_LAYER
     depth_m, weights = person.depth_m[own], person.weights[own]
-    near = np.abs(depth_m[:, None] - depth_m) <= HALF_M
-    parts = weights / max(float(weights.sum()), 1e-9)
-    fit = _fit(depth_m, person)
-    scores = near @ parts * fit
-    best = int(np.argmax(scores))
-    part = float(scores[best] * weights.sum()) / max(float(person.weights.sum()), 1e-9)
+    order = depth_m.argsort()
+    ranked_m = depth_m[order]
+    first, end = (ranked_m.searchsorted(depth_m + reach_m) for reach_m in (-HALF_M, HALF_M))
+    total, fit = float(weights.sum()), _fit(depth_m, person)
+    scores = _sums(weights[order], first, end) / max(total, 1e-9) * fit
+    best = int(scores.argmax())
+    score = float(scores[best])
+    part = score * total / max(float(person.weights.sum()), 1e-9)
     if part <= 0 or part < SCORE_MIN:
         return NO_LAYER
-    ranked_m = np.sort(depth_m[near[best]])
-    layer_m = float(ranked_m[(len(ranked_m) - 1) // 2] + ranked_m[len(ranked_m) // 2]) / 2
-    score = float(scores[best])
+    near_m = ranked_m[first[best] : end[best]]
+    layer_m = float(near_m[(len(near_m) - 1) // 2] + near_m[len(near_m) // 2]) / 2
     apart = np.abs(depth_m - layer_m) > HALF_M
     if not apart.any():
         return _Choice(layer_m, score, 0.0)
-    others = apart * (near @ (parts * apart)) * fit
-    second = int(np.argmax(others))
+    others = apart * _sums((weights * apart)[order], first, end) / max(total, 1e-9) * fit
+    second = int(others.argmax())
     fraction = float(others[second] ** 2 / (score**2 + others[second] ** 2))
     gap_m = float(depth_m[second]) - layer_m
     return _Choice(layer_m, score, fraction * (1 - fraction) * gap_m**2)
+
+
+def _sums(weights: F64, first: Indices, end: Indices) -> F64:
+    """Return the sums of N weights, each from a first one to before an end."""
+    sums = np.zeros(len(weights) + 1)
+    np.cumsum(weights, out=sums[1:])
+    return sums[end] - sums[first]
 
 
 def _fit(depth_m: F64, person: DepthSamples) -> F64:
@@ -151,7 +160,8 @@ def _on(person: DepthSamples, other: DepthSamples, layer: PersonLayer) -> Flags:
     image, since a head bent to the camera is in front of the torso's layer.
     """
     on = np.abs(person.depth_m - layer.depth_m) <= 2 * HALF_M
-    on[on] = _inside(person.pixels[on], other)
+    near = np.flatnonzero(on)
+    on[near] = _inside(person.pixels[near], other)
     if on.any():
         body = layer.own & (np.abs(other.depth_m - layer.depth_m) <= HALF_M)
         apart_px = person.pixels[on, None] - other.pixels[body]
@@ -165,11 +175,14 @@ def _inside(pixels: F64, other: DepthSamples) -> Flags:
 
     It is the convex hull of the samples and the crown, and the margin around it.
     """
-    if not len(pixels):
-        return np.zeros(0, np.bool_)
-    crown_px = [] if other.crown_px is None else [other.crown_px]
-    hull = cv2.convexHull(np.array([*other.pixels, *crown_px], np.float32))[:, 0].astype(np.float64)
-    sides = np.roll(hull, -1, axis=0) - hull
+    outline = other.pixels if other.crown_px is None else np.vstack([other.pixels, other.crown_px])
+    low_px, high_px = outline.min(axis=0) - other.margin_px, outline.max(axis=0) + other.margin_px
+    inside: Flags = ((pixels >= low_px - 1) & (pixels <= high_px + 1)).all(axis=1)
+    if not inside.any():
+        return inside
+    pixels = pixels[inside]
+    hull = cv2.convexHull(outline.astype(np.float32))[:, 0].astype(np.float64)
+    sides = np.concatenate([hull[1:], hull[:1]]) - hull
     off = pixels[:, None] - hull
     across = sides[:, 0] * off[..., 1] - sides[:, 1] * off[..., 0]
     lengths = np.maximum((sides * sides).sum(axis=1), 1e-9)
@@ -177,4 +190,5 @@ def _inside(pixels: F64, other: DepthSamples) -> Flags:
     off -= along[..., None] * sides
     nearest = (off * off).sum(axis=2).min(axis=1)
     is_within = (across >= 0).all(axis=1) | (across <= 0).all(axis=1)
-    return np.asarray(is_within | (nearest <= other.margin_px**2))
+    inside[inside] = is_within | (nearest <= other.margin_px**2)
+    return inside

@@ -7,6 +7,7 @@ Joints are in the order left shoulder, right shoulder, left hip, right hip; docs
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import compress
 
 import numpy as np
 
@@ -65,15 +66,15 @@ def torso_middles(
     return estimate[:, 0], inverse[:, 0, 0]
 
 
-def size_depth(joints_px: F64, known: Flags, info: CameraInfo) -> BodySize | None:
+def size_depth(
+    joints_px: Sequence[Sequence[float]], known: Sequence[bool], info: CameraInfo
+) -> BodySize | None:
     """Return the depth at which a torso has the mean size; None if unknown.
 
     A foreshortened torso appears smaller, so the largest of its measures counts, unless a joint is
-    wrong. Joints are 4x2, u and v.
+    wrong. Joints are u and v of shoulders and hips.
     """
-    is_known = known.tolist()
-    shoulders = [joint for joint, use in zip(joints_px[:2].tolist(), is_known, strict=False) if use]
-    hips = [joint for joint, use in zip(joints_px[2:].tolist(), is_known[2:], strict=True) if use]
+    shoulders, hips = (list(compress(joints_px[k:], known[k : k + 2])) for k in (0, 2))
     has_height = bool(shoulders and hips)
     measures = [(shoulders, HALF_SHOULDERS_M), (hips, HALF_HIPS_M)]
     # Mean size over size in the image

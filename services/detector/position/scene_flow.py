@@ -7,8 +7,9 @@ velocity (docs/method.md section 10).
 
 import math
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import compress
 
 import cv2
 import numpy as np
@@ -16,6 +17,7 @@ import numpy as np
 from common.geometry.transforms import deproject
 from people4d.messages import F64, U8, CameraInfo, RgbdFrame
 from services.detector.position.axis import covariance
+from services.detector.position.surface import Flags
 from services.detector.position.torso import LayeredTorso
 from services.detector.position.torso_samples import TorsoJoints
 
@@ -32,10 +34,10 @@ SIGMA_PX, SPREAD_PART = 0.3, 0.7  # error of a motion in the reduced image [px];
 DEPTH_PER_M = 0.0032  # error of a motion along the line of sight, divided by z^2 [1/m]
 # Standard deviation of the surface's velocity from the axis's [m/s], and its correlation time [s]
 SURFACE_MPS, SURFACE_S = 0.1, 0.35
-# Points of a square of side 1, Nx2
-GRID: F64 = np.stack(
-    np.meshgrid(np.linspace(0.0, 1.0, COLUMNS), np.linspace(0.0, 1.0, ROWS)), axis=-1
-).reshape(-1, 2)
+# Points of a square of side 1, 2xP
+GRID: F64 = np.array(
+    np.meshgrid(np.linspace(0.0, 1.0, COLUMNS), np.linspace(0.0, 1.0, ROWS))
+).reshape(2, -1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,62 +93,80 @@ def measure_velocities(
     return [None if torso is None else next(found) for torso in torsos]
 
 
-def _velocities(
-    pair: FramePair, torsos: Sequence[LayeredTorso]
-) -> Iterator[VelocityEstimate | None]:
-    """Yield the velocity of each torso.
+def _velocities(pair: FramePair, torsos: Sequence[LayeredTorso]) -> list[VelocityEstimate | None]:
+    """Return the velocity of each torso.
 
     Points on two torsos are not used: they may lie on either person.
     """
-    areas = np.array([_area(torso.joints) for torso in torsos])
+    areas = np.array([_area(torso.joints) for torso in torsos])[..., None]
     layers_m = np.array([[torso.layer.depth_m] for torso in torsos])
-    sizes_px = areas[:, 2:] - areas[:, :2]
-    pixels = areas[:, None, :2] + GRID * sizes_px[:, None]
+    corners, sizes_px = areas[:, :2], areas[:, 2:] - areas[:, :2]
+    pixels = corners + GRID * sizes_px
     depths_m = _depths(pixels, pair.now)
-    on = ((pixels[:, :, None] >= areas[:, :2]) & (pixels[:, :, None] <= areas[:, 2:])).all(axis=-1)
-    on_others = (on & ~np.eye(len(areas), dtype=np.bool_)[:, None]).any(axis=-1)
-    used = (np.abs(depths_m - layers_m) < LAYER_M) & ~on_others
-    scales = np.minimum(WIDTH_PX / np.maximum(sizes_px[:, 0], 1.0), 1.0)
+    used = ~_on_others(pixels, areas)
+    used &= np.abs(depths_m - layers_m) < LAYER_M
+    scales = [min(WIDTH_PX / max(width, 1.0), 1.0) for width in sizes_px[:, 0, 0].tolist()]
     earlier = np.full(pixels.shape, np.nan)
-    for k, scale in enumerate(scales):
-        if np.count_nonzero(used[k]) >= POINTS_MIN:
-            earlier[k, used[k]] = _follow(pixels[k, used[k]], scale, pair)
+    for k in np.flatnonzero(used.sum(axis=1) >= POINTS_MIN).tolist():
+        earlier[k][:, used[k]] = _follow(pixels[k][:, used[k]], scales[k], pair)
     moved_m = depths_m - _depths(earlier, pair.before)
     used &= np.abs(depths_m - moved_m - layers_m) < MOVED_M
-    motions = np.dstack([pixels, depths_m, earlier - pixels, moved_m])
-    for own, points, scale in zip(used, motions, scales, strict=True):
-        enough = np.count_nonzero(own) >= POINTS_MIN
-        yield _estimate(points[own], SIGMA_PX / scale, pair) if enough else None
+    points = [pixels, depths_m[:, None], earlier - pixels, moved_m[:, None]]
+    enough = (used.sum(axis=1) >= POINTS_MIN).tolist()
+    motions = np.where(used[:, None], np.concatenate(points, axis=1), np.nan)[enough]
+    sigmas_px = [SIGMA_PX / scale for scale in compress(scales, enough)]
+    found = iter(_estimate(motions, sigmas_px, pair))
+    return [next(found) if is_enough else None for is_enough in enough]
 
 
-def _estimate(points: F64, sigma_px: float, pair: FramePair) -> VelocityEstimate:
-    """Return the velocity by points: u, v and depth now, and their motions into the past (Nx6).
+def _on_others(pixels: F64, areas: F64) -> Flags:
+    """Return flags of the pixels (Nx2xP) of each torso in the areas (Nx4x1) of others, NxP."""
+    on = (pixels[:, None] >= areas[:, :2]) & (pixels[:, None] <= areas[:, 2:])
+    on[np.diag_indices(len(areas))] = False
+    return np.asarray((on[:, :, 0] & on[:, :, 1]).any(axis=1))
 
-    The motion in depth is the mean of the middle half, since distant depth has steps of
-    centimetres, which a median keeps. The surface of a swaying or turning body moves relative to
-    its axis for about `SURFACE_S`. An independent error of each frame with 2 tau / dt times the
-    variance has the same effect.
+
+def _estimate(points: F64, sigmas_px: Sequence[float], pair: FramePair) -> list[VelocityEstimate]:
+    """Return velocities by points: u, v and depth now, and their motions into the past (Nx6xP).
+
+    Unused points are NaN. The motion in depth is the mean of the middle half, since distant depth
+    has steps of centimetres, which a median keeps. The surface of a swaying or turning body moves
+    relative to its axis for about `SURFACE_S`. An independent error of each frame with 2 tau / dt
+    times the variance has the same effect.
     """
-    info, dt_s, count = pair.info, pair.interval_s, len(points)
-    ranked, middle = np.sort(points, axis=0), (count - 1) // 2
-    u, v, z_m, right_px, down_px, _ = ranked[middle].tolist()
-    along_m = float(ranked[count // 4 : count - count // 4, 5].mean())
-    spreads_px = np.sort(np.abs(points[:, 3:5] - (right_px, down_px)), axis=0)[middle]
-    pixels = np.array([[u, v], [u + right_px, v + down_px]])
-    now_m, before_m = deproject(pixels, [z_m, z_m - along_m], info)
-    across_px = sigma_px + SPREAD_PART * 1.48 * spreads_px
-    right_mps, down_mps = (across_px * z_m / (info.fx, info.fy) / dt_s).tolist()
-    along_mps = DEPTH_PER_M * z_m**2 / dt_s
+    info, dt_s, each = pair.info, pair.interval_s, np.arange(len(points))
+    counts = np.isfinite(points[:, 0]).sum(axis=1)
+    ranked, middles = np.sort(points, axis=2), (counts - 1) // 2
+    medians = ranked[each, :, middles]
+    first, rank = (counts // 4)[:, None], np.arange(points.shape[2])
+    half = np.where((rank >= first) & (rank < counts[:, None] - first), ranked[:, 5], 0.0)
+    along_m = half.sum(axis=1) / (counts - 2 * first[:, 0])
+    spreads_px = np.sort(np.abs(points[:, 3:5] - medians[:, 3:5, None]), axis=2)[each, :, middles]
+    pixels = np.concatenate([medians[:, :2], medians[:, :2] + medians[:, 3:5]])
+    z_m = medians[:, 2]
+    ends_m = deproject(pixels, np.concatenate([z_m, z_m - along_m]), info)
+    now_m = ends_m[: len(points)]
+    velocities_mps = (now_m - ends_m[len(points) :]) / dt_s
     surface_m2 = SURFACE_MPS**2 * max(1.0, 2 * SURFACE_S / dt_s)
-    variances = (mps**2 + surface_m2 for mps in (right_mps, down_mps, along_mps))
-    return VelocityEstimate((now_m - before_m) / dt_s, covariance(now_m, *variances))
+    estimates = []
+    for velocity_mps, now, sigma_px, spread_px in zip(
+        velocities_mps, now_m.tolist(), sigmas_px, spreads_px.tolist(), strict=True
+    ):
+        right_mps, down_mps = (
+            (sigma_px + SPREAD_PART * 1.48 * spread) * now[2] / focal_px / dt_s
+            for spread, focal_px in zip(spread_px, (info.fx, info.fy), strict=True)
+        )
+        along_mps = DEPTH_PER_M * now[2] ** 2 / dt_s
+        variances = (mps**2 + surface_m2 for mps in (right_mps, down_mps, along_mps))
+        estimates.append(VelocityEstimate(velocity_mps, covariance(now, *variances)))
+    return estimates
 
 
 def _area(torso: TorsoJoints) -> tuple[float, float, float, float]:
     """Return the torso's rectangle in the image: left, top, right, bottom [px]."""
-    left, top, right, bottom = torso.box_xyxy_px.tolist()
+    left, top, right, bottom = torso.box_xyxy_px
     width, height = right - left, bottom - top
-    if not torso.known.all():
+    if not all(torso.known):
         first_u, first_v, last_u, last_v = UPPER_BODY
         return (
             left + width * first_u,
@@ -154,37 +174,41 @@ def _area(torso: TorsoJoints) -> tuple[float, float, float, float]:
             left + width * last_u,
             top + height * last_v,
         )
-    us, vs = zip(*torso.joints_px.tolist(), strict=True)
+    us, vs = zip(*torso.joints_px, strict=True)
     margin_px = max(MARGIN * (max(us) - min(us)), MARGIN_DOWN * height)
     return min(us) - margin_px, min(vs), max(us) + margin_px, max(vs)
 
 
 def _depths(pixels: F64, frame: RgbdFrame) -> F64:
-    """Return the depth at pixels (...x2) in metres, NaN outside the image; 0: no reading."""
+    """Return the depth at pixels (Nx2xP) in metres, NaN outside the image; 0: no reading."""
+    u, v = pixels[:, 0], pixels[:, 1]
     height, width = frame.depth_mm.shape
-    inside = np.all((pixels >= 0) & (pixels <= (width - 1, height - 1)), axis=-1, keepdims=True)
-    u, v = np.moveaxis(np.rint(np.where(inside, pixels, 0)).astype(np.intp), -1, 0)
-    return np.where(inside[..., 0], frame.depth_mm[v, u] / 1000.0, np.nan)
+    inside = (u >= 0) & (v >= 0) & (u <= width - 1) & (v <= height - 1)
+    columns, rows = np.rint(np.where(inside[:, None], pixels, 0)).astype(np.intp).swapaxes(0, 1)
+    return np.where(inside, frame.depth_mm[rows, columns] / 1000.0, np.nan)
 
 
 def _follow(pixels: F64, scale: float, pair: FramePair) -> F64:
-    """Return the pixels (Nx2) in the previous frame, NaN if lost.
+    """Return the pixels (2xP) in the previous frame, NaN if lost.
 
     The image is reduced by a scale, which takes a third of the time.
     """
-    shape = np.array(pair.now.depth_mm.shape[::-1])
+    height, width = pair.now.depth_mm.shape
     reach_px = REACH_PX / scale
-    first = np.maximum(pixels.min(axis=0) - reach_px, 0).astype(int)
-    end = np.minimum(pixels.max(axis=0) + reach_px + 1, shape).astype(int)
-    window = np.s_[first[1] : end[1], first[0] : end[0]]
+    (left, top), (right, bottom) = pixels.min(axis=1).tolist(), pixels.max(axis=1).tolist()
+    first_u, first_v = int(max(left - reach_px, 0)), int(max(top - reach_px, 0))
+    end_u, end_v = int(min(right + reach_px + 1, width)), int(min(bottom + reach_px + 1, height))
+    window = np.s_[first_v:end_v, first_u:end_u]
     now, before = (_reduced(frame.rgb[window], scale) for frame in (pair.now, pair.before))
-    scales = np.array(now.shape[::-1]) / (end - first)
-    start = ((pixels - first + 0.5) * scales - 0.5).astype(np.float32)[:, None]
-    there, found, _ = cv2.calcOpticalFlowPyrLK(
-        now, before, start, start.copy(), winSize=(WINDOW_PX, WINDOW_PX), maxLevel=LEVELS
+    scales = (now.shape[1] / (end_u - first_u), now.shape[0] / (end_v - first_v))
+    shift = 0.5 - np.array((first_u, first_v))
+    start = ((pixels.T + shift) * scales - 0.5).astype(np.float32)[:, None]
+    there, found, _ = cv2.calcOpticalFlowPyrLK(  # type: ignore[call-overload]  # no guess
+        now, before, start, None, winSize=(WINDOW_PX, WINDOW_PX), maxLevel=LEVELS
     )
-    earlier = (there[:, 0] + 0.5) / scales - 0.5 + first
-    return np.where(np.asarray(found) > 0, earlier, np.nan)
+    there[found[:, 0] == 0] = np.nan
+    earlier: F64 = ((there[:, 0] + 0.5) / scales - shift).T
+    return earlier
 
 
 def _reduced(rgb: U8, scale: float) -> U8:

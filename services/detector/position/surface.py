@@ -15,9 +15,12 @@ from people4d.messages import F32, F64, U16, CameraInfo
 from services.detector.models.base import DetectedPerson, InstanceMask
 
 Flags = npt.NDArray[np.bool_]
+Indices = npt.NDArray[np.intp]
 TORSO = [5, 6, 11, 12]  # COCO: shoulders and hips
 SURFACE_WINDOW_PX = 5  # side of the windows of published keypoint depths [px]
 FARTHEST_MM = 1 << 16  # above all readings [mm]
+BOTH = np.array([[1], [0]])  # the middle readings of an even number are two
+ROUNDING_MM: F64 = np.array([[-1e-6], [1e-6]])  # allowance of the limits of depths [mm]
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,48 +98,58 @@ class DepthWindows:
     """
 
     def __init__(self, pixels: F64, image: DepthImage, window_px: npt.ArrayLike) -> None:
-        halves_px = np.asarray(window_px).reshape(-1) // 2
-        most_px, shape = int(halves_px.max(initial=0)), image.depth_mm.shape
+        halves_px = np.asarray(window_px).reshape(-1, 1) // 2
+        most_px, depth_mm = int(halves_px.max(initial=0)), image.depth_mm
+        height, width = depth_mm.shape
+        down, across = min(2 * most_px + 1, height), min(2 * most_px + 1, width)
         # Clipped, since a wild coordinate would overflow the integer.
-        bounded = np.fmin(np.fmax(pixels, -most_px - 1), max(shape) + most_px)
-        middles = np.rint(bounded).astype(np.intp).T[::-1]
-        sides = [min(2 * most_px + 1, length) for length in shape]
+        bounded = np.fmin(np.fmax(pixels, -most_px - 1), max(height, width) + most_px)
+        middles = np.rint(bounded).astype(np.intp)
         # At the image's edge a window of full size is moved inside, and its rest does not count.
-        limits = np.subtract(shape, sides)[:, None]
+        limits = (width - across, height - down)
         starts = np.minimum(np.maximum(middles - most_px, 0), limits)
-        down, across = (starts - middles)[..., None]
-        rows = np.abs(down + np.arange(sides[0])) <= halves_px[:, None]
-        columns = np.abs(across + np.arange(sides[1])) <= halves_px[:, None]
-        cut = np.lib.stride_tricks.sliding_window_view(image.depth_mm, sides)[starts[0], starts[1]]
-        read_mm = np.multiply(cut, rows[:, :, None] & columns[:, None], dtype=np.int32)
-        read_mm = read_mm.reshape(len(pixels), sides[0] * sides[1])
+        offsets = starts - middles
+        columns = np.abs(offsets[:, :1] + np.arange(across)) <= halves_px
+        rows = np.abs(offsets[:, 1:] + np.arange(down)) <= halves_px
+        views = np.lib.stride_tricks.as_strided(
+            depth_mm, (height - down + 1, width - across + 1, down, across), depth_mm.strides * 2
+        )
+        read_mm = np.multiply(
+            views[starts[:, 1], starts[:, 0]],
+            rows[:, :, None] & columns[:, None],
+            dtype=np.int32,
+        ).reshape(len(pixels), down * across)
         read_mm.sort(axis=1)
         # Each window begins above the one before: one search finds the limits of all.
         self._base_mm = np.arange(len(pixels), dtype=np.int32) * FARTHEST_MM
         read_mm += self._base_mm[:, None]
         self._read_mm = read_mm.reshape(-1)
-        self._sizes = np.maximum(rows.sum(axis=1) * columns.sum(axis=1), 1)
+        self._rows, self._columns = rows, columns
 
-    def medians(self, nearest_m: npt.ArrayLike, farthest_m: npt.ArrayLike) -> tuple[F64, F64]:
-        """Return the median of the readings between two depths, and their share.
+    def medians(self, nearest_m: npt.ArrayLike, farthest_m: npt.ArrayLike) -> tuple[F64, Indices]:
+        """Return the median of the readings between two depths, and their number.
 
         Args:
             nearest_m: Minimum depth that counts, one or for each window; 0 is no reading.
             farthest_m: Maximum depth that counts, one or for each window.
 
         Returns:
-            Median, in metres, NaN where no reading counts; share of the window's pixels.
+            Median, in metres, NaN where no reading counts; number of readings.
         """
-        base_mm = self._base_mm
-        least_mm = np.maximum(np.ceil(np.multiply(nearest_m, 1000) - 1e-6), 1)
-        above_mm = np.minimum(np.floor(np.multiply(farthest_m, 1000) + 1e-6) + 1, FARTHEST_MM)
-        limits_mm = np.stack([base_mm + least_mm, base_mm + np.maximum(above_mm, least_mm)])
-        first, end = self._read_mm.searchsorted(limits_mm.astype(np.int32))
-        found = end - first
-        known, middle = found > 0, first + found // 2
-        pairs_mm = self._read_mm[np.where(known, [middle - (found + 1) % 2, middle], 0)] - base_mm
-        median_m = np.where(known, pairs_mm.sum(axis=0) / 2000, np.nan)
-        return median_m, found / self._sizes
+        limits_mm = np.empty((2, len(self._base_mm)))
+        limits_mm[0], limits_mm[1] = nearest_m, farthest_m
+        limits_mm = np.ceil(limits_mm * 1000 + ROUNDING_MM)
+        limits_mm = np.minimum(np.maximum(limits_mm, 1), FARTHEST_MM).astype(np.int32)
+        first, end = self._read_mm.searchsorted(limits_mm + self._base_mm)
+        found = np.maximum(end - first, 0)
+        pairs = first + (found - BOTH) // 2
+        pairs_mm = self._read_mm.take(pairs, mode="clip") - self._base_mm
+        return np.where(found > 0, pairs_mm.sum(axis=0) / 2000, np.nan), found
+
+    def sizes(self) -> Indices:
+        """Return the number of pixels of each window."""
+        sizes: Indices = self._rows.sum(axis=1) * self._columns.sum(axis=1)
+        return sizes
 
 
 def keypoint_surfaces(people: Sequence[DetectedPerson], image: DepthImage) -> list[F32 | None]:

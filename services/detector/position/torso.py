@@ -9,7 +9,7 @@ section 10).
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import chain
+from itertools import chain, compress, islice
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -101,8 +101,9 @@ class TorsoEstimator:
         layers = assign_layers(depth_samples(known, windows_px, windows, image))
         layers_m = np.repeat([layer.depth_m if layer else 0.0 for layer in layers], counts)
         points = _surface(windows_px, layers_m, windows, image.info)
-        surfaces = np.split(points, np.cumsum(counts)[:-1])
-        found = map(_layered, known, layers, surfaces)
+        surfaces = iter(points.tolist())
+        own = (list(islice(surfaces, count)) for count in counts)
+        found = map(_layered, known, layers, own)
         return [next(found) if torso else None for torso in torsos]
 
     def estimate(
@@ -164,7 +165,8 @@ class TorsoEstimator:
         along_m2 = variance_along(layer_m, axis_m, sigma_m, self._depth_error_per_m)
         across_m2 = middle.across_m2
         return PositionEstimate(
-            position_m, covariance(position_m, across_m2, across_m2, along_m2 + middle.along_m2)
+            position_m,
+            covariance(position_m.tolist(), across_m2, across_m2, along_m2 + middle.along_m2),
         )
 
     def _to_axis(self, surface: Surface, middle_m: F64, yaw_rad: float | None) -> list[float]:
@@ -185,13 +187,15 @@ def _surface(pixels: F64, layers_m: F64, windows: DepthWindows, info: CameraInfo
     return points_m
 
 
-def _layered(torso: SampledTorso, layer: PersonLayer | None, points: F64) -> LayeredTorso | None:
+def _layered(
+    torso: SampledTorso, layer: PersonLayer | None, points: Surface
+) -> LayeredTorso | None:
     """Return a torso with its layer and the surface in windows that no other person covers."""
     if layer is None:
         return None
-    count = len(torso.torso_px)
-    used = layer.own[:count] & (points[:count, 1] > 0)
-    return LayeredTorso(torso.joints, layer, points[:count][used].tolist())
+    own = layer.own[: len(torso.torso_px)].tolist()
+    surface = [point for point in compress(points, own) if point[1] > 0]
+    return LayeredTorso(torso.joints, layer, surface)
 
 
 def _middles(
@@ -206,7 +210,7 @@ def _middles(
     middles = []
     for (torso, layer, _), middle_m, across_m2 in zip(torsos, *found, strict=True):
         position_m, variance_m2 = np.array([*middle_m, layer.depth_m]), float(across_m2)
-        if not torso.known.any():
+        if not any(torso.known):
             pixel = box_torso(torso.box_xyxy_px, layer.depth_m, info)
             position_m = deproject(pixel, [layer.depth_m], info)[0]
             variance_m2 = BOX_SIGMA_M**2

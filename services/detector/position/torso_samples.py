@@ -12,12 +12,13 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from people4d.messages import F32, F64, CameraInfo
+from people4d.messages import F64, CameraInfo
 from services.detector.models.base import DetectedPerson
 from services.detector.position.layers import DepthSamples
 from services.detector.position.proportions import size_depth
-from services.detector.position.surface import TORSO, DepthImage, DepthWindows, Flags
+from services.detector.position.surface import TORSO, DepthImage, DepthWindows
 from services.detector.position.visible_area import (
+    GRID,
     area_grids,
     cut_side,
     in_image,
@@ -42,10 +43,10 @@ AREA_WEIGHT = 2.0  # total weight of all samples of the visible area
 class TorsoJoints:
     """Torso of one person in the image."""
 
-    joints_px: F64  # [px] 4x2, shoulders and hips
-    known: Flags  # 4, joints that are confident and inside the image
+    joints_px: Sequence[Pixel]  # [px] shoulders and hips
+    known: Sequence[bool]  # joints that are confident and inside the image
     diagonal_px: float  # [px] extent of the known joints, 0 if there are none
-    box_xyxy_px: F32  # [px] 4
+    box_xyxy_px: Sequence[float]  # [px] 4
 
 
 class SampledTorso(NamedTuple):
@@ -66,14 +67,13 @@ def sampled_torsos(
     pixels, confident = keypoints[:, :, :2], keypoints[:, :, 2] > np.float32(confidence_min)
     known = confident[:, TORSO] & in_image(pixels[:, TORSO], info, EDGE_PX)
     visible = confident & in_image(pixels, info)
-    each = zip(pixels[:, TORSO], known, pixels.tolist(), visible.tolist(), strict=True)
+    each = zip(known.tolist(), pixels.tolist(), visible.tolist(), strict=True)
     return [None if one.keypoints is None else _sampled(one, *next(each), info) for one in people]
 
 
 def _sampled(
     person: DetectedPerson,
-    joints_px: F64,
-    known: Flags,
+    known: Sequence[bool],
     pixels: Sequence[Pixel],
     visible: Sequence[bool],
     info: CameraInfo,
@@ -82,14 +82,13 @@ def _sampled(
 
     Args:
         person: The person.
-        joints_px: Shoulders and hips, 4x2.
-        known: Flags of the known joints.
+        known: Flags of the known shoulders and hips.
         pixels: Keypoints, u and v.
         visible: Flags of the confident ones inside the image.
         info: Calibration of the camera.
     """
-    joints, is_known = joints_px.tolist(), known.tolist()
-    torso_px: list[Pixel] = list(compress(joints, is_known))
+    joints_px, box_xyxy_px = [pixels[k] for k in TORSO], person.box_xyxy_px.tolist()
+    torso_px = list(compress(joints_px, known))
     diagonal_px = 0.0
     if torso_px:
         us, vs = zip(*torso_px, strict=True)
@@ -98,8 +97,8 @@ def _sampled(
         torso_px = [(x + (u - x) * PULL, y + (v - y) * PULL) for x, y in torso_px]
         torso_px.append((u, v))
     others_px = [pixels[k] for k in OTHERS if visible[k]]
-    area_px = visible_area(person.box_xyxy_px, joints, is_known, info)
-    torso = TorsoJoints(joints_px, known, diagonal_px, person.box_xyxy_px)
+    area_px = visible_area(box_xyxy_px, joints_px, known, info)
+    torso = TorsoJoints(joints_px, known, diagonal_px, box_xyxy_px)
     return SampledTorso(torso, torso_px, others_px, area_px)
 
 
@@ -118,20 +117,21 @@ def depth_samples(
     areas = zip(grids, areas_m, strict=True)
     samples, first = [], 0
     for torso in torsos:
-        joints, counts = torso.joints, [len(torso.torso_px), len(torso.others_px)]
-        own = slice(first, first + sum(counts))
+        joints, count = torso.joints, len(torso.torso_px) + len(torso.others_px)
+        own = slice(first, first + count)
         pixels, depth_m = windows_px[own], windows_m[own]
-        weights = [1.0] * counts[0] + [OTHER_WEIGHT] * counts[1]
         if torso.area_px:
             grid_px, grid_m = next(areas)
             pixels, depth_m = np.concatenate([pixels, grid_px]), np.concatenate([depth_m, grid_m])
-            weights += [AREA_WEIGHT / len(grid_m)] * len(grid_m)
-        left, top, right, _ = joints.box_xyxy_px.tolist()
+        weights = np.full(len(pixels), AREA_WEIGHT / len(GRID))
+        weights[:count] = OTHER_WEIGHT
+        weights[: len(torso.torso_px)] = 1.0
+        left, top, right, _ = joints.box_xyxy_px
         samples.append(
             DepthSamples(
                 pixels,
                 depth_m,
-                np.array(weights),
+                weights,
                 size=size_depth(joints.joints_px, joints.known, image.info),
                 crown_px=((left + right) / 2, top),
                 margin_px=MARGIN_SHARE * joints.diagonal_px,

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from people4d.messages import F32, F64, CameraInfo
+from people4d.messages import F64, CameraInfo
 from services.detector.position.surface import DepthImage, Flags
 
 COLUMNS, ROWS = 6, 8  # number of depth samples across and downward
@@ -26,7 +26,10 @@ GRID: F64 = np.stack(
 
 
 def visible_area(
-    box_xyxy_px: F32, joints_px: Sequence[Sequence[float]], known: Sequence[bool], info: CameraInfo
+    box_xyxy_px: Sequence[float],
+    joints_px: Sequence[Sequence[float]],
+    known: Sequence[bool],
+    info: CameraInfo,
 ) -> tuple[float, float, float, float] | None:
     """Return the visible body's area in the image: left, top, width, height; None if outside.
 
@@ -74,21 +77,20 @@ def read_pixels(pixels: F64, image: DepthImage) -> F64:
     return np.asarray(depth_m, np.float64)
 
 
-def cut_to_image(box_xyxy_px: F32, info: CameraInfo) -> list[float]:
+def cut_to_image(box_xyxy_px: Sequence[float], info: CameraInfo) -> list[float]:
     """Return the part of a box inside the image: left, top, right, bottom; empty if NaN."""
     sides = (info.width - 1.0, info.height - 1.0) * 2
-    corners = zip(box_xyxy_px.tolist(), sides, strict=True)
+    corners = zip(box_xyxy_px, sides, strict=True)
     return [min(max(corner, 0.0), side) if corner == corner else 0.0 for corner, side in corners]
 
 
-def cut_side(box_xyxy_px: F32, info: CameraInfo) -> int:
+def cut_side(box_xyxy_px: Sequence[float], info: CameraInfo) -> int:
     """Return the side on which the image cuts a box off: -1 left, 1 right, 0 neither or both."""
-    left, right = float(box_xyxy_px[0]), float(box_xyxy_px[2])
     edge_px = EDGE_RATIO * info.width
-    return (right > info.width - 1 - edge_px) - (left < edge_px)
+    return (box_xyxy_px[2] > info.width - 1 - edge_px) - (box_xyxy_px[0] < edge_px)
 
 
-def box_torso(box_xyxy_px: F32, depth_m: float, info: CameraInfo) -> F64:
+def box_torso(box_xyxy_px: Sequence[float], depth_m: float, info: CameraInfo) -> F64:
     """Return the middle of the torso at a depth by the box alone: u and v in pixels."""
     left, top, right, bottom = cut_to_image(box_xyxy_px, info)
     v = min(top + CROWN_M * info.fy / depth_m, bottom)

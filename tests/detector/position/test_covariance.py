@@ -56,7 +56,7 @@ def test_axis_is_uncertain_if_yaw_or_body_is_unknown() -> None:
 
 
 def test_covariance_of_a_person_straight_ahead() -> None:
-    ahead = covariance(np.array([0.0, 0.0, 2.0]), 0.01, 0.02, 0.09)
+    ahead = covariance([0.0, 0.0, 2.0], 0.01, 0.02, 0.09)
     np.testing.assert_allclose(ahead, np.diag([0.01, 0.02, 0.09]), atol=1e-15)
 
 
@@ -64,7 +64,7 @@ def test_covariance_of_a_person_to_the_right() -> None:
     # The line of sight is (0.6, 0, 0.8), across it is (0.8, 0, -0.6):
     # xx = 0.64 * 0.01 + 0.36 * 0.09 = 0.0388, zz = 0.36 * 0.01 + 0.64 * 0.09 = 0.0612,
     # xz = 0.48 (0.09 - 0.01) = 0.0384.
-    aside = covariance(np.array([3.0, 0.0, 4.0]), 0.01, 0.02, 0.09)
+    aside = covariance([3.0, 0.0, 4.0], 0.01, 0.02, 0.09)
     expected = [[0.0388, 0.0, 0.0384], [0.0, 0.02, 0.0], [0.0384, 0.0, 0.0612]]
     np.testing.assert_allclose(aside, expected, atol=1e-15)
 
@@ -72,6 +72,6 @@ def test_covariance_of_a_person_to_the_right() -> None:
 def test_a_covariance_is_symmetric_to_the_last_bit_and_positive() -> None:
     rng = np.random.default_rng(3)
     for position_m in rng.uniform((-3, -2, 0.3), (3, 2, 5), (50, 3)):
-        found = covariance(position_m, *rng.uniform(1e-4, 0.1, 3))
+        found = covariance(position_m.tolist(), *rng.uniform(1e-4, 0.1, 3))
         assert (found == found.T).all()
         assert np.linalg.eigvalsh(found)[0] > 0

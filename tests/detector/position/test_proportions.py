@@ -88,11 +88,11 @@ def test_the_distance_at_which_a_torso_is_of_common_size() -> None:
         (one_side, 25 / math.hypot(3, 10), True),
         (shoulders, 2.0, False),
     ):
-        size = size_depth(joints, known, INFO)
+        size = size_depth(joints.tolist(), known.tolist(), INFO)
         assert size is not None
         assert size.depth_m == pytest.approx(depth_m)
         assert size.has_height == has_height
-    full = size_depth(joints, ALL, INFO)
+    full = size_depth(joints.tolist(), ALL.tolist(), INFO)
     assert full is not None
     assert full.farthest_m == pytest.approx(5.0)  # hips: 0.2 m in 2 px
-    assert size_depth(joints, np.array([True, False, False, False]), INFO) is None
+    assert size_depth(joints.tolist(), [True, False, False, False], INFO) is None

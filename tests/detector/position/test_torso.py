@@ -189,7 +189,7 @@ def test_near_person_from_the_side_without_hips_is_not_put_on_the_wall() -> None
     image = DepthImage(depth_mm, INFO)
     torsos = AXIS.find_torsos([cut_off], 0.3, image)
     assert torsos[0] is not None
-    known = torsos[0][0].known.tolist()
+    known = torsos[0][0].known
     assert known == [True, True, False, False]  # hips at the edge are guesses
     (estimate,) = AXIS.estimate(torsos, image.info, [None])
     assert estimate is not None
@@ -214,7 +214,7 @@ def test_keypoints_that_are_not_numbers_do_not_count() -> None:
     cut_off.keypoints[[5, 8], :2] = np.nan
     found = AXIS.find_torsos([cut_off], 0.3, DepthImage(depth_mm, INFO))[0]
     assert found is not None
-    assert found[0].known.tolist() == [False, True, False, False]
+    assert found[0].known == [False, True, False, False]
     assert found[1].depth_m == pytest.approx(1.2)
 
 
