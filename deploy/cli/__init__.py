@@ -2,6 +2,8 @@
 
 import importlib
 import importlib.metadata
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Annotated, Any
 
 import typer
@@ -54,6 +56,9 @@ COMMANDS = (
 )
 
 
+UsageError: Any = typer.BadParameter.__base__  # typer exports no name of it
+
+
 class LazyCommand(typer.core.TyperCommand):
     """Placeholder of a command, which is imported on use."""
 
@@ -73,12 +78,27 @@ class LazyCommand(typer.core.TyperCommand):
         return typer.main.get_command(app).make_context(*args, **kwargs)
 
 
+@contextmanager
+def _plain_usage() -> Iterator[None]:
+    """Print errors of usage without a box."""
+    try:
+        yield
+    except UsageError as error:
+        error.show()
+        raise typer.Exit(error.exit_code) from error
+
+
 class Commands(CommandGroup):
-    """All commands; a People4dError is printed as one sentence."""
+    """All commands; a People4dError is printed as one sentence, wrong usage as plain text."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.commands = {name: LazyCommand(name, module, line) for name, module, line in COMMANDS}
+
+    def make_context(self, *args: Any, **kwargs: Any) -> Any:
+        """Create the context."""
+        with _plain_usage():
+            return super().make_context(*args, **kwargs)
 
     def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002
         """Return the names in the order of use."""
@@ -87,7 +107,8 @@ class Commands(CommandGroup):
     def invoke(self, ctx: Any) -> Any:
         """Run the command."""
         try:
-            return super().invoke(ctx)
+            with _plain_usage():
+                return super().invoke(ctx)
         except People4dError as error:
             if ctx.params["debug"]:
                 raise

@@ -97,11 +97,14 @@ def test_debug_shows_the_trace() -> None:
     assert isinstance(result.exception, ConfigError)
 
 
-@pytest.mark.parametrize("arguments", [["nonsense"], ["up", "--nonsense"], ["health"]])
+@pytest.mark.parametrize(
+    "arguments", [["nonsense"], ["--nonsense"], ["up", "--nonsense"], ["health"]]
+)
 def test_wrong_usage_exits_with_2(arguments: list[str]) -> None:
     status, _, errors = run(*arguments)
     assert status == 2
-    assert "Usage" in errors
+    assert errors.startswith("Usage: root")
+    assert "╭" not in errors
 
 
 def test_down_without_a_running_system_succeeds(tmp_path: Path) -> None:
