@@ -10,11 +10,13 @@ from typing import Any
 
 import msgspec
 
+from common.calibration.transforms_file import read_pose, read_transforms
 from common.config import load, setting
 from deploy import compose
 from deploy.compose import Service
 from deploy.launcher.joined import check_joinable, config_record, join, joined_command
 from people4d.errors import ConfigError
+from services.camera.config import CameraConfig
 
 COMPOSE_FILE = Path(__file__).resolve().parents[1] / "compose.yaml"
 CONFIG_FILE = COMPOSE_FILE.parent / "config" / "people4d.toml"
@@ -110,9 +112,9 @@ def variables(request: LaunchRequest) -> dict[str, str]:
 
 
 def check_settings(services: Sequence[Service], request: LaunchRequest) -> None:
-    """Check the settings of services, and the sources, models and folders in them.
+    """Check the settings of services, and the sources, models, files and folders in them.
 
-    People4dError if a setting is wrong, or its source, model or folder is unusable.
+    People4dError if a setting is wrong, or its source, model, file or folder is unusable.
     """
     file = Path(variables(request)["PEOPLE4D_CONFIG_INSIDE"])
     for service in services:
@@ -122,6 +124,14 @@ def check_settings(services: Sequence[Service], request: LaunchRequest) -> None:
         location = service.labels.get("people4d.check")
         if settings and service.replicas and location:
             _find(location)(settings)
+        if service.replicas and isinstance(settings, CameraConfig) and settings.transforms:
+            _check_transforms(Path(settings.transforms), settings.camera)
+
+
+def _check_transforms(file: Path, camera: str) -> None:
+    if not file.is_file():
+        raise ConfigError(f"transforms {file} does not exist", "Check the path.")
+    read_pose(file, camera) if camera else read_transforms(file)
 
 
 def read_settings(

@@ -7,7 +7,7 @@ import pytest
 from common.config import setting
 from deploy.compose import Service
 from deploy.launcher.plan import LaunchRequest, check_settings, plan
-from people4d.errors import ConfigError, People4dError
+from people4d.errors import ConfigError, People4dError, SourceError
 
 
 def planned(launch: LaunchRequest) -> dict[str, Service]:
@@ -98,6 +98,8 @@ def test_bad_launch_request_is_rejected(launch: LaunchRequest, message: str) -> 
         ([], "no camera is named.*--source"),
         (["camera.source='none.bag'"], "source 'none.bag' does not exist"),
         (["camera.source='a.txt'"], "a.txt is not a known kind of recording"),
+        (["camera.source='a:B'", "camera.transforms='b.toml'"], "b.toml does not exist"),
+        (["camera.source='a:B'", "camera.transforms='a.txt'"], "a.txt: .*line 1"),
         (["camera.source='a:B'", "detector.model='mine'"], "model 'mine' is unknown"),
         (["camera.source='a:B'", "detector.model='none.onnx'"], "none.onnx does not exist"),
         (["camera.source='a:B'", "detector.score_min=2"], "score_min: expected"),
@@ -131,4 +133,15 @@ def test_source_may_come_from_any_setting(tmp_path: Path) -> None:
         LaunchRequest(environment={"PEOPLE4D_CAMERA_SOURCE": "my.camera:Camera"}),
         LaunchRequest(config=file, environment={}),
     ):
+        check_settings(plan(launch), launch)
+
+
+def test_transforms_without_the_named_camera_are_rejected(tmp_path: Path) -> None:
+    file = tmp_path / "transforms.toml"
+    file.write_text('reference = "c1"\ncameras = {}\n')
+    settings = ["camera.source='a:B'", f"camera.transforms='{file}'"]
+    launch = LaunchRequest(settings=settings, environment={})
+    check_settings(plan(launch), launch)
+    launch = LaunchRequest(settings=[*settings, "camera.camera='c2'"], environment={})
+    with pytest.raises(SourceError, match="has no camera c2"):
         check_settings(plan(launch), launch)
