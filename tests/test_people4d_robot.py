@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 import pytest
 
+from deploy.program.images import CameraImages
 from evaluation.pipeline import pipeline, play
 from people4d.codec import encode
 from people4d.errors import ConfigError, SourceError
@@ -126,6 +127,28 @@ def test_frame_older_than_the_last_one_is_refused(small: Pipeline) -> None:
     later = small.process(RGB, DEPTH, 5000.0)
     assert later is not None
     assert later.stamp_ns == 5000 * 10**9
+
+
+@pytest.mark.parametrize(
+    "stamp", [1795892317025935088, 5e9, np.nan, -np.inf, "0.4", None, np.float32(2.0)]
+)
+def test_stamp_that_is_not_in_seconds_is_refused_and_later_frames_are_not(stamp: Any) -> None:
+    with Pipeline() as own:
+        own.add_camera("front", LENS)
+        with pytest.raises(SourceError, match="stamp_s: expected seconds, got"):
+            own.process(RGB, DEPTH, stamp)
+        assert own.process(RGB, DEPTH, 1.0) is not None
+        with pytest.raises(SourceError, match="stamp_s: expected seconds, got"):
+            own.process(RGB, DEPTH, stamp)
+        assert own.process(RGB, DEPTH, 1.1) is not None
+
+
+def test_pushed_stamp_beyond_the_range_is_refused_and_later_frames_are_not() -> None:
+    images = CameraImages("front", LENS)
+    with pytest.raises(SourceError, match=r"stamp_ns: expected .* at most, got 18"):
+        images.accept(RGB, DEPTH, 18 * 10**18)
+    assert images.info is None
+    assert images.accept(RGB, DEPTH, 10**9).stamp_ns == 10**9
 
 
 def test_each_frame_of_two_cameras_gives_its_people() -> None:

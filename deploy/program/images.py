@@ -13,6 +13,7 @@ from common.diagnosis.event_table import REJECTED
 from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
 from people4d.errors import SourceError
 from people4d.messages import F64, U8, CameraInfo
+from people4d.messages.base import MAX_STAMP_NS
 from services.camera.alignment import ImageAlignment, align
 from services.camera.calibration import Calibration, Intrinsics, static_transform, to_intrinsics
 from services.camera.frame_check import FrameCheck
@@ -70,7 +71,7 @@ class CameraImages:
         return self._alignment.info if self._alignment else None
 
     def accept(self, rgb: U8, depth: npt.NDArray[Any], stamp_ns: int) -> SourceFrame:
-        """Return all processes by instance, some of them shared; or SupervisorGoneError."""
+        """Return a copy of a frame, aligned; SourceError, and no change, if it is invalid."""
         alignment = self._alignment or self._align(rgb)
         check = FrameCheck(
             alignment.info, np.issubdtype(getattr(depth, "dtype", np.uint16), np.floating)
@@ -78,14 +79,18 @@ class CameraImages:
         frame = check.accept(SourceFrame(rgb, depth, stamp_ns))
         if not isinstance(frame, SourceFrame):
             raise SourceError(f"camera {self.name}: {check.fault}", REJECTED[check.cause])
+        if abs(stamp_ns) > MAX_STAMP_NS:
+            problem = f"camera {self.name}: stamp_ns: expected +-2**62 at most, got {stamp_ns}"
+            raise SourceError(problem, REJECTED["wrong_stamp"])
         if self._stamp_ns is not None and stamp_ns <= self._stamp_ns:
             ago_s = (self._stamp_ns - stamp_ns) / 1e9
             problem = f"camera {self.name}: a frame is {ago_s:g} s older than the one before"
             raise SourceError(
                 problem, "Give the oldest first; a new recording needs a new Pipeline or Camera."
             )
+        images = alignment(frame.rgb.copy(), frame.depth_mm.copy())
         self._alignment, self._stamp_ns = alignment, stamp_ns
-        return SourceFrame(*alignment(frame.rgb.copy(), frame.depth_mm.copy()), stamp_ns)
+        return SourceFrame(*images, stamp_ns)
 
     def _align(self, rgb: U8) -> ImageAlignment:
         if np.ndim(rgb) < 2:

@@ -14,8 +14,10 @@ from common.drawing.people import annotate
 from common.transport.memory_bus import MemoryBus
 from deploy.program.images import CameraImages
 from evaluation.methods import read_method
-from people4d.errors import ConfigError
+from people4d.errors import ConfigError, SourceError
 from people4d.messages import U8, Detections, Message, MovingTransform, Odometry, RgbdFrame, Tracks
+from people4d.messages.base import MAX_STAMP_NS
+from people4d.validation import describe
 from services.camera.calibration import Intrinsics
 from services.camera.upright import turned_image, turned_info, turned_transforms, turns_of
 from services.detector.build import build as build_detector
@@ -83,7 +85,7 @@ class Pipeline:
         """Return the people after a frame.
 
         ConfigError if there is no such camera; SourceError if the images are invalid, or the stamp
-        is not later than the last one.
+        is not in seconds or not later than the last one. Later frames are not affected.
 
         Args:
             rgb: HxWx3 of 8 bits, red first.
@@ -96,7 +98,7 @@ class Pipeline:
             The people with their identities; None if the frame is too late after another
             camera.
         """
-        stamp_ns = round(stamp_s * 10**9)
+        stamp_ns = _nanoseconds(stamp_s)
         outputs = self._publish(stamp_ns, *self._camera(camera).messages(rgb, depth, stamp_ns))
         outputs += self._tracker.flush(stamp_ns)  # the last message at this time
         self.detections = _last(Detections, outputs)
@@ -170,6 +172,15 @@ class _Camera:
         assert info is not None
         turned = turned_info(info, self._turns)
         return [turned, *turned_transforms([pose], info.frame_id, turned, self._turns)]
+
+
+def _nanoseconds(stamp_s: float | Fraction) -> int:
+    if isinstance(stamp_s, float | int | Fraction):
+        stamp_ns = stamp_s * 10**9
+        if -MAX_STAMP_NS <= stamp_ns <= MAX_STAMP_NS:
+            return round(stamp_ns)
+    problem = f"stamp_s: expected seconds, got {describe(stamp_s)}"
+    raise SourceError(problem, "Of nanoseconds: Fraction(stamp_ns, 10**9).")
 
 
 def _setting(name: str, value: object) -> str:
