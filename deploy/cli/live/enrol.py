@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from deploy.cli.options import Connect, Robot, checked_time, open_client
+from people4d.client import Client
 from people4d.errors import People4dError
 from people4d.messages import Target, TargetCommand
 
@@ -49,6 +50,16 @@ def make_command(chooser: str, action: Action, **fields: Any) -> TargetCommand:
         raise typer.BadParameter(str(error)) from error
 
 
+def check_target_runs(client: Client) -> None:
+    """Check that the service of the chosen person runs; People4dError otherwise."""
+    robot = client.session.robot
+    if not any(found[:2] == (robot, "target") for found in client.session.present()):
+        raise People4dError(
+            f"the target service of robot {robot} does not run",
+            f"Start it with people4d up ... --target; {client.found()}.",
+        )
+
+
 def _ask(
     action: Literal["enrol", "forget"], name: str, timeout_s: float, robot: str, connect: str
 ) -> None:
@@ -56,6 +67,7 @@ def _ask(
     command = make_command(f"people4d {action}", action, name=name)
     end_s = time.monotonic() + timeout_s
     with open_client(connect, robot) as client:
+        check_target_runs(client)
         targets = client.messages(Target, timeout_s=timeout_s)
         client.publish(command)
         for target in targets:

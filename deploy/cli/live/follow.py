@@ -2,16 +2,17 @@
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Annotated, Any
 
 import numpy as np
 import typer
 
-from deploy.cli.live.enrol import Action, make_command
-from deploy.cli.options import Connect, Once, Robot, Timeout, open_client
+from deploy.cli.live.enrol import Action, check_target_runs, make_command
+from deploy.cli.options import SILENCE_S, Connect, Once, Robot, Timeout, open_client
 from deploy.cli.terminal import shown
+from people4d.client import Client
 from people4d.errors import People4dError
 from people4d.messages import Target, TargetCommand
 
@@ -57,12 +58,13 @@ def follow(
         }
     )
     with open_client(connect, robot) as client, suppress(KeyboardInterrupt):
-        targets = client.messages(Target, timeout_s=timeout_s)
+        check_target_runs(client)
+        targets = client.messages(Target, timeout_s=timeout_s or SILENCE_S)
         if command:
             client.publish(command)
         target, end_s = None, time.monotonic() + ANSWER_S
         is_answered = command is None
-        for target in targets:
+        for target in targets if timeout_s else _while_running(client, targets):
             is_answered |= command is not None and target.answered_ns == command.stamp_ns
             if not is_answered and time.monotonic() < end_s:
                 continue  # made before the choice
@@ -73,6 +75,14 @@ def follow(
             raise People4dError(
                 f"no target arrived within {timeout_s:g} s", "people4d up --target."
             )
+
+
+def _while_running(client: Client, targets: Iterator[Target]) -> Iterator[Target]:
+    """Yield states without a limit of silence; People4dError once the service is gone."""
+    while True:
+        yield from targets
+        check_target_runs(client)
+        targets = client.messages(Target, timeout_s=SILENCE_S)
 
 
 def command_of(asked: Mapping[Action, Any]) -> TargetCommand | None:

@@ -22,6 +22,7 @@ def test_command_is_sent_and_its_answer_shown(
 ) -> None:
     robot = network.robot()
     bus = network.open(robot)
+    bus.announce("target", "target-1")
     watcher = Watcher(bus, TargetCommand)
 
     def answer() -> None:

@@ -68,6 +68,7 @@ def test_state_is_one_line() -> None:
 def test_choice_is_sent_and_the_state_shown(network: Network) -> None:
     robot = network.robot()
     bus = network.open(robot)
+    bus.announce("target", "target-1")
     watcher = Watcher(bus, TargetCommand)
 
     def answer() -> None:
@@ -83,3 +84,39 @@ def test_choice_is_sent_and_the_state_shown(network: Network) -> None:
     assert result.exit_code == 0, result.output
     assert "locked" in result.output
     assert "before" not in result.output
+
+
+@pytest.mark.network
+@pytest.mark.parametrize(
+    "command", [["follow"], ["follow", "--nearest", "--once"], ["enrol", "anna"]]
+)
+def test_system_without_the_target_service_is_reported_at_once(
+    network: Network, command: list[str]
+) -> None:
+    robot = network.robot()
+    network.open(robot).announce("tracker", "tracker-1")
+    result = CliRunner().invoke(app, [*command, "--robot", robot, "--connect", network.endpoint])
+    assert result.exit_code == 1
+    assert "does not run. Start it with people4d up ... --target" in result.stderr
+
+
+@pytest.mark.network
+def test_state_ends_with_the_target_service(network: Network) -> None:
+    robot = network.robot()
+    bus = network.open(robot)
+    bus.announce("target", "target-1")
+    stopped = threading.Event()
+
+    def publish_then_stop() -> None:
+        while not stopped.wait(0.05):
+            bus.publish(TARGET)
+        bus.close()
+
+    publishing = threading.Thread(target=publish_then_stop)
+    publishing.start()
+    threading.Timer(1.0, stopped.set).start()
+    result = CliRunner().invoke(app, ["follow", "--robot", robot, "--connect", network.endpoint])
+    publishing.join()
+    assert result.exit_code == 1
+    assert "locked" in result.stdout
+    assert "does not run" in result.stderr
