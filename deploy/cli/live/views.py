@@ -65,7 +65,7 @@ def _show(
     """Show messages until Ctrl-C; return False if none arrived before the timeout."""
     message, drawn_s, console = None, 0.0, Console()
     with suppress(KeyboardInterrupt):
-        if once or json:
+        if once or json or not console.is_terminal:
             for message in messages:
                 print_json(message) if json else console.print(draw(message))
                 if once:

@@ -102,3 +102,20 @@ def test_absent_score_is_reported_with_a_hint(network: Network, more: list[str])
     result = CliRunner().invoke(app, [*arguments, "--robot", network.robot()])
     assert result.exit_code == 1
     assert "no score arrived within 0.3 s. It needs people and truth" in result.stderr
+
+
+def test_each_message_is_printed_where_there_is_no_terminal(network: Network) -> None:
+    robot = network.robot()
+    bus, done = network.open(robot), threading.Event()
+
+    def publish() -> None:
+        for _ in range(20):
+            bus.publish(FULL)
+            done.wait(0.05)
+
+    thread = threading.Thread(target=publish)
+    thread.start()
+    arguments = ["score", "--timeout", "1.5", "--robot", robot, "--connect", network.endpoint]
+    result = CliRunner().invoke(app, arguments)
+    thread.join()
+    assert result.stdout.count("people in the truth") > 1
