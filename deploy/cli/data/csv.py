@@ -17,6 +17,7 @@ from common.extras import need
 from common.io.people_table import COLUMNS, NAMES, Cell, rows_of
 from common.io.recording import Recording, open_recording
 from common.metrics.alignment.truth_buffer import TruthBuffer
+from deploy.cli.data.targets import check_folder
 from people4d.errors import ConfigError, SourceError
 from people4d.messages import Message, PersonSkeleton, Skeletons, Tracks, Truth
 from services.gt_bridge.config import GtBridgeConfig
@@ -76,11 +77,11 @@ def write(file: Path, messages: Iterable[Truth | Tracks | Skeletons]) -> int:
     writers = {".csv": _open_csv, PARQUET: _open_parquet}
     if file.suffix not in writers:
         raise ConfigError(f"{file} has an unsupported format", f"Write {' or '.join(writers)}.")
+    check_folder(file)
     start_ns, count = None, 0
     skeletons: Skeletons | None = None
     part = file.with_name(f".{file.name}.{os.getpid()}.part")  # renamed when complete
     try:
-        file.parent.mkdir(parents=True, exist_ok=True)
         with writers[file.suffix](part) as put:
             for message in messages:
                 if isinstance(message, Skeletons):

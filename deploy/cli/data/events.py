@@ -8,6 +8,7 @@ from typing import Annotated, TextIO
 
 import typer
 
+from deploy.cli.data.targets import check_folder
 from deploy.cli.options import Robot
 from deploy.cli.terminal import console, plain_table, shown
 from deploy.launcher.state import State
@@ -46,6 +47,7 @@ def events(
     elif str(to) == "-":
         _write(found, sys.stdout)
     else:
+        check_folder(to)
         with to.open("w", encoding="utf-8", newline="") as out:
             _write(found, out)
         console.print(f"{len(found)} events: {to}", markup=False)

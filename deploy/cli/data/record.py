@@ -61,17 +61,20 @@ def record(
     check_target(first, None, force)
     recorded = kinds_of(topics)
     condition = Condition(on)
-    output: RecorderOutput
-    if limit_mb:
-        output = RotatingParts(file, limit_mb, RecordingWriter)
-    elif last_s:
-        output = EventFiles(file, last_s, condition, buffer_mb, RecordingWriter)
+    if last_s:
         recorded = tuple(dict.fromkeys((*recorded, condition.message)))
-    else:
-        output = SingleFile(file, RecordingWriter)
+
+    def open_output() -> RecorderOutput:
+        if limit_mb:
+            return RotatingParts(file, limit_mb, RecordingWriter)
+        if last_s:
+            return EventFiles(file, last_s, condition, buffer_mb, RecordingWriter)
+        return SingleFile(file, RecordingWriter)
+
     deadline_s = time.monotonic() + seconds if seconds else float("inf")
     counts: Counter[str] = Counter()
-    with closing(output), open_client(connect, robot) as client:
+    # Without a system no file is opened, which would block the next try.
+    with open_client(connect, robot) as client, closing(open_output()) as output:
         with suppress(KeyboardInterrupt), signals_interrupt():
             typer.echo(f"Recording {topics} to {file}; Ctrl-C ends it.", err=True)
             for message in client.messages(*recorded, timeout_s=seconds):

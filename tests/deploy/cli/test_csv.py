@@ -49,9 +49,9 @@ def example(folder: Path) -> Path:
 
 
 def test_rows_match_hand_worked_values(tmp_path: Path) -> None:
-    status, output = run(example(tmp_path), tmp_path / "out" / "x.csv")
+    status, output = run(example(tmp_path), tmp_path / "x.csv")
     assert (status, output.split()[:3]) == (0, ["Wrote", "4", "rows"])
-    anna, ben, seven, later = rows_of(tmp_path / "out" / "x.csv")
+    anna, ben, seven, later = rows_of(tmp_path / "x.csv")
     assert tuple(anna) == NAMES
     assert [row["time_s"] for row in (anna, ben, seven, later)] == ["0.0", "0.0", "0.01", "0.02"]
     assert (anna["kind"], anna["id"], anna["stamp_ns"]) == ("truth", "anna", str(1000 * MS))
@@ -122,13 +122,15 @@ def test_truth_of_another_file_with_an_offset(tmp_path: Path) -> None:
     ("name", "message"),
     [
         ("x.xlsx", "has an unsupported format. Write .csv or .parquet."),
-        ("x.mcap/x.csv", "cannot be written"),
+        (f"{'x' * 300}.csv", "cannot be written"),
+        ("b/x.csv", "b does not exist"),
     ],
 )
 def test_errors_are_one_sentence(name: str, message: str, tmp_path: Path) -> None:
     status, output = run(example(tmp_path), tmp_path / name)
     assert status == 1
     assert message in output
+    assert not (tmp_path / "b").exists()
 
 
 def test_recording_without_people_is_reported(tmp_path: Path) -> None:

@@ -24,6 +24,20 @@ def test_record_refuses_to_overwrite_a_file(tmp_path: Path) -> None:
     assert file.read_bytes() == b"precious"
 
 
+def test_record_without_a_system_leaves_no_file(tmp_path: Path) -> None:
+    file = tmp_path / "a.mcap"
+    result = CliRunner().invoke(app, ["record", str(file), "--connect", "tcp/127.0.0.1:1"])
+    assert result.exit_code == 1
+    assert not file.exists()
+
+
+def test_record_creates_no_folder(tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["record", str(tmp_path / "b" / "a.mcap")])
+    assert result.exit_code == 1
+    assert f"folder {tmp_path / 'b'} does not exist" in result.stderr
+    assert not (tmp_path / "b").exists()
+
+
 def test_replay_refuses_topics_that_a_live_service_publishes(network: Network) -> None:
     robot = network.robot()
     network.open(robot).announce("gt_bridge", "gt_bridge-1")
