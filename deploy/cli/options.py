@@ -40,6 +40,8 @@ def checked_time(value: float | None) -> float | None:
 
 
 def _endpoints(value: str) -> str:
+    if "://" in value:
+        raise ConfigError(f"{value!r} is not an endpoint", "Write it as tcp/192.168.1.7:7447.")
     return ",".join(endpoints_of(value))
 
 

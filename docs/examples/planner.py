@@ -9,6 +9,7 @@ from itertools import islice
 import numpy as np
 
 from people4d import subscribe
+from people4d.errors import People4dError
 
 AHEAD_S = 1.0
 CLEARANCE_M = 1.2
@@ -27,4 +28,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except People4dError as error:
+        sys.exit(str(error))

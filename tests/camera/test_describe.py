@@ -2,11 +2,12 @@
 
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
 from common.io.recording import RecordingWriter
-from deploy.cli.data.info import camera_text, odometry_text
+from deploy.cli.data.info import Info, camera_text, odometry_text
 from people4d.errors import SourceError
 from services.camera.calibration import Intrinsics, camera_info
 from services.camera.describe import Description, describe
@@ -113,6 +114,10 @@ def test_odometry_that_nothing_links_to_the_map_is_named(tmp_path: Path) -> None
     found = describe(ros.write(tmp_path / "a_mcap", [mount, odometry, *frames(ros)]))
     assert (found.mounted_in, found.unlinked_odometry, found.turned_deg) == ("base_link", "odom", 0)
     assert "--set tracker.frame_id=odom" in odometry_text(found)
+    in_map = Info(**msgspec.structs.asdict(found) | {"mounted_in": "map"})
+    assert odometry_text(in_map).startswith(
+        "yes, in odom, unused: the camera is mounted in the map"
+    )
 
 
 def test_camera_upside_down_is_described_as_turned(tmp_path: Path) -> None:

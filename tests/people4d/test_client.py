@@ -17,6 +17,7 @@ from people4d.client import Client, subscribe
 from people4d.errors import ConfigError, People4dError
 from people4d.messages import Health, Message, Tracks, Truth
 from people4d.session import endpoints_of, problem_of
+from tests import ROOT
 from tests.contract.examples import BY_NAME
 from tests.network import WAIT_S, Network
 
@@ -197,3 +198,11 @@ def test_thread_that_fails_to_receive_ends_the_iteration_with_an_error(
 )
 def test_error_of_zenoh_names_no_file_of_its_sources(error: str, text: str) -> None:
     assert problem_of(zenoh.ZError(error)) == text
+
+
+def test_planner_of_the_docs_reports_an_absent_system_in_one_line() -> None:
+    command = [sys.executable, str(ROOT / "docs" / "examples" / "planner.py"), "tcp/127.0.0.1:1"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.startswith("no Zenoh session with")
+    assert len(done.stderr.splitlines()) == 1

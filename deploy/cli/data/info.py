@@ -7,6 +7,7 @@ import msgspec
 import typer
 from rich.table import Table
 
+from common.calibration.transforms_file import MAP
 from common.diagnosis.camera_checks import off_centre
 from common.io.recording import open_recording
 from deploy.cli.options import Json
@@ -85,6 +86,8 @@ def _simulated(note: SimulationMetadata) -> str:
 def odometry_text(description: Description) -> str:
     """Describe odometry, and the setting that uses it."""
     frame = description.unlinked_odometry
+    if frame and description.mounted_in == MAP:
+        return f"yes, in {frame}, unused: the camera is mounted in the map, as are the people"
     if frame and description.mounted_in:
         return (
             f"yes, in {frame}, which nothing links to the map: people are given relative to the "

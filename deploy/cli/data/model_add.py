@@ -75,7 +75,9 @@ def add(
 
 def check_name(name: str, file: Path) -> None:
     """Check the name of a new model and the type of its file, or raise ModelError."""
-    if file.suffix != ".onnx" or not file.is_file():
+    if not file.is_file():
+        raise ModelError(f"model file {file} does not exist", "Check the path.")
+    if file.suffix != ".onnx":
         raise ModelError(f"{file} is not an .onnx file", "Export the network to ONNX first.")
     if not FILE_NAME.fullmatch(name):
         raise ModelError(f"name {name!r} is not plain", "Choose letters, digits, - . _ by --name.")

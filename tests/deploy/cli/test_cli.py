@@ -22,6 +22,7 @@ from deploy.launcher.health import works
 from deploy.launcher.launcher import tail
 from people4d.errors import ConfigError
 from people4d.messages import Health, Span, Tracks
+from services.events.journal import JOURNAL, Journal
 from tests import DEMO, builders
 
 
@@ -66,6 +67,7 @@ def test_version_is_printed() -> None:
         (["record", "/tmp/x.mcap", "--topics", "peeple"], "unknown topic 'peeple'"),
         (["info", "/none"], "'/none' does not exist"),
         (["listen", "--connect", "tcp/127.0.0.1:1"], "no Zenoh session"),
+        (["listen", "--connect", "tcp://127.0.0.1:7447"], "not an endpoint. Write it as tcp/"),
         (["listen"], "no system of robot robot runs here. people4d up starts one"),
         (["replay", str(DEMO)], "no system of robot robot runs here. people4d up starts one"),
     ],
@@ -80,6 +82,13 @@ def test_error_is_one_sentence_with_a_hint(
     assert message in errors
     assert errors.startswith("error: ")
     assert "Traceback" not in errors
+
+
+def test_events_are_not_written_to_a_missing_folder(tmp_path: Path) -> None:
+    (tmp_path / "robot").mkdir()
+    Journal(tmp_path / "robot" / JOURNAL, 1).close()
+    status, _, errors = run("events", "--csv", str(tmp_path / "b" / "x.csv"), state=tmp_path)
+    assert (status, f"folder {tmp_path / 'b'} does not exist" in errors) == (1, True), errors
 
 
 def test_info_of_what_cannot_be_played_exits_with_1(tmp_path: Path) -> None:

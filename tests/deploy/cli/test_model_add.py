@@ -72,8 +72,10 @@ def test_file_of_no_known_kind_is_refused_with_the_known_kinds(own: Path, tmp_pa
     assert status == 1
     assert "has an unsupported format: its outputs are y (1, 512)" in errors
     assert "yolov8-pose 1x56xN" in errors
-    status, _, errors = run("models", "add", str(tmp_path / "a.txt"))
-    assert (status, "a.txt is not an .onnx file" in errors) == (1, True)
+    (tmp_path / "a.txt").touch()
+    for name, message in (("a.txt", "is not an .onnx file"), ("b.onnx", "does not exist")):
+        status, _, errors = run("models", "add", str(tmp_path / name))
+        assert (status, f"{name} {message}" in errors) == (1, True)
     assert not own.exists()
 
 

@@ -104,6 +104,7 @@ def test_bad_launch_request_is_rejected(launch: LaunchRequest, message: str) -> 
         (["camera.source='a:B'", "detector.model='none.onnx'"], "none.onnx does not exist"),
         (["camera.source='a:B'", "detector.score_min=2"], "score_min: expected"),
         (["camera.source='a:B'", "detector.scoremin=0.2"], "scoremin"),
+        (["camera.source='a:B'", "tracker.tracker='foo'"], "tracker 'foo' is unknown"),
         (["camera.source='a:B'", "reid.embedder='face'"], "embedder 'face' is unknown"),
     ],
 )
