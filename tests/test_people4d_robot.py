@@ -11,15 +11,16 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import msgspec
 import numpy as np
 import pytest
 
-from deploy.program.images import CameraImages
+from deploy.program.images import IMAGES, CameraImages
 from evaluation.pipeline import pipeline, play
 from people4d.codec import encode
-from people4d.errors import ConfigError, SourceError
+from people4d.errors import ConfigError, People4dError, SourceError
 from people4d.messages import U8, U16, CameraInfo, Odometry, RgbdFrame, StaticTransform, Tracks
-from people4d_robot import Intrinsics, Pipeline, mount
+from people4d_robot import Camera, Intrinsics, Pipeline, mount
 from services.camera.config import CameraConfig
 from services.camera.source import SourceFrame
 from services.camera.sources import open_source
@@ -81,6 +82,8 @@ def test_frame_without_people_gives_a_message_without_tracks(small: Pipeline) ->
     ("rgb", "depth", "says"),
     [
         (RGB[:, :, 0], DEPTH, "rgb is uint8 (48, 64), expected uint8 (48, 64, 3) red first"),
+        (np.zeros((48, 64, 4), np.uint8), DEPTH, "rgb is uint8 (48, 64, 4)"),
+        (RGB, None, "depth_mm is NoneType, expected an array"),
         (RGB[:24], DEPTH[:24], "rgb is uint8 (24, 64, 3), expected uint8 (48, 64, 3)"),
         (RGB, DEPTH[:24], "depth_mm is uint16 (24, 64), expected uint16 (48, 64) millimetres"),
         (RGB, DEPTH.astype(np.int32), "depth_mm is int32"),
@@ -94,14 +97,16 @@ def test_wrong_images_are_refused_by_what_they_are(
 ) -> None:
     with pytest.raises(SourceError) as error:
         small.process(rgb, depth, 3.0)
-    assert says in str(error.value)
+    assert says in error.value.problem
+    assert error.value.hint == IMAGES
 
 
 def test_wrong_first_frame_does_not_fix_the_size(small: Pipeline) -> None:
     with Pipeline() as own:
         own.add_camera("front", LENS)
-        with pytest.raises(SourceError, match="rgb is not an image"):
-            own.process(np.uint8(0), DEPTH, 0.0)  # type: ignore[arg-type]
+        for image in (np.uint8(0), [[0, 0], [0]], None):
+            with pytest.raises(SourceError, match="rgb is not an image"):
+                own.process(image, DEPTH, 0.0)  # type: ignore[arg-type]
         with pytest.raises(SourceError, match=r"expected uint16 \(24, 64\)"):
             own.process(RGB[:24], DEPTH, 0.0)
         assert own.process(RGB, DEPTH, 0.1) is not None
@@ -112,18 +117,60 @@ def test_unknown_names_and_impossible_values_are_refused(small: Pipeline) -> Non
         small.process(RGB, DEPTH, 1.0, "rear")
     with pytest.raises(ConfigError, match="a camera 'front' already"):
         small.add_camera("front", LENS)
-    with pytest.raises(SourceError, match="rotation"):
-        small.add_camera("rear", LENS, 2.0 * np.eye(4))
     with pytest.raises(ConfigError, match="unknown preset 'bst'"):
         Pipeline("bst")
     with pytest.raises(ConfigError, match="max_lost_s"):
         Pipeline(settings={"tracker.max_lost_s": -1.0})
 
 
+MATRIX = np.array([[60.0, 0.0, 32.0], [0.0, 60.0, 24.0], [0.0, 0.0, 1.0]])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ({"pose": 2.0 * np.eye(4)}, "rotation"),
+        ({"pose": [[1.0], [1.0, 2.0]]}, "camera 'rear': "),
+        ({"name": "a b"}, "camera 'a b': camera: expected 1 to 64 characters"),
+        ({"intrinsics": Intrinsics(fx=-1.0, fy=60.0, cx=32.0, cy=24.0)}, "fx: expected"),
+        ({"intrinsics": Intrinsics(fx=np.nan, fy=60.0, cx=32.0, cy=24.0)}, "fx: expected"),
+        ({"intrinsics": MATRIX.T}, "3x3 camera matrix with the last row 0 0 1"),
+        ({"intrinsics": MATRIX[:2, :2]}, "3x3 camera matrix"),
+        ({"max_depth_m": -1.0}, "max_depth_m: expected"),
+    ],
+)
+def test_impossible_camera_is_refused_before_its_first_frame(
+    small: Pipeline, arguments: dict[str, Any], says: str
+) -> None:
+    given = {"name": "rear", "intrinsics": MATRIX} | arguments
+    for add in (small.add_camera, Camera):
+        with pytest.raises(SourceError) as error:
+            add(**given)
+        assert says in str(error.value)
+
+
+def test_fisheye_lens_with_its_size_is_accepted() -> None:
+    with Pipeline() as own:
+        lens = Intrinsics(
+            fx=60.0, fy=60.0, cx=32.0, cy=24.0, distortion=(0.1, 0.0, 0.0, 0.0), fisheye=True
+        )
+        own.add_camera("wide", msgspec.structs.replace(lens, width=64, height=48))
+        assert own.process(RGB, DEPTH, 0.0) is not None
+
+
+def test_closed_pipeline_refuses_frames() -> None:
+    with Pipeline() as own:
+        own.add_camera("front", LENS)
+    with pytest.raises(People4dError, match="the pipeline is closed"):
+        own.process(RGB, DEPTH, 0.0)
+
+
 def test_frame_older_than_the_last_one_is_refused(small: Pipeline) -> None:
     assert small.process(RGB, DEPTH, 20.0) is not None
     with pytest.raises(SourceError, match=r"0\.1 s older"):
         small.process(RGB, DEPTH, 19.9)
+    with pytest.raises(SourceError, match="a frame has the stamp of the one before"):
+        small.process(RGB, DEPTH, 20.0)
     later = small.process(RGB, DEPTH, 5000.0)
     assert later is not None
     assert later.stamp_ns == 5000 * 10**9

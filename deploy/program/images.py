@@ -15,9 +15,21 @@ from people4d.errors import SourceError
 from people4d.messages import F64, U8, CameraInfo
 from people4d.messages.base import MAX_STAMP_NS
 from services.camera.alignment import ImageAlignment, align
-from services.camera.calibration import Calibration, Intrinsics, static_transform, to_intrinsics
+from services.camera.calibration import (
+    Calibration,
+    Intrinsics,
+    camera_info,
+    static_transform,
+    to_intrinsics,
+)
 from services.camera.frame_check import FrameCheck
 from services.camera.source import SourceFrame
+
+IMAGES = (
+    "Give rgb as HxWx3 uint8, red first, and depth as HxW: uint16 millimetres or float metres; "
+    "the first frame sets the size."
+)
+ORDER = "Give each frame once, oldest first; a new recording needs a new Pipeline or Camera."
 
 
 def mount(
@@ -38,7 +50,7 @@ def mount(
 class CameraImages:
     """Checks the images of a camera; the first ones define the size.
 
-    SourceError if intrinsics or pose are impossible.
+    SourceError if name, intrinsics, pose or range are impossible.
 
     Args:
         name: Name of the camera.
@@ -57,10 +69,15 @@ class CameraImages:
         parent: str = MAP,
         max_depth_m: float = 5.0,
     ) -> None:
-        if not isinstance(intrinsics, Intrinsics):
-            intrinsics = to_intrinsics(np.asarray(intrinsics, np.float64))
-        matrix = mount() if pose is None else np.asarray(pose, np.float64)
-        self.name, self._intrinsics, self._max_depth_m = name, intrinsics, max_depth_m
+        self.name, self._max_depth_m = name, max_depth_m
+        try:
+            self._intrinsics = _to_intrinsics(intrinsics)
+            matrix = mount() if pose is None else np.asarray(pose, np.float64)
+            # The first images define the size; all else is checked before them.
+            lens = msgspec.structs.replace(self._intrinsics, fisheye=False, width=0, height=0)
+            self._own_info(camera_info(lens, (1, 1)))
+        except (TypeError, ValueError) as error:
+            raise SourceError(f"camera {name!r}: {error}") from error
         self.transform = static_transform(parent, f"{name}_optical_frame", matrix)
         self._alignment: ImageAlignment | None = None
         self._stamp_ns: int | None = None  # acquisition time of the last frame [ns]
@@ -78,27 +95,36 @@ class CameraImages:
         )
         frame = check.accept(SourceFrame(rgb, depth, stamp_ns))
         if not isinstance(frame, SourceFrame):
-            raise SourceError(f"camera {self.name}: {check.fault}", REJECTED[check.cause])
+            hint = REJECTED[check.cause] if check.cause == "wrong_stamp" else IMAGES
+            raise SourceError(f"camera {self.name}: {check.fault}", hint)
         if abs(stamp_ns) > MAX_STAMP_NS:
             problem = f"camera {self.name}: stamp_ns: expected +-2**62 at most, got {stamp_ns}"
             raise SourceError(problem, REJECTED["wrong_stamp"])
         if self._stamp_ns is not None and stamp_ns <= self._stamp_ns:
             ago_s = (self._stamp_ns - stamp_ns) / 1e9
-            problem = f"camera {self.name}: a frame is {ago_s:g} s older than the one before"
-            raise SourceError(
-                problem, "Give the oldest first; a new recording needs a new Pipeline or Camera."
-            )
+            order = f"is {ago_s:g} s older than" if ago_s else "has the stamp of"
+            raise SourceError(f"camera {self.name}: a frame {order} the one before", ORDER)
         images = alignment(frame.rgb.copy(), frame.depth_mm.copy())
         self._alignment, self._stamp_ns = alignment, stamp_ns
         return SourceFrame(*images, stamp_ns)
 
     def _align(self, rgb: U8) -> ImageAlignment:
-        if np.ndim(rgb) < 2:
-            raise SourceError(f"camera {self.name}: rgb is not an image", "Give HxWx3, red first.")
-        size = (np.shape(rgb)[0], np.shape(rgb)[1])
+        shape: tuple[int, ...] = getattr(rgb, "shape", ())
+        if len(shape) < 2:
+            raise SourceError(f"camera {self.name}: rgb is not an image", IMAGES)
+        size = (shape[0], shape[1])
         calibration = Calibration(colour=self._intrinsics)
         alignment = align(calibration, self._intrinsics, size, size, self.transform.child)
-        info = msgspec.structs.replace(
-            alignment.info, camera=self.name, max_depth_m=self._max_depth_m
-        )
-        return replace(alignment, info=info)
+        return replace(alignment, info=self._own_info(alignment.info))
+
+    def _own_info(self, info: CameraInfo) -> CameraInfo:
+        return msgspec.structs.replace(info, camera=self.name, max_depth_m=self._max_depth_m)
+
+
+def _to_intrinsics(given: Intrinsics | npt.ArrayLike) -> Intrinsics:
+    if isinstance(given, Intrinsics):
+        return given
+    matrix = np.asarray(given, np.float64)
+    if matrix.shape != (3, 3) or matrix[2].tolist() != [0.0, 0.0, 1.0]:
+        raise ValueError("expected Intrinsics, or a 3x3 camera matrix with the last row 0 0 1")
+    return to_intrinsics(matrix)

@@ -14,7 +14,7 @@ from common.drawing.people import annotate
 from common.transport.memory_bus import MemoryBus
 from deploy.program.images import CameraImages
 from evaluation.methods import read_method
-from people4d.errors import ConfigError, SourceError
+from people4d.errors import ConfigError, People4dError, SourceError
 from people4d.messages import U8, Detections, Message, MovingTransform, Odometry, RgbdFrame, Tracks
 from people4d.messages.base import MAX_STAMP_NS
 from people4d.validation import describe
@@ -46,6 +46,7 @@ class Pipeline:
         embedders = [build_reid(method.reid)] if method.reid else []
         self._bus = MemoryBus([build_detector(method.detector), *embedders, self._tracker], False)
         self._cameras: dict[str, _Camera] = {}
+        self._closed = False
         self.detections: Detections | None = None  # detections of the last frame
         self.people: Tracks | None = None  # last result of `process`
 
@@ -59,8 +60,8 @@ class Pipeline:
     ) -> None:
         """Add a camera before its first frame.
 
-        ConfigError if there is such a camera already; SourceError if intrinsics or pose are
-        impossible.
+        ConfigError if there is such a camera already; SourceError if name, intrinsics, pose or
+        range are impossible.
 
         Args:
             name: Its name, for `process`.
@@ -86,6 +87,7 @@ class Pipeline:
 
         ConfigError if there is no such camera; SourceError if the images are invalid, or the stamp
         is not in seconds or not later than the last one. Later frames are not affected.
+        People4dError after `close`.
 
         Args:
             rgb: HxWx3 of 8 bits, red first.
@@ -114,7 +116,8 @@ class Pipeline:
         return [reason for node in self._bus.nodes if (reason := node.status().reason)]
 
     def close(self) -> None:
-        """Release the networks."""
+        """Release the networks; later frames are refused."""
+        self._closed = True
         for node in self._bus.nodes:
             node.close()
 
@@ -135,7 +138,9 @@ class Pipeline:
         raise ConfigError(f"unknown camera {name!r}; known: {known}", "Call add_camera before.")
 
     def _publish(self, now_ns: int, *messages: Message) -> list[Message]:
-        """Return messages and all resulting messages."""
+        """Return messages and all resulting messages; People4dError after `close`."""
+        if self._closed:
+            raise People4dError("the pipeline is closed", "Make a new Pipeline.")
         self._bus.now_ns = now_ns
         self._bus.log.clear()
         return self._bus.publish(*messages)

@@ -54,9 +54,9 @@ class PushedFrames(Source):
 class Camera:
     """A camera of a running system; a context manager, or `close` at the end.
 
-    The system is started without a camera: `people4d up --source push`. SourceError if intrinsics
-    or pose are impossible; ConfigError if no system of this robot runs, or it has a camera of this
-    name.
+    The system is started without a camera: `people4d up --source push`. SourceError if name,
+    intrinsics, pose or range are impossible; ConfigError if no system of this robot runs, or it has
+    a camera of this name.
 
     Args:
         name: Name of the camera in keys and messages.
