@@ -18,7 +18,6 @@ GROUPS = {
         "real_variations": "annotated people in augmented images, other orders and half the rate",
         "lab_people": "`best` on forty random scenes of the lab",
         "postures": "postures, falls and gestures of simulated people, as geometry",
-        "objects": "a robot, posters and other still figures beside people",
     },
     "speed": {
         "together": "services in one process and apart, beside the bare network; stages",

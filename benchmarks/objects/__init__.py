@@ -1,0 +1,1 @@
+"""Benchmark of objects that are detected as people."""
