@@ -1,6 +1,6 @@
 """Files of motion capture: TRC (OpenSim) and C3D of the joints of a person.
 
-Axes are those of OpenSim: x ahead in the map, y up, z to its right. Lengths are in millimetres.
+Axes as in OpenSim: x ahead in the map, y up, z to its right. Lengths are in millimetres.
 Unknown joints are empty in TRC and have a residual of -1 in C3D.
 """
 

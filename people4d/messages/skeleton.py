@@ -42,7 +42,7 @@ class PersonSkeleton(Record, frozen=True, kw_only=True):
     # [m] height from sole to crown by the lengths of bones; absent: unknown
     stature_m: Positive | None = None
     stature_sigma_m: Positive | None = None  # [m] its standard deviation
-    child: Probability = 0.0  # probability of a stature below 1.45 m, that of a child
+    child: Probability = 0.0  # probability of a stature below 1.45 m, as of a child
     # probability of an object: a poster, a screen, or a figure that never moves
     object_like: Probability = 0.0
 

@@ -1,7 +1,7 @@
 """Real images as video with the noise of a sensor: figures that never move, and posters.
 
 An image that is repeated is a figure that never moves; a poster has the depth of a plane. The
-noise is that of a Kinect: 1.4 mm at 1 m, growing with the squared distance, and 3 of 255 grey
+noise of a Kinect is 1.4 mm at 1 m and grows with the squared distance; colours have 3 of 255 grey
 levels.
 """
 
