@@ -16,9 +16,10 @@ function viewOf(camera) {
     const figure = document.createElement("figure"), canvas = document.createElement("canvas");
     const caption = document.createElement("figcaption");
     canvas.setAttribute("role", "img");
+    canvas.setAttribute("aria-label", `Camera ${camera}`); // until the first image tells the number of people
     figure.append(canvas, caption);
     holder.append(figure);
-    const view = { canvas, caption, scene: null, bitmap: null, shown: 0, scenes: new Map(), next: null, decodes: false, labelled: 0 };
+    const view = { canvas, caption, scene: null, bitmap: null, shown: 0, scenes: new Map(), next: null, decodes: false, labelled: -Infinity };
     canvas.addEventListener("click", (event) => pick(view, event));
     views.set(camera, view);
   }
