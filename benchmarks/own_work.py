@@ -15,7 +15,7 @@ import numpy as np
 
 from benchmarks.lib import options
 from benchmarks.lib.system.bare import FLOAT, INFERENCE, bare_ms
-from benchmarks.lib.system.live_camera import StoredDemo
+from benchmarks.lib.system.live_camera import StoredDemo, frames_file
 from benchmarks.lib.table import markdown, spread, write
 from common.inference.engines import open_session
 from common.inference.session import Array, Session
@@ -64,7 +64,7 @@ class Chain:
     """
 
     def __init__(self, stored: bool) -> None:
-        source = StoredDemo(FRAMES)
+        source = StoredDemo(frames_file(FRAMES))
         self._frames, info = list(source), source.info
         path, _ = weights.locate(DetectorConfig().model, "")
         session: Session = open_session(path)

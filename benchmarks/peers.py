@@ -17,7 +17,7 @@ import onnx
 
 from benchmarks.lib import options
 from benchmarks.lib.system.bare import FLOAT, bare_ms
-from benchmarks.lib.system.live_camera import StoredDemo
+from benchmarks.lib.system.live_camera import StoredDemo, frames_file
 from benchmarks.lib.system.playback import APART, TOGETHER, Arrangement, live, lockstep, play
 from benchmarks.lib.table import markdown, spread, write
 from benchmarks.together import RATE_SHARE
@@ -40,7 +40,7 @@ def peers(python: str, model: Path, frames: int) -> dict[str, list[float]]:
         model: Network of YOLOv8-pose.
         frames: Frames of the shipped recording, repeated.
     """
-    shown = [frame.rgb for frame in StoredDemo()]
+    shown = [frame.rgb for frame in StoredDemo(frames_file(75))]
     images = np.array([shown[k % len(shown)] for k in range(frames)])
     with tempfile.TemporaryDirectory() as folder:
         source, target = Path(folder) / "frames.npy", Path(folder) / "times.json"

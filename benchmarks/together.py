@@ -145,7 +145,7 @@ def main() -> None:
         "onnxruntime alone in one thread, in the same round; a float run is one of "
         f"`{FLOAT}`. With a core for the detector: `PEOPLE4D_DETECTOR_CORES` names the last core, "
         "and the subscriber does not use it. Memory: proportional set size; the camera holds 24 "
-        "frames, 37 MB. See [docs/launch/together.md](../docs/launch/together.md).",
+        "frames, 37 MB, and does not simulate a depth sensor, which needs 80 MB.",
         *sections,
         f"## Stages of a frame: {asked.detectors[-1]}, apart, {SHARE_LOAD}, {rate_hz:.1f} Hz",
         "Stages are explained in [docs/operation/latency.md](../docs/operation/latency.md).",

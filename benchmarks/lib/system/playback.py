@@ -12,7 +12,7 @@ from typing import NamedTuple
 import psutil
 
 from benchmarks.lib.system.bare import INFERENCE
-from benchmarks.lib.system.live_camera import LiveDemo, StoredDemo
+from benchmarks.lib.system.live_camera import LiveDemo, StoredDemo, frames_file
 from benchmarks.lib.system.services import READY_S, running
 from common.inference.cores import VARIABLE
 from common.runtime.monitor import FramePath, Monitor
@@ -67,6 +67,7 @@ def lockstep(frames: int) -> tuple[str, ...]:
     source = f"source={StoredDemo.__module__}:{StoredDemo.__name__}"
     return (
         source,
+        f"options.path={frames_file(75)}",
         "loop=true",
         "playback=lockstep",
         "window=2",
@@ -76,7 +77,8 @@ def lockstep(frames: int) -> tuple[str, ...]:
 
 def live(rate_hz: float) -> tuple[str, ...]:
     """Return the camera's settings for the same images at a rate, stamped by the clock."""
-    return (f"source={LiveDemo.__module__}:{LiveDemo.__name__}", f"options.rate_hz={rate_hz:.2f}")
+    source = f"source={LiveDemo.__module__}:{LiveDemo.__name__}"
+    return source, f"options.path={frames_file(24, 5)}", f"options.rate_hz={rate_hz:.2f}"
 
 
 def play(
