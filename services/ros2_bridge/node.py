@@ -126,8 +126,8 @@ class Ros2BridgeNode(Node):
                 self._humans.add_detections(message)
         elif isinstance(message, Skeletons):
             if self._humans:
-                frame_id = self._people.frame_of(message.frame_id, message.stamp_ns)[1]
-                self._humans.send_postures(message, self._stamp_ns(message), frame_id)
+                frame = self._people.frame_of(message.frame_id, message.stamp_ns)
+                self._humans.send_skeletons(message, self._stamp_ns(message), frame)
         elif isinstance(message, Event):
             if self._humans:
                 self._humans.send_gesture(message, self._stamp_ns(message))

@@ -254,6 +254,36 @@ def test_posture_of_a_body_is_published(posture: Posture, number: int) -> None:
     assert ros.last("/humans/bodies/b00007/object_like").data == 0.75
 
 
+def test_joint_states_turn_with_the_body_and_urdf_follows_its_bones() -> None:
+    node, ros = bridge(Ros2BridgeConfig(publish=("humans",)))
+    node.handle(people(person(yaw_rad=math.pi / 2)), 0)
+    message = raising("standing", 9)
+    joints_m = np.zeros((17, 3), np.float32)  # the body faces +y, its left is -x
+    joints_m[[5, 11], 0], joints_m[[6, 12], 0] = -0.2, 0.2
+    joints_m[[5, 6], 2] = 0.5
+    joints_m[[7, 8]] = joints_m[[5, 6]] + (0.0, 0.3, 0.0)  # arms forward
+    joints_m[[9, 10]] = joints_m[[7, 8]] + (0.0, 0.25, 0.0)
+    joints_m[[13, 14]] = joints_m[[11, 12]] - (0.0, 0.0, 0.4)
+    joints_m[[15, 16]] = joints_m[[13, 14]] - (0.0, 0.0, 0.4)
+    body = msgspec.structs.replace(message.people[0], positions_m=joints_m)
+    node.handle(msgspec.structs.replace(message, people=(body,)), 0)
+    found = ros.last("/humans/bodies/b00007/joint_states")
+    angles = dict(zip(found.name, found.position, strict=True))
+    assert angles["waist_b00007"] == pytest.approx(0.0)
+    assert angles["l_p_shoulder_b00007"] == pytest.approx(math.pi / 2)
+    assert angles["r_y_shoulder_b00007"] == pytest.approx(math.pi / 2, abs=1e-6)
+    assert angles["l_r_hip_b00007"] == pytest.approx(0.0, abs=1e-6)
+    assert ros.topics["/humans/bodies/b00007/urdf"].qos == LATCHED
+    assert 'xyz="0.0 0.0 -0.3"' in ros.last("/humans/bodies/b00007/urdf").data  # elbow
+    for k, (scale, measured) in enumerate([(1.05, True), (2.0, False), (1.3, True)], 1):
+        taller = msgspec.structs.replace(
+            body, positions_m=scale * joints_m, measured=(measured,) * 17
+        )
+        node.handle(msgspec.structs.replace(message, stamp_ns=START_NS + k, people=(taller,)), 0)
+        # the mean torso is 0.5125 m, without hidden joints the same, then 0.558 m
+        assert len(ros.messages("/humans/bodies/b00007/urdf")) == (1, 1, 2)[k - 1]
+
+
 def test_engagement_of_a_person_is_published() -> None:
     node, ros = bridge(Ros2BridgeConfig(publish=("humans",)))
     node.handle(people(person(yaw_rad=2.7)), 0)  # the robot is unknown

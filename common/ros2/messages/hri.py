@@ -14,6 +14,7 @@ SKELETON = "hri_msgs/msg/Skeleton2D"
 POSTURE = "hri_msgs/msg/BodyPosture"
 GESTURE = "hri_msgs/msg/Gesture"
 ENGAGEMENT = "hri_msgs/msg/EngagementLevel"
+JOINTS = "sensor_msgs/msg/JointState"
 POINT, TWIST = "geometry_msgs/msg/PointStamped", "geometry_msgs/msg/TwistStamped"
 TEXT, FLAG, NUMBER = "std_msgs/msg/String", "std_msgs/msg/Bool", "std_msgs/msg/Float32"
 
@@ -27,7 +28,7 @@ POSTURES: dict[Posture, int] = {"standing": 1, "walking": 1, "sitting": 2, "lyin
 GESTURES = {"raised_hand": 3, "waved": 6}
 
 
-def body_id(person: RosPerson) -> str:
+def body_id(person: RosPerson | PersonSkeleton) -> str:
     """Return the id of a person's body; a part of a topic's name cannot begin with a digit."""
     return f"b{person.id:05d}"
 
