@@ -22,6 +22,7 @@ from services.target.belief import (
 from services.target.choice import find_person
 from services.target.config import TargetConfig
 from services.target.enrolment import Enrolled
+from services.target.height import TorsoHeight
 from services.target.observe import TargetCandidate, TargetFrame
 
 CROP_NS = 80_000_000  # minimum interval between two crops that count [ns]
@@ -52,6 +53,7 @@ class Memory(msgspec.Struct):
     locked_m: tuple[float, float] = (0.0, 0.0)  # [m] position at that time
     tracks: dict[int, TrackBelief] = {}
     appearance: Appearance = msgspec.field(default_factory=Appearance)
+    height: TorsoHeight = msgspec.field(default_factory=TorsoHeight)
 
     @property
     def arrival(self) -> float:
@@ -143,6 +145,7 @@ class ChosenPerson:
             spread(memory.tracks, memory.arrival)
         if is_reset:
             memory.locked_ns = memory.command_ns = None
+            memory.height = TorsoHeight()
             for one in memory.tracks.values():
                 one.matched_ns = one.crop_ns = frame.stamp_ns - GAP_NS
         memory.stamp_ns, memory.frame_id = frame.stamp_ns, frame.frame_id
@@ -226,7 +229,8 @@ class ChosenPerson:
             counted.append(person)
             if appearance.own and not person.is_cut:
                 elsewhere, is_open = others - {person.id}, one.prior < CERTAIN
-                one.add_ratio(appearance.log_ratio(person.embedding, elsewhere, is_open))
+                ratio = appearance.log_ratio(person.embedding, elsewhere, is_open)
+                one.add_ratio(ratio + is_open * self.memory.height.log_ratio(person.height_m))
         return counted
 
     def _decide(self, frame: TargetFrame) -> Decision:
@@ -281,6 +285,7 @@ class ChosenPerson:
         for person in counted:
             if person.id == target and person.embedding is not None:
                 memory.appearance.learn_own(person.embedding)
+                memory.height.learn(person.height_m)
 
     def _learn_others(self, counted: list[TargetCandidate]) -> None:
         """Learn views of each track that is another person by continuity."""

@@ -25,6 +25,11 @@ class TargetCandidate:
         """Identity of the track."""
         return self.track.id
 
+    @property
+    def height_m(self) -> float:
+        """Height of the torso in the frame of the tracks [m]."""
+        return float(self.track.position_m[2])
+
 
 @dataclass(frozen=True)
 class TargetFrame:

@@ -40,6 +40,7 @@ class Scene:
         hidden: Sequence[int] = (),
         with_embeddings: bool = True,
         cut: Sequence[int] = (),
+        heights: Mapping[int, float] | None = None,
         **fields: Any,
     ) -> Target:
         """Return the answer to one frame.
@@ -49,6 +50,7 @@ class Scene:
             hidden: Tracks without a detection in this frame.
             with_embeddings: The appearance of the people arrives, too.
             cut: Tracks at a side of the image.
+            heights: Heights of the torso by track [m], usually 1.
             fields: Fields of Tracks.
         """
         self.stamp_ns += FRAME_NS
@@ -65,7 +67,7 @@ class Scene:
         tracks = [
             builders.track(
                 id=track,
-                position_m=np.array([x, y, 1.0]),
+                position_m=np.array([x, y, (heights or {}).get(track, 1.0)]),
                 detection=None if track in hidden else visible.index(track),
                 state="lost" if track in hidden else "confirmed",
                 age=self._ages[track],

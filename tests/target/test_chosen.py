@@ -68,6 +68,39 @@ def test_alike_person_with_a_new_track_is_not_locked() -> None:
     assert states == {"searching", "lost"}
 
 
+def test_alike_person_of_another_height_is_not_locked() -> None:
+    scene = followed()
+    scene.frames(30, {})
+    # At 14 degrees the distance is 0.03: the log ratio of the clothes is 5, of 0.2 m in height -5.
+    states = {scene.frame({7: (4, 1, 14.0)}, heights={7: 1.2}).state for _ in range(50)}
+    assert states == {"searching", "lost"}
+    scene.frames(30, {})
+    assert scene.frames(5, {8: (4, 1, 14.0)}, heights={8: 1.03}).id == 8
+
+
+def test_clothes_that_nearly_suffice_are_enough_with_the_same_height() -> None:
+    scene = followed()
+    scene.frames(30, {})
+    # The distance is 0.073: log ratio (0.102 - 0.073) / 0.012 = 2.4, below log(0.95 / 0.05) = 2.9.
+    assert scene.frames(5, {7: (4, 1, 22.0)}, heights={7: 1.08}).id is None
+    scene.frames(30, {})
+    assert scene.frames(5, {8: (4, 1, 22.0)}).id == 8  # 2.4 + log(0.09 / 0.04) = 3.2
+
+
+def test_person_who_sits_down_stays_locked_and_is_known_by_the_new_height() -> None:
+    scene = followed()
+    states = {scene.frame({1: (3, 0, RED)}, heights={1: 0.6}).state for _ in range(100)}
+    assert states == {"locked"}
+    scene.frames(30, {})
+    assert scene.frames(5, {7: (3, 0, RED)}, heights={7: 0.6}).id == 7
+
+
+def test_height_is_forgotten_with_the_frame_of_the_tracks() -> None:
+    scene = followed()
+    scene.frames(30, {}, frame_id="odom")
+    assert scene.frames(5, {7: (3, 0, RED)}, heights={7: 2.0}, frame_id="odom").id == 7
+
+
 def test_alike_person_in_view_during_an_absence_is_not_locked_later() -> None:
     """Track 2 is another person by continuity, so its views count against its later tracks."""
     scene = followed()
