@@ -1,6 +1,7 @@
 """One chosen person in a scene, by the service and by identities alone."""
 
 import math
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -33,6 +34,12 @@ class PlayedFrame:
     def boxed(self) -> set[int]:
         """Tracks with a detection."""
         return {t.id for t in self.tracks.tracks if t.detection is not None}
+
+    @property
+    def embedded(self) -> set[int]:
+        """Tracks with the embedding of a crop."""
+        crops = self.embeddings.detections if self.embeddings else ()
+        return {t.id for t in self.tracks.tracks if t.detection in crops}
 
 
 @dataclass(frozen=True)
@@ -74,7 +81,7 @@ def played_frames(run: EvaluationRun, output: RunOutput) -> list[PlayedFrame]:
 
 
 def choices(frames: Sequence[PlayedFrame]) -> list[Choice]:
-    """Return each person with the first track that is the person's beyond doubt."""
+    """Return each person with crops with the first track that is the person's beyond doubt."""
     found: dict[Id, Choice] = {}
     for index, frame in enumerate(frames[:-1]):
         ages = {t.id: t.age for t in frame.tracks.tracks}
@@ -88,7 +95,7 @@ def choices(frames: Sequence[PlayedFrame]) -> list[Choice]:
                 continue
             for track, position_m in zip(tracked.ids, tracked.positions_m, strict=True):
                 is_old = isinstance(track, int) and ages.get(track, 0) >= AGE_MIN
-                if is_old and track in frame.boxed and math.dist(position_m[:2], at_m) < NEAR_M:
+                if is_old and track in frame.embedded and math.dist(position_m[:2], at_m) < NEAR_M:
                     found[person] = Choice(person, int(track), index + 1)
     return list(found.values())
 
@@ -120,23 +127,38 @@ def by_service(probability_min: float) -> Rule:
     config = TargetConfig(probability_min=probability_min)
 
     def rule(frames: Sequence[PlayedFrame], choice: Choice) -> Iterator[int | None]:
-        node, start_ns = build(config), frames[0].truth.stamp_ns
-        for index, frame in enumerate(frames):
-            if index == choice.frame:
-                node.handle(TargetCommand(stamp_ns=0, sequence=0, action="id", id=choice.track), 0)
-            if frame.truth.stamp_ns - start_ns > RESTART_S * 1e9:
-                saved, start_ns = node.save(), frame.truth.stamp_ns
-                node = build(config)
-                node.restore(saved, 0)
-            node.handle(frame.detections, 0)
-            if frame.embeddings:
-                node.handle(frame.embeddings, 0)
-            (target,) = node.handle(frame.tracks, 0)
-            assert isinstance(target, Target)
-            if index >= choice.frame:
-                yield target.id if target.state == "locked" else None
+        for target, _ in _served(config, frames, choice):
+            yield target.id if target.state == "locked" else None
 
     return rule
+
+
+def work_ms(frames: Sequence[PlayedFrame], choice: Choice, people_min: int) -> list[float]:
+    """Return the own work of the service in frames with a number of tracks or more [ms]."""
+    served = zip(frames[choice.frame :], _served(TargetConfig(), frames, choice), strict=True)
+    return [ms for frame, (_, ms) in served if len(frame.tracks.tracks) >= people_min]
+
+
+def _served(
+    config: TargetConfig, frames: Sequence[PlayedFrame], choice: Choice
+) -> Iterator[tuple[Target, float]]:
+    """Yield the service's answer and its own work [ms] for each frame from the choice on."""
+    node, start_ns = build(config), frames[0].truth.stamp_ns
+    for index, frame in enumerate(frames):
+        if index == choice.frame:
+            node.handle(TargetCommand(stamp_ns=0, sequence=0, action="id", id=choice.track), 0)
+        if frame.truth.stamp_ns - start_ns > RESTART_S * 1e9:
+            saved, start_ns = node.save(), frame.truth.stamp_ns
+            node = build(config)
+            node.restore(saved, 0)
+        begin_s = time.thread_time()
+        node.handle(frame.detections, 0)
+        if frame.embeddings:
+            node.handle(frame.embeddings, 0)
+        (target,) = node.handle(frame.tracks, 0)
+        assert isinstance(target, Target)
+        if index >= choice.frame:
+            yield target, 1e3 * (time.thread_time() - begin_s)
 
 
 def by_track(frames: Sequence[PlayedFrame], choice: Choice) -> Iterator[int | None]:
