@@ -1,7 +1,7 @@
 """Shared parts of all services: buses, the process loop, geometry, inference, metrics.
 
-Two libraries send telemetry once imported. Every process of people4d imports this package first,
-and passes the variable to its children.
+Two libraries send telemetry once imported, so this package switches it off. Every process of
+people4d imports it first, and passes the environment variable to its children.
 """
 
 import os

@@ -75,7 +75,7 @@ def write_certificates(folder: Path, hosts: Hosts, addresses: Sequence[str], day
 
 
 def write_passwords(folder: Path, hosts: Hosts) -> None:
-    """Write the passwords of each host, all for the router's; ConfigError if a role is unknown."""
+    """Write the passwords of each host, and their list for the router; or ConfigError."""
     _check(hosts)
     known = {role: secrets.token_urlsafe(PASSWORD_BYTES) for role in roles()}
     for host, its_roles in hosts.items():

@@ -106,7 +106,7 @@ class TuningResult:
 def check_tuning(recording: EvaluationRecording, method: Method) -> None:
     """Check that settings of a method may be searched on a recording.
 
-    ConfigError if the recording is for judging only, or the tracker has no settings to search.
+    ConfigError if the recording is in the test split, or the tracker has no settings to search.
     """
     tracker, file = method.tracker.tracker, recording.annotations
     held_out = {(name, seed) for name, seed, _ in HELD_OUT}
@@ -215,8 +215,8 @@ def tune_plan(
 ) -> TuningResult:
     """Search settings of the only method of a plan on its only recording.
 
-    ConfigError if the recording is for judging only; SourceError if a recording cannot be read, has
-    no truth, or is too short; ModelError if a model is absent.
+    ConfigError if the recording is in the test split; SourceError if a recording cannot be read,
+    has no truth, or is too short; ModelError if a model is absent.
     """
     (recording,), (method,) = plan.recordings, plan.methods
     check_tuning(recording, method)

@@ -136,7 +136,7 @@ class ZenohSession:
 
     Raises:
         ConfigError: The name of the robot cannot be part of a key.
-        People4dError: No session: nothing listens at the endpoint, or it refuses the credentials.
+        People4dError: Nothing listens at the endpoint, or it refuses the credentials.
     """
 
     def __init__(self, config: zenoh.Config, robot: str, connect_timeout_s: float = 0.0) -> None:

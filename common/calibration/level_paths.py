@@ -11,8 +11,9 @@ from common.calibration.tracklets import LIMBS_COUNT, STEP_S, Tracklet
 from people4d.messages import F64, CameraInfo
 
 BOOL = npt.NDArray[np.bool_]
-MARGIN = 0.1  # share of the image at its border with possible missed detections
-NEAR_M, FAR_SHARE = 1.2, 0.8  # depth range of reliable detections, share of the maximum
+MARGIN = 0.1  # border in which detections may be missing, relative to the image's side
+# Depth range of reliable detections: minimum [m], and maximum relative to max_depth
+NEAR_M, FAR_SHARE = 1.2, 0.8
 
 
 @dataclass(frozen=True)

@@ -108,7 +108,7 @@ def _draw_camera(image: U8, scale: _Scale, frame_from_optical: F64) -> None:
     if length < 1e-3:  # straight up or down
         return
     forward = forward / length * WEDGE_M
-    side = np.array([-forward[1], forward[0]]) * 0.52  # half of 55 degrees
+    side = np.array([-forward[1], forward[0]]) * 0.52  # tan(55 / 2 degrees)
     corners = scale.pixels(np.stack([here, here + forward + side, here + forward - side]))
     fixed = np.round(corners * 16).astype(np.int32)
     cv2.fillPoly(image, [fixed], FAINT, cv2.LINE_AA, 4)

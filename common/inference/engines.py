@@ -27,10 +27,10 @@ def open_session(
 ) -> Session:
     """Open a network with an engine.
 
-    int8 networks are compared with their unoptimised graph on one image, since some versions of
-    the libraries fuse such graphs wrongly or cannot run the fused graph, and since sums saturate on
-    processors without 8-bit dot products (correlation from .998 to .96 on images of people). If the
-    outputs differ, the unoptimised graph is used, which is slower.
+    The outputs of an int8 network are compared with its unoptimised graph on one image. If they
+    differ, the unoptimised graph is used, which is slower. Some versions of the libraries fuse such
+    graphs wrongly or cannot run the fused graph. On processors without 8-bit dot products sums
+    saturate: the correlation on images of people falls from .998 to .96.
 
     Args:
         path: The .onnx file.

@@ -25,8 +25,8 @@ def read_arrays(
 ) -> Mapping[str, npt.NDArray[Any]]:
     """Read needed and optional arrays by name.
 
-    OSError if the file cannot be read; ValueError if it is no NPZ file, lacks an array, or one is
-    damaged, too large or no numbers.
+    OSError if the file cannot be read; ValueError if it is not an NPZ file or lacks an array, or if
+    an array is damaged, too large or not numeric.
     """
     try:
         with zipfile.ZipFile(path) as file:

@@ -193,7 +193,7 @@ class Recording:
 
 
 def open_recording(path: Path) -> Recording:
-    """Open a recording, up to its last complete message; SourceError if it is none."""
+    """Open a recording, up to its last complete message; SourceError for another file."""
     try:
         with path.open("rb") as file:
             index = scan(file)

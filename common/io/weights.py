@@ -106,7 +106,7 @@ def folders(configured: str = "", environment: Mapping[str, str] = os.environ) -
 
 
 def find(model: ModelFile, searched: Sequence[Path]) -> Path:
-    """Return the path of a model's file in the first folder with it; ModelError if none has it."""
+    """Return the path of a model's file in the first folder with it; or raise ModelError."""
     for folder in searched:
         path = folder / model.file
         if path.is_file():
@@ -145,7 +145,7 @@ def checksum(path: Path) -> str:
 
 
 def verify(path: Path, sha256: str) -> None:
-    """Check the checksum of a file, empty for any; ModelError if it is another."""
+    """Raise ModelError if the checksum of a file differs from `sha256`; empty: no check."""
     if not sha256:
         return
     got = checksum(path)

@@ -17,7 +17,7 @@ def ground_truth_of(
 ) -> GroundTruth:
     """Return N people, all `plausible`, as ground truth, with flags (N each).
 
-    `out_of_view` is None if the view is not known, `occluded` if none is.
+    `out_of_view` is None if the view is unknown, `occluded` is None if all are unoccluded.
     """
     return GroundTruth(**_columns(people), out_of_view=out_of_view, occluded=occluded)
 

@@ -92,7 +92,7 @@ def _lifetime(history: PersonHistory, periods_s: F64, stamps_s: F64) -> Lifetime
 
 
 def _returns(history: PersonHistory, view: I64, matching: Matching) -> Iterator[bool]:
-    """Yield True or False for each return of a tracked person: the track is the same.
+    """Yield for each return of a tracked person True if the track is the same.
 
     The person was out of view for at least AWAY_S, and has to be tracked after the return. The most
     frequent track of the visit counts.

@@ -83,7 +83,7 @@ class Matching:
 
 
 class Matcher:
-    """Matcher of frames of unended sequences; a match has the threshold's similarity or more."""
+    """Matches people and tracks frame by frame; a match has at least the threshold's similarity."""
 
     def __init__(self, similarity: Similarity, threshold: float = 0.5) -> None:
         self.persons: dict[Id, int] = {}  # number of each true person so far

@@ -128,7 +128,7 @@ def _run(loops: dict[str, Loop]) -> int:
 
     on_stop_signals(lambda: ended.put(None))
     threads = {}
-    # Consumers first, so that none misses a message.
+    # Consumers first, so that no consumer misses a message.
     for instance, loop in reversed(loops.items()):
         threads[instance] = threading.Thread(target=run, args=(instance, loop), name=instance)
         threads[instance].start()

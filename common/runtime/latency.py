@@ -132,7 +132,7 @@ def _segment(span: Span, clocks: Mapping[str, HostOffset]) -> TraceSegment:
 
 
 def _between(before: Span, after: Span, clocks: Mapping[str, HostOffset]) -> list[TraceSegment]:
-    """Return the time between two stages as a segment, none if there is none."""
+    """Return the time between two stages as a segment; an empty list if there is none."""
     same = before.process == after.process
     if same and before.end_ns == after.start_ns:
         return []

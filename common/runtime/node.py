@@ -114,7 +114,7 @@ class Node(ABC):
         return None
 
     def is_finished(self) -> bool:
-        """Check that the process may end, "finished" with a reason; called after each message."""
+        """Check that the process may end as finished; called after each message."""
         return False
 
     def status(self) -> Status:

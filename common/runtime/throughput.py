@@ -25,7 +25,8 @@ PROGRESS = {
     "predictions",
     "people_unknown",
 }
-PROGRESS_PREFIXES = ("received_", "sent_", "left_", "taken_over_")  # left: to a replica
+# Prefixes of counters of progress; "left_": messages that another replica handles
+PROGRESS_PREFIXES = ("received_", "sent_", "left_", "taken_over_")
 
 
 class Throughput:

@@ -55,7 +55,7 @@ def read_config(
 
 
 def is_private(environment: Mapping[str, str]) -> bool:
-    """Check $PEOPLE4D_PRIVACY: on, no pixel leaves the host; ConfigError if it is not on or off."""
+    """Check that no pixel may leave the host; ConfigError if $PEOPLE4D_PRIVACY is not on or off."""
     text = environment.get("PEOPLE4D_PRIVACY", "")
     if text not in ("", "off", "on"):
         raise ConfigError(f"PEOPLE4D_PRIVACY: expected on or off, got {text!r}")
@@ -79,7 +79,7 @@ def _access_rules(mode: str, environment: Mapping[str, str]) -> dict[str, Any] |
 class ZenohBus(ZenohSession):
     """Publishes and subscribes through one Zenoh session.
 
-    ConfigError if the name of the robot cannot be part of a key; People4dError if no session:
+    ConfigError if the name of the robot cannot be part of a key; People4dError if
     nothing listens at the endpoint, or it refuses the credentials.
 
     Args:

@@ -50,7 +50,7 @@ class DatasetJob:
 
 @dataclass(frozen=True, kw_only=True)
 class Dataset(ABC):
-    """A data set: where its layout is described, how to get it, and how its own tool scores.
+    """A data set: description of its layout, its source, and scores as its own tool computes them.
 
     Instances are constants of the module of their adapter and listed in `registry.DATASETS`.
     """
@@ -86,7 +86,7 @@ class Dataset(ABC):
     def check_tuning(self, sequences: Iterable[str]) -> None:
         """Check that settings may be chosen on sequences.
 
-        ConfigError if one of them is for judging only.
+        ConfigError if one of them is in the test split.
         """
         for name in sequences:
             if not any(fnmatch(name, pattern) for pattern in self.tuning):

@@ -29,7 +29,7 @@ PERIOD_NS = 100_000_000
 SIZE_PX, FOV_DEG = (1242, 375), 81.4
 # Limits of TrackEval's Kitti2DBox
 OCCLUSION_MAX, TRUNCATION_MAX, HEIGHT_MIN_PX = 2, 0, 25.0
-# Sequences of TrackEval's validation split, kept for judging
+# Sequences of TrackEval's validation split, on which no setting is chosen
 VALIDATION = (1, 6, 8, 10, 12, 13, 14, 15, 16, 18, 19)
 BOX = slice(6, 10)
 

@@ -37,7 +37,7 @@ class MotDataset(Dataset):
     server: str = "SEQUENCE.txt: frame, id, left, top, width, height, 1, -1, -1, -1"
     preset: str = "image-sort-dynamic"
     columns: tuple[str, ...] = ("hota", "mota", "idf1", "id_switches")
-    tuning: tuple[str, ...] = ("train/*",)  # validation and test splits are for judging
+    tuning: tuple[str, ...] = ("train/*",)  # settings are chosen on no other split
 
     def sequences(self, folder: Path) -> Sequence[str]:
         """Return the sequences of all splits that are there, complete ones only."""

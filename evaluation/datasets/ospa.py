@@ -29,8 +29,8 @@ class OspaFigures(Counts):
 def ospa(truth: Sequence[BoxTruth], tracks: Sequence[BoxTracks]) -> float:
     """Return OSPA(2) of the tracks of each frame: 0 for the same paths, 1 for nothing in common.
 
-    The distance of two paths is the mean of 1 - IoU over the frames of either; a frame of one
-    alone counts 1. Paths are assigned at the least sum of distances; each one too many counts 1.
+    The distance of two paths is the mean of 1 - IoU over the frames of either path; a frame of only
+    one path counts 1. Paths are assigned at the least sum of distances; a surplus path counts 1.
     """
     people = {one: k for k, one in enumerate(sorted({i for t in truth for i in t.people[0]}))}
     found = {one: k for k, one in enumerate(sorted({i for t in tracks for i in t.ids.tolist()}))}

@@ -113,7 +113,7 @@ def predict(walks: Walks, config: PredictorConfig) -> PredictedWalks:
 
 
 def read_walks(folder: Path) -> Walks:
-    """Read `obsmat.txt` and `groups.txt` of a scene; SourceError if they are absent or others."""
+    """Read `obsmat.txt` and `groups.txt` of a scene; SourceError if one is absent or malformed."""
     try:
         table = np.loadtxt(folder / "obsmat.txt", ndmin=2)
         lines = (folder / "groups.txt").read_text(encoding="utf-8").splitlines()

@@ -38,7 +38,7 @@ def person_page(
 
 
 def _headline(parameters: Sequence[GaitParameter], steps: Sequence[FootStep]) -> str:
-    """Return the walk in two sentences: means, and a limp."""
+    """Summarise a walk in two sentences: its means, and whether the person limps."""
     if not steps:
         return "No steps were found."
     known = {one.name: one.value for one in parameters if one.value is not None}

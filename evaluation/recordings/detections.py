@@ -96,7 +96,7 @@ def detect(job: DetectionJob) -> DetectionFiles:
 
 
 def read_tracker_input(detections: Path, embeddings: Path | None) -> Iterator[Message]:
-    """Write the quantised network; its ends, and `floats`, stay in float32."""
+    """Yield the input of a tracker, each frame's embeddings before its detections."""
     found = open_recording(embeddings).messages(Embeddings) if embeddings else ()
     vectors = {message.stamp_ns: message for _, message in found}
     cameras = set()

@@ -35,7 +35,7 @@ class TruthFrame:
     map_from_camera: F64 | None = None  # 4x4, if the truth contains it
 
     def ground_truth(self, info: CameraInfo, map_from_camera: F64 | None) -> GroundTruth:
-        """Return the people, with flags of those out of view (none without a pose) or occluded."""
+        """Return the people, with flags: out of view (absent without a pose), and occluded."""
         away = np.array([person.id not in self.captured for person in self.people], np.bool_)
         if map_from_camera is not None:
             positions_m = np.array([person.position_m for person in self.people])

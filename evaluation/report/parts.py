@@ -62,7 +62,7 @@ def write_parts(path: Path, runs: Sequence[tuple[str, str, F64]]) -> None:
 
 
 def read_parts(path: Path) -> dict[tuple[str, str], F64]:
-    """Return the sums of each method and recording; SourceError if the file is missing or other."""
+    """Return the sums of each method and recording; SourceError if the file is unusable."""
     found: dict[tuple[str, str], list[list[float]]] = {}
     try:
         with path.open(encoding="utf-8", newline="") as file:

@@ -66,7 +66,7 @@ class RenderJob:
 
     @property
     def is_measured(self) -> bool:
-        """True: the sensor is applied now, since one by surfaces, or several, cannot be later."""
+        """True: the sensor is applied now, since playback knows neither surfaces nor cameras."""
         several = bool(self.scenario.cameras)
         return self.depth == "measured" or self.sensor_of(self.scenario).sees_surfaces or several
 

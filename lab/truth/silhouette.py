@@ -51,7 +51,7 @@ class Silhouette:
 
     keypoints_m: F64  # 17x3, frame: optical
     keypoints_px: F64  # 17x2
-    visible: BOOL  # 17, True: in the image and not occluded, nor by the own body
+    visible: BOOL  # 17, True: in the image, occluded neither by others nor by itself
     box_xyxy_px: F64  # 4, box of the whole body, not cut to the image
     visible_share: float  # visible part of the body, 0 to 1
 

@@ -110,7 +110,7 @@ class Hub:
                 loop.call_soon_threadsafe(self._distribute, packet, stays)
 
     def join(self, viewer: Viewer) -> None:
-        """Add a viewer, and send it the kept packets."""
+        """Add a viewer, and send it the stored packets."""
         self.counters["viewers_served"] += 1
         viewer.add_packet(_packet("about", self.about | {"role": viewer.role}))
         trajectories = {"type": "trajectories", "positions": list(self.positions)}

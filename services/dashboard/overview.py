@@ -34,7 +34,7 @@ class Overview:
         self._since_s = time.monotonic()
 
     def add_message(self, message: Message, selection: FrameSelection) -> None:
-        """Add a message; tracks also count for the skipped ones before them."""
+        """Add a message; a Tracks message also counts the skipped ones before it."""
         now_ns = time.time_ns()
         if isinstance(message, HEARD):
             self._evidence.add_message(message, now_ns)

@@ -129,7 +129,7 @@ def skeletons_of(skeletons: Skeletons) -> dict[str, Any]:
 
 
 def _posture(one: PersonSkeleton) -> str:
-    """Return the posture of a person, or that it is rather an object."""
+    """Return the posture of a person, or "object-like" for a probable object."""
     return "object-like" if one.object_like >= OBJECT_MIN else one.posture
 
 

@@ -1,4 +1,4 @@
-"""Web application: the page, its stream and people as JSON over WebSockets, and its commands."""
+"""Web application of the page: its files, and WebSockets for its stream, people and commands."""
 
 import asyncio
 import time

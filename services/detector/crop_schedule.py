@@ -59,7 +59,7 @@ class CropSchedule:
 
 
 def unchanged(boxes: F64, before: F64) -> tuple[I64, I64]:
-    """Return the unchanged boxes (indices of Nx4), and theirs in the previous frame (Mx4)."""
+    """Return the unchanged boxes (indices of Nx4), and their boxes in the previous frame (Mx4)."""
     overlaps = iou_xyxy(boxes, np.concatenate([boxes, before]))
     apart = np.count_nonzero(overlaps[:, : len(boxes)], axis=1) == 1
     overlaps = overlaps[:, len(boxes) :]

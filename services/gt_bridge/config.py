@@ -43,7 +43,7 @@ class GtBridgeConfig(Config, frozen=True, kw_only=True):
     offset_s: float = 0.0  # clock of the camera less clock of the truth, added to stamps [s]
     loop_s: NonNegative = 0.0  # length of a round of a looping camera; 0: no loop [s]
     # frames
-    truth_frame: str = ""  # frame of the truth; empty: from its source, else map
+    truth_frame: str = ""  # frame of the truth; empty: as named by its source, else map
     frame_id: str = "map"  # frame of the published truth
     transforms: tuple[
         FixedTransform, ...

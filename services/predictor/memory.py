@@ -66,7 +66,7 @@ class ForecastMemory:
         self._trust = 1 - np.exp(-((horizons_s / FROM_S) ** 4))
         self._errors_m = np.zeros((size, count, 2))
         self._log_scales = np.zeros((2, count)) + np.log(SCALE)[:, None]
-        self._scaled = np.zeros((2, count))  # number of errors behind each scale
+        self._scaled = np.zeros((2, count))  # number of errors used for each scale
         self._stored_s: dict[int, float] = {}
 
     def add_samples(self, samples: Samples) -> None:

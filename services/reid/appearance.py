@@ -8,7 +8,7 @@ from services.reid.network import NetworkEmbedder
 
 
 class AppearanceEmbedder(NetworkEmbedder):
-    """Colour and texture of the visible parts: Nx4xHxW, RGB and mask, 0 to 1, to NxD."""
+    """Embedder by colour and texture, from Nx4xHxW (RGB and mask, 0 to 1) to NxD."""
 
     usual_name = "appearance"
     channels = 4  # red, green, blue, mask

@@ -17,5 +17,5 @@ class ReportConfig(Config, frozen=True, kw_only=True):
     video: bool = True  # True: write an annotated video of each camera
     # Number of frames on the sheet, evenly spread
     sheet_frames: Annotated[int, Meta(ge=1, le=100)] = 12
-    truth: Text = ""  # source of requested ground truth; without its messages the run has limits
+    truth: Text = ""  # source of ground truth; if its messages are missing, the report says so
     note: Text = ""  # sentence on the page about simulated data

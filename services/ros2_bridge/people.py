@@ -94,7 +94,7 @@ class PeopleOutputs:
         return None if found is None else found.matrix[:3, 3]
 
     def frame_of(self, source: str, stamp_ns: int) -> tuple[F64 | None, str]:
-        """Return the transform from a frame to the frame of ROS, and the latter's name."""
+        """Return the transform from a frame to the frame of ROS, and the name of the ROS frame."""
         target = self._config.frame_id or source
         frame_id = self._config.frame_names.get(target, target)
         if target == source:

@@ -67,7 +67,7 @@ class PredictionSchedule:
         return DuePrediction(last.detections, time_ns, stamp_ns)
 
     def ends(self, now_ns: int) -> bool:
-        """Return True at the end of predictions, and count the people."""
+        """Check that predictions have ended, and count the people whose prediction ends."""
         ended = self._last is not None and now_ns - self._last.arrived_ns > EXTRAPOLATION_MAX_NS
         self.counters["people_unknown"] += self._published if ended else 0
         return ended

@@ -82,7 +82,7 @@ def fit_3d(source_m: F64, target_m: F64) -> F64:
 def estimate_clock(
     truth: Trajectories, tracked: Trajectories, widest_s: float = 0.5
 ) -> ClockOffset | None:
-    """Estimate the constant offset between both clocks, with any constant error of positions.
+    """Estimate the constant offset of both clocks, together with a constant error of positions.
 
     A track is at the delayed position of its person plus a shift: p(t) = q(t - d) + b. After a
     search in steps of 0.1 s, d and b follow from least squares (Gauss-Newton).

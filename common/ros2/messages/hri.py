@@ -57,7 +57,7 @@ def region(detection: Detection, image: Detections) -> Fields:
 
 
 def skeleton(keypoints: F32, image: Detections) -> Fields:
-    """Return a hri_msgs/Skeleton2D of COCO's 17 keypoints; those outside the image are unseen."""
+    """Return a hri_msgs/Skeleton2D of COCO's 17 keypoints, unseen outside the image."""
     neck = keypoints[list(SHOULDERS)]
     neck = np.array([*neck[:, :2].mean(0), neck[:, 2].min()])
     points = [neck if index is None else keypoints[index] for index in COCO]

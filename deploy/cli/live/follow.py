@@ -18,7 +18,7 @@ from people4d.messages import Target, TargetCommand
 
 CHOOSER = "people4d follow"
 ID_MAX = 2**63 - 1
-ANSWER_S = 3.0  # time until states are shown although another command came in between [s]
+ANSWER_S = 3.0  # maximum wait for the answer to the own command [s]
 
 
 def follow(

@@ -3,9 +3,9 @@
     images/SEQUENCE/rgb/TIME.jpg, depth/TIME.pgm (millimetres), ground_truth/SEQUENCE_gt2D.txt
 
 A line of the truth is a time as in the names of the images, a colon, and id, left, top, width and
-height of each person, with a comma after each. The images have no calibration file: the default one
-of a Kinect applies. The robot's pose and the positions of motion capture are not read, since no
-public source states their columns and frame; visual odometry takes the place of the former.
+height of each person, with a comma after each. The images have no calibration file: the default
+calibration of a Kinect applies. The robot's pose and the positions of motion capture are not read,
+since no public source states their columns and frame. Visual odometry replaces the robot's pose.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -101,7 +101,7 @@ def truth_file(folder: Path, sequence: str) -> Path:
 
 
 def stamp_of(text: str) -> int:
-    """Return a time in seconds as nanoseconds; ValueError if it is none."""
+    """Return a time in seconds as nanoseconds; ValueError if the text is no time."""
     seconds, _, fraction = text.strip().partition(".")
     return int(seconds) * 10**9 + int(f"{fraction[:9]:0<9}")
 

@@ -2,8 +2,8 @@
 
     Manually_annotated_bags/*.bag: /head_camera/..., /odom, /tf, /tf_static, /3D_ground_truth_N
 
-ROS 1 bags. Each person has a topic of the truth: stamped positions. Out of view and where motion
-capture failed it has gaps, so that only frames with the position of a person are evaluated.
+ROS 1 bags. Each person has a topic of the truth: stamped positions. It has gaps where the person is
+out of view or motion capture failed. Only frames with the position of a person are evaluated.
 """
 
 from collections.abc import Mapping, Sequence

@@ -3,8 +3,8 @@
     GTs/SEQUENCE.json: {"TIME": {"is_exist": true, "bbox": [left, top, width, height]}, ...}
     panoramic_images/SEQUENCE/TIME.jpg
 
-Times are nanoseconds. The panoramas have no depth, so that trackers of boxes run. The target is the
-track on the true box of the first image that shows the person; another track is never the target.
+Times are in nanoseconds. The panoramas have no depth, so only trackers of boxes run. The target is
+the track on the true box of the first image that shows the person, and no other track.
 """
 
 import json

@@ -14,7 +14,7 @@ from services.camera.ros.camera_info import intrinsics_of, same_numbers
 from services.camera.ros.images import colour_image, depth_image, encoding_of
 from services.camera.ros.topics import COMPRESSED, IMAGE, Topics, sdk_stream
 
-# Number of first images and calibrations; the most common is used, since drivers start with others
+# Number of first images and calibrations. The most common one is used, since drivers change them
 HEADS = 9
 MAX_BAD_HEADS = 30  # number of corrupt images after which a topic is unusable: one second
 STAMPED_HEADS = 30  # number of messages without a stamp after which stamps count as unset

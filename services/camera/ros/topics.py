@@ -44,7 +44,7 @@ class Topics:
 
     colour: str  # colour images, or RGBD messages
     depth: str  # depth images; the same as colour for RGBD messages
-    colour_info: str  # calibration of colour; may be empty, and is for RGBD, which carries it
+    colour_info: str  # calibration of colour; may be empty; RGBD messages contain it
     depth_info: str  # calibration of depth; may be empty
     odometry: str  # odometry; may be empty
 

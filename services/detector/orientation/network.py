@@ -31,10 +31,10 @@ Image = TypeVar("Image", U8, U16)
 
 
 class OrientationNetwork:
-    """Nx4x64x48, RGB and mask, 0 to 1, to NxS log probabilities of sectors of the yaw.
+    """Network from images (Nx4x64x48: RGB and mask, 0 to 1) to log probabilities of yaws (NxS).
 
-    Yaws count from the line of sight; the middle of the first sector is 0, facing away, the next
-    ones are to the left.
+    The circle has S sectors. Yaws count from the line of sight; the middle of the first sector is
+    0, facing away, the next ones are to the left.
 
     Args:
         session: Session of the network.

@@ -46,9 +46,9 @@ def torso_middles(
 ) -> tuple[F64, F64]:
     """Return the middles of N torsos across the optical axis, Nx2, and their variances, N.
 
-    A joint lies at c + a l + b d, a and b its position in the body; c, l and d, the body's middle,
-    its left and its down, are estimated from the known joints by least squares, with priors from
-    the yaw and an upright body. With four known joints c is their mean.
+    A joint lies at c + a l + b d; a and b are its position in the body, c is the body's middle, l
+    and d are its directions left and down. The known joints give c, l and d by least squares, with
+    priors from the yaw and an upright body. With four known joints c is their mean.
 
     Joints are Nx4x2, to the right and downward at the person's depth, of standard deviations N. If
     no joint (Nx4) is known the variance is UNKNOWN_M2. Yaws are in the camera's body frame.

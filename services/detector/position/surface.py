@@ -19,7 +19,7 @@ Indices = npt.NDArray[np.intp]
 TORSO = [5, 6, 11, 12]  # COCO: shoulders and hips
 SURFACE_WINDOW_PX = 5  # side of the windows of published keypoint depths [px]
 FARTHEST_MM = 1 << 16  # above all readings [mm]
-BOTH = np.array([[1], [0]])  # the middle readings of an even number are two
+BOTH = np.array([[1], [0]])  # an even number of readings has two middle ones
 ROUNDING_MM: F64 = np.array([[-1e-6], [1e-6]])  # allowance of the limits of depths [mm]
 
 

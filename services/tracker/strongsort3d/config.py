@@ -46,7 +46,7 @@ class StrongSort3dConfig(Config, frozen=True, kw_only=True):
     n_init: PositiveInt = 2  # matches that confirm, including the first; section 5 (default): 3
     a_max: PositiveInt = 30  # [frames] unmatched frames that delete a track; section 5 (default)
     # "streak": consecutive matches confirm, and one miss ends a tentative track; section 5. "hits":
-    # any matches confirm, and misses that reach the matches, or a_max, end a track
+    # any matches confirm, and as many misses as matches, at most a_max, end a track
     lifetime: Literal["streak", "hits"] = "hits"
     # noise: accelerations of people exceed the 0.5 m/s^2 of section 3 (benchmarks/ablation.md)
     sigma_acceleration_mps2: Positive = 3.0  # [m/s^2] of people; section 3: 0.5
