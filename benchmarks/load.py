@@ -1,10 +1,13 @@
-"""Rate, processor time and latency by the number of people and of cameras.
+"""Rate, processor time and latency by the number of people, of cameras and of detectors.
 
 Camera, detector, re-ID and tracker as processes with one network thread. People: copies of
-detected people. Cameras: live, 15 frames a second each, on one detector.
+detected people. Cameras: live, 15 frames a second each, on one detector. Detectors: one camera in
+lock-step, with two frames in flight for each detector.
 """
 
 from collections import defaultdict
+
+import numpy as np
 
 from benchmarks.lib import options
 from benchmarks.lib.system.bare import bare_ms
@@ -15,8 +18,10 @@ from common.runtime.latency import percentiles
 from services.detector.config import shipped_model
 
 MODEL = shipped_model()
-PEOPLE = (1, 5, 20)
+PEOPLE = (1, 5, 20, 50)
 CAMERAS = (1, 2, 4, 6)
+DETECTORS = (1, 2, 4)
+BUSY = 0.95  # share of a core from which the network limits the rate
 RATE_HZ = 15.0
 FRAMES, QUICK_FRAMES = 100, 20
 LATENCY = ("all but inference p50 [ms]", "p99 [ms]")
@@ -58,6 +63,28 @@ def with_cameras(count: int, frames: int, bare_hz: float) -> Figures:
     }
 
 
+def with_detectors(count: int, frames: int, bare_hz: float) -> Figures:
+    """Return the figures of a number of detectors on one camera."""
+    camera = (*lockstep(frames), f"window={2 * count}")
+    run = play(camera, frames, [f"model={MODEL}"], detectors=count)
+    return {
+        "frames a second": run.rate_hz,
+        "of the bare network": run.rate_hz / bare_hz,
+        "processor ms a frame": run.cpu_ms,
+        "processor": run.cpu_ms * run.rate_hz / 1e3,
+    }
+
+
+def limit(cameras: dict[int, list[Figures]]) -> str:
+    """Return a sentence on the number of cameras from which the network is always busy."""
+    full = [
+        n for n, rounds in cameras.items() if np.median([r["network busy"] for r in rounds]) > BUSY
+    ]
+    if not full:
+        return f"The network is busy for less than {BUSY:.0%} of the time."
+    return f"From {min(full)} cameras the network's one thread is always busy and limits the rate."
+
+
 def table(title: str, found: dict[int, list[Figures]]) -> str:
     """Return the table of figures by a number, of all rounds."""
     columns = list(next(iter(found.values()))[0])
@@ -76,7 +103,7 @@ def main() -> None:
     parser = options.parser(__doc__, "rounds", "quick")
     asked = parser.parse_args()
     rounds, frames = (1, QUICK_FRAMES) if asked.quick else (asked.rounds, FRAMES)
-    people, cameras = (defaultdict[int, list[Figures]](list) for _ in range(2))
+    people, cameras, detectors = (defaultdict[int, list[Figures]](list) for _ in range(3))
     for number in range(rounds):
         bare_hz = 1e3 / bare_ms(MODEL)
         for count in PEOPLE:
@@ -85,9 +112,12 @@ def main() -> None:
         for count in CAMERAS:
             print(f"round {number + 1} of {rounds}, {count} cameras", flush=True)
             cameras[count].append(with_cameras(count, frames, bare_hz))
+        for count in DETECTORS:
+            print(f"round {number + 1} of {rounds}, {count} detectors", flush=True)
+            detectors[count].append(with_detectors(count, frames, bare_hz))
     write(
         __file__,
-        "Load: people and cameras",
+        "Load: people, cameras and detectors",
         f"{MODEL}, 640x480, one network thread; {rounds} rounds of {frames} frames, median (least "
         "to most). The bare network is `session.run` of onnxruntime alone in the same round.",
         "## People",
@@ -98,7 +128,11 @@ def main() -> None:
         "## Cameras",
         f"Three people before each, {RATE_HZ:.0f} frames a second from each, one detector, one "
         "tracker; the processor as part of one core. A detector that is too slow takes the newest "
-        "frame of each camera in turn.",
+        f"frame of each camera in turn. {limit(cameras)}",
         table("cameras", cameras),
+        "## Detectors",
+        "Three people before one camera, in lock-step, two frames in flight for each detector; the "
+        "processor as part of one core, of two.",
+        table("detectors", detectors),
         dry=asked.quick,
     )

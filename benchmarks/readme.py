@@ -145,7 +145,7 @@ def own_work(table: Table) -> str:
 
 def tracker_cost(table: Table) -> str:
     """Return the tracker's time by number of people."""
-    cells = [f"{median(table.cell('p50 ms', 'best', n))} ms with {n}" for n in ("3", "50", "200")]
+    cells = [f"{median(table.cell('p50 ms', 'best', n))} ms with {n}" for n in ("3", "50", "128")]
     return ", ".join(cells)
 
 

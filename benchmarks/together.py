@@ -70,7 +70,7 @@ def add_round(
     """
     name, own_ms, float_ms = str(one), *bare
     fast = play(lockstep(n), n, detector, one)
-    share = SHARES[one.together][own_ms < float_ms]
+    share = SHARES[one.together][f"model={FLOAT}" not in detector]
     figures.add((name, "lock-step", "frames a second"), fast.rate_hz)
     rate_share = fast.rate_hz * own_ms / 1e3
     wanted = "" if one.reserved else f"at least {share:.2f}"
@@ -148,7 +148,11 @@ def main() -> None:
         "frames, 37 MB, and does not simulate a depth sensor, which needs 80 MB.",
         *sections,
         f"## Stages of a frame: {asked.detectors[-1]}, apart, {SHARE_LOAD}, {rate_hz:.1f} Hz",
-        "Stages are explained in [docs/operation/latency.md](../docs/operation/latency.md).",
+        "Stages are explained in [docs/operation/latency.md](../docs/operation/latency.md). A hop "
+        "(`transport`) of an image of 1.5 MB reaches the detector on a loaded computer. Published "
+        "hops, p50 on other, idle computers: [eCAL](https://eclipse-ecal.github.io/ecal/advanced/"
+        "performance.html) 0.18 ms for 1 MB and 0.32 ms for 2 MB, without a copy 0.003 ms; "
+        "[dora](https://github.com/dora-rs/dora-benchmark) 0.32 ms in Python.",
         *tables,
         dry=asked.quick,
     )

@@ -87,6 +87,7 @@ def play(
     model: Sequence[str] = (),
     one: Arrangement = APART,
     cameras: int = 1,
+    detectors: int = 1,
 ) -> Playback:
     """Run the system once.
 
@@ -98,9 +99,10 @@ def play(
         model: Settings of the detector.
         one: Processes and cores of the system.
         cameras: Number of cameras.
+        detectors: Number of detectors, which share the frames.
     """
     named = [("camera", (*camera, f"camera=c{k}")) for k in range(cameras)]
-    services = [("tracker", ()), ("reid", ()), ("detector", model), *named]
+    services = [("tracker", ()), ("reid", ()), *[("detector", model)] * detectors, *named]
     monitor, warm_up = (
         Monitor(ProcessId("subscriber", "subscriber", "here"), 1.0),
         WARM_UP * cameras,
