@@ -8,7 +8,7 @@ import pytest
 from people4d.messages import F64, U8, U16
 from services.gait.cascade import Cascade, GaitEstimate, PersonObservation
 from services.gait.config import CascadeConfig, DepthLayerConfig
-from services.gait.points.keypoints import POINTS
+from services.gait.points.keypoints import ANKLES, POINTS
 from tests.gait.builders import INFO
 
 DEPTH_M = 2.5
@@ -48,14 +48,26 @@ def states(estimate: GaitEstimate) -> set[str]:
 
 
 def test_points_that_start_without_a_detection_are_predicted() -> None:
-    # Keypoints without confidence start no points; the next frame has no keypoints but ends of
-    # limbs.
+    # Ankles off the body start no points; the next frame has no keypoints but ends of limbs.
     cascade, (rgb, depth_mm) = Cascade(CascadeConfig(), INFO), images()
-    detected = PersonObservation(1, BOX, np.zeros((17, 3), np.float32), DEPTH_M)
+    keypoints = np.zeros((17, 3), np.float32)
+    keypoints[ANKLES, 2] = 0.9
+    detected = PersonObservation(1, BOX, keypoints, DEPTH_M)
     cascade.update_people(0, rgb, depth_mm, [detected])
     (found,) = cascade.update_people(PERIOD_NS, rgb, depth_mm, [observation()])
     assert "predicted" in states(found)
     assert "measured" not in states(found)
+
+
+def test_points_are_measured_without_keypoints_if_the_ankles_are_uncertain() -> None:
+    keypoints = np.zeros((17, 3), np.float32)
+    keypoints[ANKLES, 2] = 0.4
+    detected = PersonObservation(1, BOX, keypoints, DEPTH_M)
+    (found,) = play(Cascade(CascadeConfig(), INFO), 8, [detected])[-1]
+    (alone,) = play(Cascade(CascadeConfig(), INFO), 8, [observation()])[-1]
+    assert "measured" in states(found)
+    for name, point in alone.points.items():
+        np.testing.assert_array_equal(found.points[name].position_m, point.position_m)
 
 
 def test_points_lie_on_the_body() -> None:

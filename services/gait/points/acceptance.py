@@ -55,7 +55,7 @@ class Acceptance:
     def __init__(self, info: CameraInfo) -> None:
         self._info = info
         self.has_keypoints = False  # True if any point has a keypoint in this frame
-        self.had_keypoints = False  # True if any frame had keypoints
+        self.trusts_keypoints = False  # True if the keypoints of this person are trusted
 
     def is_hidden(self, point: PointFilter, position_m: F64, anchor: Anchor | None) -> bool:
         """Check for a surface in front of the expected position of a point, on its ray."""
@@ -172,7 +172,7 @@ class Acceptance:
         """
         if self.has_keypoints:
             return VISIBILITY.get(point.kind)
-        return None if self.had_keypoints else WITHOUT_KEYPOINTS.get(point.kind)
+        return None if self.trusts_keypoints else WITHOUT_KEYPOINTS.get(point.kind)
 
     def _odds(
         self, point: PointFilter, body: MeasuredBody, evidence: PointEvidence
@@ -189,7 +189,7 @@ class Acceptance:
         """
         kind = self._visibility(point)
         if odds is None or kind is None:
-            return point.kind == "head" or not self.had_keypoints
+            return point.kind == "head" or not self.trusts_keypoints
         return odds >= kind.least
 
 

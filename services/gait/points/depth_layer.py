@@ -19,6 +19,7 @@ from services.gait.points.keypoints import (
     POINTS,
     START_CONFIDENCE,
     Anchor,
+    KeypointTrust,
     feet_ahead,
     find_anchors,
     joint_pixels,
@@ -52,6 +53,7 @@ class DepthLayer:
         self._up: F64 = UP
         self._points = {name: PointFilter(name) for name in POINTS}
         self._acceptance = Acceptance(info)
+        self._trust = KeypointTrust()
         self._assigned: dict[str, Extremity] = {}  # assigned extremity by point
         self._floor_feet: Mapping[str, SurfacePosition] = {}  # positions of feet without depth
 
@@ -67,9 +69,12 @@ class DepthLayer:
 
     def update_points(self, observation: MeshObservation) -> Mapping[str, PointEstimate]:
         """Return the estimates of the points in the next frame."""
-        dt_s, has_keypoints = observation.dt_s, self._keypoints(observation) is not None
+        dt_s = observation.dt_s
+        self._acceptance.trusts_keypoints = self._config.keypoints and self._trust.update(
+            observation.keypoints
+        )
+        has_keypoints = self._keypoints(observation) is not None
         self._acceptance.has_keypoints = has_keypoints
-        self._acceptance.had_keypoints |= has_keypoints
         self._up = UP if observation.floor is None else observation.floor.up
         body = self._measure(observation)
         self._expect(body, observation)
@@ -103,8 +108,8 @@ class DepthLayer:
             point.state = "lost"
 
     def _keypoints(self, observation: MeshObservation) -> F32 | None:
-        """Return the keypoints of a frame if they are used."""
-        return observation.keypoints if self._config.keypoints else None
+        """Return the keypoints of a frame if they are trusted."""
+        return observation.keypoints if self._acceptance.trusts_keypoints else None
 
     def _estimates(self) -> Mapping[str, PointEstimate]:
         return {name: point.estimate() for name, point in self._points.items()}
@@ -125,7 +130,7 @@ class DepthLayer:
             priors = limb_priors(body, self._meter.heading, self._up, joints, self._info)
         for name, point in self._points.items():
             point.prior = priors.get(name)
-            point.without_keypoints = not self._acceptance.had_keypoints
+            point.without_keypoints = not self._acceptance.trusts_keypoints
 
     def _anchors(self, observation: MeshObservation, body: MeasuredBody) -> Mapping[str, Anchor]:
         found = find_anchors(self._keypoints(observation))
@@ -157,7 +162,7 @@ class DepthLayer:
         around = (body, self._meter.heading, self._up)
         if point.kind == "head":
             return head_position(anchor, end, body, self._info)
-        if self._acceptance.had_keypoints:
+        if self._acceptance.trusts_keypoints:
             return surface_position(point.name, anchor, *around, self._info)
         return end_position(point.name, end, *around) or nearest_position(point, body)
 
@@ -190,5 +195,5 @@ class DepthLayer:
         position_m = body.mesh.points_m[vertex]
         if point.state == "measured" or not self._acceptance.is_hidden(point, position_m, None):
             point.start_at_vertex(vertex, body)
-            if self._acceptance.had_keypoints:
+            if self._acceptance.trusts_keypoints:
                 point.state = "predicted"  # until confirmed by the next frame

@@ -43,18 +43,18 @@ def test_hand_before_its_expected_position_is_hidden_unless_its_keypoint_is_ther
     assert point.state == state
 
 
-@pytest.mark.parametrize("had_keypoints", [False, True])
+@pytest.mark.parametrize("trusts_keypoints", [False, True])
 def test_with_keypoints_a_hand_is_measured_only_where_the_body_expects_hands(
-    had_keypoints: bool,
+    trusts_keypoints: bool,
 ) -> None:
     # Without a heading, or without a detection in this frame, there is no expectation.
     body = arm()
     point = hand_on(body)
     acceptance = Acceptance(INFO)
-    acceptance.had_keypoints = had_keypoints
+    acceptance.trusts_keypoints = trusts_keypoints
     surface = SurfacePosition(body.mesh.points_m[HAND], 1e-4 * np.eye(3), HAND, True)
     acceptance.update_point(point, body, PointEvidence(surface=surface), 0.03)
-    assert point.state == ("predicted" if had_keypoints else "measured")
+    assert point.state == ("predicted" if trusts_keypoints else "measured")
 
 
 @pytest.mark.parametrize(("sigma_m", "state"), [(0.1, "predicted"), (0.3, "lost")])

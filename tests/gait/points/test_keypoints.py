@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from people4d.messages import F32
-from services.gait.points.keypoints import find_anchors, torso_pixel
+from services.gait.points.keypoints import KeypointTrust, find_anchors, torso_pixel
 
 LEFT_ELBOW, LEFT_WRIST, LEFT_KNEE, LEFT_ANKLE = 7, 9, 13, 15
 
@@ -60,3 +60,13 @@ def test_torso_pixel_needs_shoulders_and_hips() -> None:
     assert torso_pixel(estimate) == pytest.approx([100, 130])
     estimate[11, 2] = 0.3
     assert torso_pixel(estimate) is None
+
+
+def test_trust_follows_the_mean_confidence_of_the_ankles() -> None:
+    # Means of 0.8 and 0.0 are 0.8, 0.4 and 0.53; a frame without a detection changes nothing.
+    trust, sure, unsure = KeypointTrust(), keypoints(k15=(0, 0, 0.9), k16=(0, 0, 0.7)), keypoints()
+    assert not trust.update(None)
+    assert [trust.update(one) for one in (sure, None, unsure, sure)] == [True, True, False, True]
+    for _ in range(1000):
+        trust.update(sure)
+    assert [trust.update(unsure) for _ in range(40)].index(False) == 28  # 0.8 * 0.98**29 < 0.45
