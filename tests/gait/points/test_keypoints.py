@@ -64,9 +64,9 @@ def test_torso_pixel_needs_shoulders_and_hips() -> None:
 
 def test_trust_follows_the_mean_confidence_of_the_ankles() -> None:
     # Means of 0.8 and 0.0 are 0.8, 0.4 and 0.53; a frame without a detection changes nothing.
-    trust, sure, unsure = KeypointTrust(), keypoints(k15=(0, 0, 0.9), k16=(0, 0, 0.7)), keypoints()
+    trust, high, low = KeypointTrust(), keypoints(k15=(0, 0, 0.9), k16=(0, 0, 0.7)), keypoints()
     assert not trust.update(None)
-    assert [trust.update(one) for one in (sure, None, unsure, sure)] == [True, True, False, True]
+    assert [trust.update(one) for one in (high, None, low, high)] == [True, True, False, True]
     for _ in range(1000):
-        trust.update(sure)
-    assert [trust.update(unsure) for _ in range(40)].index(False) == 28  # 0.8 * 0.98**29 < 0.45
+        trust.update(high)
+    assert [trust.update(low) for _ in range(40)].index(False) == 28  # 0.8 * 0.98**29 < 0.45
