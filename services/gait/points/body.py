@@ -3,22 +3,25 @@
 Source: docs/method.md, section 19.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
 
 from people4d.messages import F32, F64, U16, CameraInfo
+from services.gait.points.heading import HeadingEstimator
 from services.gait.points.keypoints import torso_pixel
 from services.gait.surface.floor import FloorPlane
-from services.gait.surface.geodesic import GeodesicExtrema
+from services.gait.surface.geodesic import GeodesicExtrema, geodesic_extrema, geodesic_m
 from services.gait.surface.mesh import BodyMesh
 from services.gait.surface.segmentation import I64
 
 UP = np.array([0.0, -1.0, 0.0])  # Upward direction of a level camera
 TORSO_RANGE = (0.55, 0.8)  # Range of the torso, from the loins to the armpits [statures]
 FOOT_MAX = 0.14  # Maximum height of the end of a leg [statures]
+VERTICES_MIN = 30  # Minimum number of vertices of a body
+SHRINKAGE = 0.998  # Minimum stature, relative to the previous frame
 HEAD_MIN = 0.82  # Minimum height of the end of a head [statures]
 HEAD_ASIDE_M = 0.3  # Maximum distance of the head from the axis of the body [m]
 HAND_GEODESIC_MIN_M = 0.3  # Minimum distance of a hand to the middle of the torso [m]
@@ -147,3 +150,33 @@ def torso_vertex(mesh: BodyMesh, heights_m: F64, stature_m: float, keypoints: F3
         pixel = np.median(mesh.pixels_px[torso], axis=0)
     distances_px = np.linalg.norm(mesh.pixels_px[torso] - pixel, axis=1)
     return int(torso[int(np.argmin(distances_px))])
+
+
+class BodyMeter:
+    """Measures one person's body; stature and heading persist between frames."""
+
+    def __init__(self) -> None:
+        self._heading = HeadingEstimator()
+        self.heading: F64 | None = None  # 3, level, optical frame
+        self.stature_m = 0.0
+
+    def measure_body(
+        self, observation: MeshObservation, source_vertex: Callable[[BodyMesh, F64], int]
+    ) -> MeasuredBody | None:
+        """Return the body of a frame; None if it is not visible.
+
+        `source_vertex` maps mesh and heights to the source of geodesic distances.
+        """
+        mesh, pose = observation.mesh, observation.fixed_from_optical
+        visible = mesh is not None and len(mesh.points_m) >= VERTICES_MIN
+        heights_m = heights_of(mesh, observation.floor) if mesh and visible else np.empty(0)
+        self.heading = self._heading.update_heading(
+            mesh if visible else None, heights_m, observation.dt_s, pose, observation.yaw_rad
+        )
+        if mesh is None or not visible:
+            return None
+        top_m = float(np.quantile(heights_m, 0.995))
+        self.stature_m = max(SHRINKAGE * self.stature_m, top_m)
+        distances_m = geodesic_m(mesh, source_vertex(mesh, heights_m))
+        extrema = geodesic_extrema(mesh, distances_m)
+        return measure_body(mesh, heights_m, self.stature_m, distances_m, extrema)

@@ -35,37 +35,30 @@ from services.gait.points.limbs.surface import (
     surface_position,
 )
 from services.gait.points.limbs.visibility import PointEvidence
-from services.gait.points.meter import BodyMeter
 from services.gait.points.normal import Normal
-from services.gait.points.occlusion import damp_occluded
-from services.gait.points.point_filter import TIMEOUT_S, PointEstimate, PointFilter
+from services.gait.points.point_filter import (
+    TIMEOUT_S,
+    PointEstimate,
+    PointFilter,
+    PointLayer,
+    damp_occluded,
+)
 
 
-class DepthLayer:
+class DepthLayer(PointLayer[PointFilter]):
     """Tracks the points of one person by keypoints, ends of limbs and the expected body.
 
     Source: docs/method.md, section 19.
     """
 
     def __init__(self, config: DepthLayerConfig, info: CameraInfo) -> None:
-        self._config, self._info = config, info
-        self._meter = BodyMeter()
+        super().__init__(info, map(PointFilter, POINTS))
+        self._config = config
         self._up: F64 = UP
-        self._points = {name: PointFilter(name) for name in POINTS}
         self._acceptance = Acceptance(info)
         self._trust = KeypointTrust()
         self._assigned: dict[str, Extremity] = {}  # assigned extremity by point
         self._floor_feet: Mapping[str, SurfacePosition] = {}  # positions of feet without depth
-
-    def start_point(self, name: str, point_m: F64, observation: MeshObservation) -> bool:
-        """Start a point at the vertex nearest to a position (3, optical frame).
-
-        Returns True if there is a body.
-        """
-        body = self._measure(observation)
-        if body is not None:
-            self._points[name].start_at_vertex(body.mesh.nearest(point_m), body)
-        return body is not None
 
     def update_points(self, observation: MeshObservation) -> Mapping[str, PointEstimate]:
         """Return the estimates of the points in the next frame."""
@@ -98,21 +91,9 @@ class DepthLayer:
         self._start_points(has_keypoints, body, anchors, extremities)
         return self._estimates()
 
-    def predict_points(self, dt_s: float) -> Mapping[str, PointEstimate]:
-        """Return the estimates after some time without an observation."""
-        return {name: point.predict_estimate(dt_s) for name, point in self._points.items()}
-
-    def mark_lost(self) -> None:
-        """Set all points lost, after a gap in time."""
-        for point in self._points.values():
-            point.state = "lost"
-
     def _keypoints(self, observation: MeshObservation) -> F32 | None:
         """Return the keypoints of a frame if they are trusted."""
         return observation.keypoints if self._acceptance.trusts_keypoints else None
-
-    def _estimates(self) -> Mapping[str, PointEstimate]:
-        return {name: point.estimate() for name, point in self._points.items()}
 
     def _measure(self, observation: MeshObservation) -> MeasuredBody | None:
         """Measure the body; geodesic distances begin at the middle of the torso."""

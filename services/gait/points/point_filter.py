@@ -1,17 +1,19 @@
-"""Kalman filter of one point on a body, with its expected position relative to the body.
+"""Kalman filters of points on a body, with their expected positions relative to the body.
 
 Source: docs/method.md, section 19.
 """
 
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Generic, Literal, TypeVar
 
 import numpy as np
 
-from people4d.messages import F64
-from services.gait.points.body import LENGTHS_M, MeasuredBody
+from people4d.messages import F64, CameraInfo
+from services.gait.points.body import LENGTHS_M, BodyMeter, MeasuredBody, MeshObservation
 from services.gait.points.kalman import PointKalmanFilter
-from services.gait.points.keypoints import kind_of
+from services.gait.points.keypoints import HEAD, kind_of
 from services.gait.points.normal import Normal
 
 PointState = Literal["measured", "predicted", "lost"]
@@ -29,6 +31,7 @@ ADAPTATION = 0.03  # Adaptation of the reference distance by each measured frame
 ADAPTATION_MAX_M = 0.10  # Maximum total adaptation [m]
 CONTRADICTION2 = 16.0  # Maximum squared Mahalanobis distance of motion from the body's prior
 UNUSUAL2 = 2.0  # Squared distance above which the prior of a followed limb widens
+DAMPING_S = 0.05  # Time constant with which an occluded point adopts the velocity of the head [s]
 # Factor of a predicted point's standard deviation, and addition [m] to it, for model errors
 SPREAD, SPREAD_M = 1.5, 0.06
 
@@ -198,3 +201,55 @@ class PointFilter:
         depth_m2 = (NOISE_PER_M2 * position_m[2] ** 2) ** 2
         besides_m2 = NOISE_M**2 * np.eye(3) if besides_m2 is None else besides_m2
         return np.asarray(besides_m2 + depth_m2 * np.outer(ray, ray))
+
+
+P = TypeVar("P", bound=PointFilter)
+
+
+class PointLayer(ABC, Generic[P]):
+    """Points of one person's body, by name, with the meter of the body."""
+
+    def __init__(self, info: CameraInfo, points: Iterable[P]) -> None:
+        self._info, self._meter = info, BodyMeter()
+        self._points = {point.name: point for point in points}
+
+    def start_point(self, name: str, point_m: F64, observation: MeshObservation) -> bool:
+        """Start a point at the vertex nearest to a position (3, optical frame).
+
+        Returns True if there is a body.
+        """
+        body = self._measure(observation)
+        if body is not None:
+            self._points[name].start_at_vertex(body.mesh.nearest(point_m), body)
+        return body is not None
+
+    @abstractmethod
+    def update_points(self, observation: MeshObservation) -> Mapping[str, PointEstimate]:
+        """Return the estimates of the points in the next frame."""
+
+    def predict_points(self, dt_s: float) -> Mapping[str, PointEstimate]:
+        """Return the estimates after some time without an observation."""
+        return {name: point.predict_estimate(dt_s) for name, point in self._points.items()}
+
+    def mark_lost(self) -> None:
+        """Set all points lost, after a gap in time."""
+        for point in self._points.values():
+            point.state = "lost"
+
+    @abstractmethod
+    def _measure(self, observation: MeshObservation) -> MeasuredBody | None:
+        """Measure the body."""
+
+    def _estimates(self) -> Mapping[str, PointEstimate]:
+        return {name: point.estimate() for name, point in self._points.items()}
+
+
+def damp_occluded(points: Mapping[str, PointFilter], dt_s: float) -> None:
+    """Damp the velocity of occluded points towards the velocity of the head."""
+    head = points.get(HEAD)
+    if head is None or head.motion is None or head.state != "measured":
+        return
+    ratio = 1 - float(np.exp(-dt_s / DAMPING_S))
+    for point in points.values():
+        if point.motion is not None and point.state != "measured":
+            point.motion.damp_velocity(head.motion.state[3:], ratio)

@@ -13,8 +13,7 @@ from services.gait.particles import FIRST, resample_systematic
 from services.gait.points.assignment import initial_extremities
 from services.gait.points.body import MeasuredBody, MeshObservation, extremities_in_view
 from services.gait.points.keypoints import POINTS
-from services.gait.points.meter import BodyMeter
-from services.gait.points.point_filter import PointEstimate, PointFilter
+from services.gait.points.point_filter import PointEstimate, PointFilter, PointLayer
 from services.gait.surface.mesh import BodyMesh
 from services.gait.surface.spin_image import SIMILARITY_SIGMA, similarity, spin_images
 
@@ -76,24 +75,12 @@ class FeatureFilter(PointFilter):
             self.state, self.confidence = "predicted", 0.0
 
 
-class SingleFeatureLayer:
+class SingleFeatureLayer(PointLayer[FeatureFilter]):
     """Tracks the points of one person by one feature."""
 
     def __init__(self, config: DepthLayerConfig, info: CameraInfo, seed: int = 0) -> None:
-        self._info = info
         generator = np.random.default_rng(seed)
-        self._meter = BodyMeter()
-        self._points = {name: FeatureFilter(name, config, generator) for name in POINTS}
-
-    def start_point(self, name: str, point_m: F64, observation: MeshObservation) -> bool:
-        """Start a point at the vertex nearest to a position (3, optical frame).
-
-        Returns True if there is a body.
-        """
-        body = self._measure(observation)
-        if body is not None:
-            self._points[name].start_at_vertex(body.mesh.nearest(point_m), body)
-        return body is not None
+        super().__init__(info, (FeatureFilter(name, config, generator) for name in POINTS))
 
     def update_points(self, observation: MeshObservation) -> Mapping[str, PointEstimate]:
         """Return the estimates of the points in the next frame."""
@@ -118,21 +105,9 @@ class SingleFeatureLayer:
             self._points[name].start_at_vertex(body.mesh.nearest(one.position_m), body)
         return self._estimates()
 
-    def predict_points(self, dt_s: float) -> Mapping[str, PointEstimate]:
-        """Return the estimates after some time without an observation."""
-        return {name: point.predict_estimate(dt_s) for name, point in self._points.items()}
-
-    def mark_lost(self) -> None:
-        """Set all points lost, after a gap in time."""
-        for point in self._points.values():
-            point.state = "lost"
-
     def _measure(self, observation: MeshObservation) -> MeasuredBody | None:
         """Measure the body; geodesic distances begin at the top of the head, as published."""
         return self._meter.measure_body(observation, lambda _, heights_m: int(heights_m.argmax()))
-
-    def _estimates(self) -> Mapping[str, PointEstimate]:
-        return {name: point.estimate() for name, point in self._points.items()}
 
 
 def spin_similarities(points: Sequence[FeatureFilter], mesh: BodyMesh) -> list[F64 | None]:
