@@ -67,8 +67,11 @@ def wait_past(page: Page, at_ms: float) -> None:
 
 
 def on_map(page: Page, position_m: tuple[float, float]) -> tuple[float, float]:
-    """Return the pixel of the map's canvas at a position."""
-    script = "async (at) => (await import('/js/map.js')).toScreen(at)"
+    """Return the pixel of the map's canvas at a position, once the newest scene is drawn."""
+    script = """async (at) => {
+      await new Promise(requestAnimationFrame);
+      return (await import('/js/map.js')).toScreen(at);
+    }"""
     u, v = page.evaluate(script, list(position_m))
     return u, v
 

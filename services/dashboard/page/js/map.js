@@ -4,19 +4,20 @@ import { colourOf, css, inkOn } from "./colours.js";
 import { emit, on, select, store, trajectoryOf } from "./store.js";
 
 const canvas = document.getElementById("map-canvas");
-const view = { x: 2, y: 0, scale: 60, width: 1, height: 1, moved: false };
+const view = { x: 2, y: 0, scale: 60, width: 1, height: 1, moved: false, refits: false };
 export const drawing = { active: false, corners: [], cursor: null };
 
 export const toScreen = ([x, y]) => [view.width / 2 - (y - view.y) * view.scale, view.height / 2 - (x - view.x) * view.scale];
 export const toMetres = (u, v) => [view.x - (v - view.height / 2) / view.scale, view.y - (u - view.width / 2) / view.scale];
 
 export function fit() {
-  view.moved = false;
+  Object.assign(view, { moved: false, fitted: false, refits: true });
   requestDraw();
 }
 
 function autoFit() {
-  if (view.moved || drawing.active) return;
+  if (!view.refits || view.moved || drawing.active) return;
+  view.refits = false;
   const points = store.people.map((person) => person.position_m);
   for (const camera of Object.values(store.cameras)) points.push(...(camera.field_m ?? []));
   for (const zone of store.zones) points.push(...zone.corners_m);
@@ -305,6 +306,7 @@ export const screenOf = (id) => {
 };
 let labelled = 0;
 on("scene", () => {
+  view.refits = true; // other draws, such as of a selection, keep the map still
   requestDraw();
   if (performance.now() - labelled > 2000) {
     labelled = performance.now();
