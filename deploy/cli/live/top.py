@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Annotated
 
+import msgspec
 import typer
 from rich.console import Console, Group
 from rich.live import Live
@@ -48,7 +49,7 @@ def top(
 ) -> None:
     """Show the duration of every stage, rates, losses, ages, processor and memory, live.
 
-    Figures cover the last --window seconds; Ctrl-C ends the command.
+    Figures cover the last --window seconds, at most since the start; Ctrl-C ends the command.
     """
     console = Console(highlight=False)
     if not console.is_terminal:
@@ -82,7 +83,12 @@ def top(
 def _snapshots(client: Client, seconds: float) -> Iterator[Callable[[], SystemSnapshot]]:
     """Listen in a thread until the block ends; yield a function that returns a snapshot."""
     monitor = Monitor(ProcessId(HERE, f"top-{os.getpid()}", socket.gethostname()), seconds)
-    ended = threading.Event()
+    begin_s, ended = time.monotonic(), threading.Event()
+
+    def snapshot() -> SystemSnapshot:
+        now_s = time.monotonic()
+        heard_s = min(seconds, round(now_s - begin_s, 1))
+        return msgspec.structs.replace(monitor.snapshot(now_s), seconds=heard_s)
 
     def listen() -> None:
         for _ in monitor.follow(client):
@@ -91,7 +97,7 @@ def _snapshots(client: Client, seconds: float) -> Iterator[Callable[[], SystemSn
 
     threading.Thread(target=listen, name="top", daemon=True).start()
     try:
-        yield lambda: monitor.snapshot(time.monotonic())
+        yield snapshot
     finally:
         ended.set()
 

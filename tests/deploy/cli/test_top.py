@@ -2,6 +2,7 @@
 
 import json
 import threading
+import time
 from collections.abc import Iterator
 
 import msgspec
@@ -171,6 +172,16 @@ def test_once_prints_text_or_json(network: Network, talking: str) -> None:
     snapshot = json.loads(plain.stdout)
     assert {p["instance"] for p in snapshot["processes"]} >= {"tracker-1", "detector-2", "reid-1"}
     assert snapshot["end_to_end"]["count"] > 0
+
+
+def test_period_of_the_figures_is_at_most_the_time_since_the_start(
+    network: Network, talking: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("deploy.cli.live.top.FIRST_S", 0.2)
+    arguments = ["top", "--once", "--json", "--connect", network.endpoint, "--robot", talking]
+    begin_s = time.monotonic()
+    result = CliRunner().invoke(app, arguments)
+    assert 0.2 <= json.loads(result.stdout)["seconds"] <= time.monotonic() - begin_s + 0.05
 
 
 def test_silence_is_reported_with_a_hint(network: Network) -> None:
