@@ -3,6 +3,7 @@
 import csv
 import sqlite3
 import sys
+from datetime import datetime
 from pathlib import Path
 from typing import Annotated, TextIO
 
@@ -19,6 +20,7 @@ from services.events.journal import JOURNAL, Journal
 COLUMNS = (
     *("sequence", "stamp_ns", "kind", "id", "zone", "x_m", "y_m", "z_m", "frame_id"),
     *("dwell_s", "count", "distance_m", "confidence", "reason", "target_x_m", "target_y_m"),
+    "wall_ns",
 )
 SHOWN = 30
 
@@ -58,7 +60,7 @@ def _row(event: Event) -> list[object]:
     first = (event.sequence, event.stamp_ns, event.kind, event.id, event.zone, x, y, z)
     rest = (event.frame_id, event.dwell_s, event.count, event.distance_m)
     target = (None, None) if event.target_m is None else event.target_m[:2].round(3).tolist()
-    values = (*first, *rest, event.confidence, event.reason, *target)
+    values = (*first, *rest, event.confidence, event.reason, *target, event.wall_ns)
     return ["" if value is None else value for value in values]
 
 
@@ -69,13 +71,21 @@ def _write(found: list[Event], out: TextIO) -> None:
 
 
 def _show(found: list[Event]) -> None:
-    table = plain_table(">number", ">time [s]", "event", ">person", "zone", "about")
+    table = plain_table(">number", "when", "event", ">person", "zone", "about")
     for event in found:
         figures = {"s": event.dwell_s, "people": event.count, "m": event.distance_m}
         about = ", ".join(
             f"{value:g} {unit}" for unit, value in figures.items() if value is not None
         )
-        stamp, person = f"{event.stamp_ns / 1e9:.2f}", "" if event.id is None else str(event.id)
+        person = "" if event.id is None else str(event.id)
         about = about or shown(event.reason)
-        table.add_row(str(event.sequence), stamp, event.kind, person, shown(event.zone), about)
+        row = (_when(event.wall_ns), event.kind, person, shown(event.zone), about)
+        table.add_row(str(event.sequence), *row)
     console.print(table)
+
+
+def _when(wall_ns: int | None) -> str:
+    """Format a wall clock in local time; empty if it is unknown."""
+    if wall_ns is None:
+        return ""
+    return f"{datetime.fromtimestamp(wall_ns // 10**9):%Y-%m-%d %H:%M:%S}"
