@@ -9,6 +9,7 @@ from pathlib import Path
 
 import msgspec
 
+from common.text import listed
 from deploy.compose import Dependency, Service
 from deploy.launcher.health import Heartbeats, of_instance, works
 from deploy.launcher.reasons import Reasons
@@ -182,6 +183,11 @@ class Launcher:
     def _reason(self, instance: str) -> str:
         health = of_instance(self.heartbeats.all(), instance)
         return health.reason if health else ""
+
+    def summary(self) -> str:
+        """Return what is up after the start; a source without a frame, for example, is not."""
+        ended = listed(sorted(self._finished))
+        return f"Everything but {ended} is up" if ended else "Everything is up"
 
     def wait_finished(self, service: str) -> None:
         """Wait until every process of a service has finished; LaunchError if one failed."""

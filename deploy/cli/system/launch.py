@@ -43,7 +43,7 @@ def launch(request: LaunchRequest, timeout_s: float, detach: bool) -> None:
             launcher.start(request.robot, connect, timeout_s)
             _print_page(state)
             if detach:
-                console.print("Everything is up. See: people4d ps, listen, logs, down")
+                console.print(f"{launcher.summary()}. See: people4d ps, listen, logs, down")
                 return
             _attend_to_end(launcher, request)
         except KeyboardInterrupt:
@@ -84,7 +84,7 @@ def _attend(launcher: Launcher, request: LaunchRequest) -> None:
         launcher.wait_finished(CAMERA)
         launcher.drain(DRAIN_TIMEOUT_S)
         return
-    console.print("Everything is up; Ctrl-C stops it. In another terminal: people4d listen")
+    console.print(f"{launcher.summary()}; Ctrl-C stops it. In another terminal: people4d listen")
     while True:
         launcher.processes()
         time.sleep(POLL_S)

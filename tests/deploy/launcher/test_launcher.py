@@ -74,6 +74,7 @@ def test_services_start_in_order_restart_and_stop(state: State) -> None:
     assert all(process.pid for process in processes.values())
     wait_for(lambda: tail(state.log_of("second-2"), 1) == "first was there")
 
+    assert toy.summary() == "Everything is up"
     with pytest.raises(People4dError, match=r"runs already.*people4d down"):
         launcher(state, TOY).start("robot", "", TIMEOUT_S)
 
@@ -149,6 +150,7 @@ def test_service_with_exit_code_0_is_finished_and_others_start(state: State) -> 
     processes = toy.processes()
     assert processes["once-1"].finished
     assert processes["after-1"].pid
+    assert toy.summary() == "Everything but once-1 is up"
 
 
 def test_a_later_failure_ends_the_wait(state: State) -> None:
