@@ -1,10 +1,16 @@
+from collections.abc import Mapping
+
 import cv2
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from common.inference.session import Array
+from people4d.errors import ModelError
 from services.detector.models.letterbox import Letterbox
+from services.detector.models.network import ImageInput
+from tests.detector.array_session import ArraySession
 
 SIDE = st.integers(1, 4000)
 INPUT_SIDE = st.integers(1, 40).map(lambda n: 32 * n)
@@ -69,3 +75,17 @@ def test_bars_have_the_given_grey() -> None:
     assert (canvas[:80] == 114).all()
     assert (canvas[80:560] == 7).all()
     assert (canvas[560:] == 114).all()
+
+
+class BrokenSession(ArraySession):
+    """A network that cannot be run."""
+
+    def run(self, image: Array) -> Mapping[str, Array]:
+        raise RuntimeError(f"no memory for {image.shape}\nat line 3")
+
+
+def test_network_that_cannot_be_run_is_reported_with_the_first_line_of_the_reason() -> None:
+    size = ImageInput(32, 64, True, np.dtype("float32"))
+    says = r"x\.onnx: cannot be run on an image: no memory for \(1, 3, 32, 64\)$"
+    with pytest.raises(ModelError, match=says):
+        size.try_out(BrokenSession({}, (1, 3, 32, 64)), "x.onnx")

@@ -213,6 +213,14 @@ def test_a_mirrored_image_mirrors_the_angle() -> None:
     assert one.sigma_rad == pytest.approx(other.sigma_rad)
 
 
+def test_yaw_in_the_optical_frame_is_independent_of_the_column() -> None:
+    keypoints, depth = scene()
+    aside = replace(INFO, cx=INFO.cx + FX * math.tan(0.2))
+    found = [joint_yaws(keypoints[None], LAYER_M, DepthImage(depth, i)) for i in (INFO, aside)]
+    ahead, beside = (one for (one,) in found if one is not None)
+    assert wrap(ahead.rad - beside.rad) == pytest.approx(0.0, abs=0.1)
+
+
 def test_joints_of_little_confidence_give_a_less_certain_yaw() -> None:
     keypoints, depth = scene()
     faint = keypoints.copy()

@@ -66,6 +66,13 @@ def test_the_wall_behind_the_person_is_left_out() -> None:
     np.testing.assert_array_equal(grown(person_at(12, 17), depth), body() > 0)
 
 
+def test_joints_beyond_the_outline_are_pulled_onto_the_body() -> None:
+    # Columns 8 and 21 are wall; pulled by 0.3 x 6.5 px they are 9.95 and 19.05.
+    depth = np.full((60, 40), 4000, np.uint16)
+    depth[10:50, 10:20] = 2000
+    np.testing.assert_array_equal(grown(person_at(8, 21), depth), body() > 0)
+
+
 def test_the_neighbour_at_the_same_distance_is_left_out() -> None:
     # Both at 2 m with three unread columns between; filling takes one from either side.
     depth = body() + body(left=23, right=33)

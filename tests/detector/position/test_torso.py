@@ -10,6 +10,7 @@ from services.detector.models.base import DetectedPerson, InstanceMask
 from services.detector.position.axis import BODY_M, SURFACE_M, Ellipse
 from services.detector.position.surface import TORSO, DepthImage, PositionEstimate
 from services.detector.position.torso import TorsoEstimator
+from services.detector.position.visible_area import cut_to_image
 from tests.detector.cameras import lab_info
 
 INFO = lab_info(np.array([600.0, 600.0, 320.0, 240.0]))
@@ -282,3 +283,9 @@ def test_person_beside_the_image_is_not_on_the_wall(
     (estimate,) = SURFACE.estimate(torsos, image.info, [None])
     assert estimate is not None
     assert estimate.position_m[2] == pytest.approx(2.0)
+
+
+def test_boxes_are_cut_to_the_pixels_of_the_image() -> None:
+    right, bottom = INFO.width - 1, INFO.height - 1
+    assert cut_to_image((-5.0, 10.0, 9999.0, 9999.0), INFO) == [0.0, 10.0, right, bottom]
+    assert cut_to_image((math.nan, 10.0, 20.0, math.nan), INFO) == [0.0, 10.0, 20.0, 0.0]

@@ -154,6 +154,8 @@ def test_person_tracked_by_both_areas_gets_the_older_identity() -> None:
         for name, x in (("a", -1.0), ("b", there_m)):
             frame = detected(k, [person(x)])
             site.feed(name, frame, [RED if name == "a" else BLUE], now_ns)
+        if k == 41:  # they have just met
+            assert ids(site.last["b"]) == [2]
     # Both tracks are one person: 0 m apart for 2 s, with no other person near.
     assert ids(site.last["b"]) == ids(site.last["a"]) == [1]
     assert site.nodes["b"].status().counters["identities_joined"] == 1

@@ -9,7 +9,13 @@ from common.geometry.transforms import project, rotation_from_rpy
 from people4d.messages import F64
 from services.tracker.config import ImageSortConfig
 from services.tracker.image_sort.box_kalman import TRACK, begin
-from services.tracker.image_sort.camera_turn import Lens, Turn, turn_tracks
+from services.tracker.image_sort.camera_turn import (
+    CameraDirection,
+    Lens,
+    Turn,
+    turn_between,
+    turn_tracks,
+)
 from services.tracker.image_sort.image_sort import BoxFrame, ImageSort
 from tests import builders
 
@@ -102,3 +108,8 @@ def test_the_velocity_holds_only_the_persons_own_motion() -> None:
     still = np.array([[208.0, 100, 248, 200]])
     tracks = tracker.update(BoxFrame(10 * FRAME_NS, still, np.ones(1), (640, 480), Turn(0.0)))
     assert tracks.boxes_xyxy_px[0] == pytest.approx(still[0], abs=0.1)
+
+
+def test_turn_is_the_difference_of_two_directions() -> None:
+    turn = turn_between(CameraDirection(3.0, 0.2, 0.05), CameraDirection(-3.0, 0.5, 0.09))
+    assert turn == pytest.approx((2 * math.pi - 6.0, 0.2, 0.3))

@@ -55,6 +55,16 @@ def test_the_innovation_is_wrapped() -> None:
     assert FILTER.read(after, AT_REST) == pytest.approx(math.pi)
 
 
+def test_update_is_joseph_form() -> None:
+    # (1 - K H) P (1 - K H)' + K R K' with H = [1 0], R = 0.35^2
+    P, H, R = np.array([[0.3, 0.1], [0.1, 0.6]]), np.array([[1.0, 0.0]]), 0.1225
+    K = P @ H.T / (P[0, 0] + R)
+    expected = (np.eye(2) - K @ H) @ P @ (np.eye(2) - K @ H).T + R * K @ K.T
+    after = update(np.array([0.2, 0.5, 0.3, 0.1, 0.6]), facing(0.4))
+    np.testing.assert_allclose(after[:2], [0.2, 0.5] + 0.2 * K[:, 0])
+    np.testing.assert_allclose(after[2:], [expected[0, 0], expected[0, 1], expected[1, 1]])
+
+
 def test_the_prediction_is_wrapped() -> None:
     # 170 deg, then 1 rad/s for half a second: 170 + 28.6 = 198.6, which is -161.4.
     after = predict(state(math.radians(170), 1.0), 0.5)
