@@ -13,7 +13,7 @@ from common.diagnosis.event_table import REJECTED
 from common.geometry.transforms import LINK_FROM_OPTICAL, rotation_from_rpy, transform_from
 from people4d.errors import SourceError
 from people4d.messages import F64, U8, CameraInfo
-from people4d.messages.base import MAX_STAMP_NS
+from people4d.messages.base import MAX_STAMP_NS, check_name
 from services.camera.alignment import ImageAlignment, align
 from services.camera.calibration import (
     Calibration,
@@ -70,15 +70,17 @@ class CameraImages:
         max_depth_m: float = 5.0,
     ) -> None:
         self.name, self._max_depth_m = name, max_depth_m
+        frame = f"{name}_optical_frame"
         try:
             self._intrinsics = _to_intrinsics(intrinsics)
             matrix = mount() if pose is None else np.asarray(pose, np.float64)
             # The first images define the size; all else is checked before them.
             lens = msgspec.structs.replace(self._intrinsics, fisheye=False, width=0, height=0)
             self._own_info(camera_info(lens, (1, 1)))
+            check_name("frame", frame)
         except (TypeError, ValueError) as error:
             raise SourceError(f"camera {name!r}: {error}") from error
-        self.transform = static_transform(parent, f"{name}_optical_frame", matrix)
+        self.transform = static_transform(parent, frame, matrix)
         self._alignment: ImageAlignment | None = None
         self._stamp_ns: int | None = None  # acquisition time of the last frame [ns]
 
@@ -96,7 +98,8 @@ class CameraImages:
         frame = check.accept(SourceFrame(rgb, depth, stamp_ns))
         if not isinstance(frame, SourceFrame):
             hint = REJECTED[check.cause] if check.cause == "wrong_stamp" else IMAGES
-            raise SourceError(f"camera {self.name}: {check.fault}", hint)
+            fault = check.fault.replace("depth_mm", "depth")  # name of the argument
+            raise SourceError(f"camera {self.name}: {fault}", hint)
         if abs(stamp_ns) > MAX_STAMP_NS:
             problem = f"camera {self.name}: stamp_ns: expected +-2**62 at most, got {stamp_ns}"
             raise SourceError(problem, REJECTED["wrong_stamp"])

@@ -50,7 +50,7 @@ def test_pushed_frames_give_people(system: System) -> None:
             thread.join()
         with pytest.raises(SourceError, match="older than the one before"):
             camera.push(frames[0].rgb, frames[0].depth_mm, frames[0].stamp_ns)
-        with pytest.raises(SourceError, match="depth_mm is float64"):
+        with pytest.raises(SourceError, match="depth is float64"):
             camera.push(frames[0].rgb, frames[0].rgb * 1.0, people.stamp_ns)
         assert camera.problem() == ""
     assert all(0.8 < track.position_m[2] < 1.6 for track in people.tracks)
