@@ -6,6 +6,11 @@ from collections.abc import Iterator
 from people4d.messages import F64, TargetCommand
 from services.target.observe import TargetCandidate, TargetFrame
 
+# Reason without the pose of the base
+NO_BASE = (
+    "the nearest person is unknown without the pose of the robot's base: with a fixed camera, set "
+    "target.base_frame to map"
+)
 AT_M = 1.0  # maximum distance of a person from a chosen position [m]
 
 
@@ -23,7 +28,7 @@ def find_person(command: TargetCommand, frame: TargetFrame) -> tuple[TargetCandi
         return found, f"person {command.id} is not in view"
     origin_m = command.position_m if command.action == "at" else frame.robot_m
     if origin_m is None:
-        return None, "the nearest person is unknown without the pose of the robot's base"
+        return None, NO_BASE
     by_distance = sorted(_distances(visible, origin_m), key=lambda pair: pair[0])
     reach_m = AT_M if command.action == "at" else math.inf
     if by_distance and by_distance[0][0] <= reach_m:

@@ -60,7 +60,10 @@ def test_nearest_person_needs_the_pose_of_the_robot() -> None:
     scene = Scene()
     scene.choose("nearest")
     target = scene.frame({1: (3, 0, RED)})
-    assert target.reason == "the nearest person is unknown without the pose of the robot's base"
+    assert target.reason == (
+        "the nearest person is unknown without the pose of the robot's base: with a fixed camera, "
+        "set target.base_frame to map"
+    )
 
 
 def test_distance_and_bearing_are_from_the_base() -> None:

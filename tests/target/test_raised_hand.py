@@ -5,6 +5,7 @@ import pytest
 
 from people4d.messages import PersonSkeleton, Skeletons
 from services.skeleton.body import USUAL_POSE_M
+from services.target.choice import NO_BASE
 from tests import builders
 from tests.target.scene import BLUE, RED, Scene
 
@@ -95,8 +96,7 @@ def test_nearest_of_several_people_with_a_raised_hand_is_chosen(x_m: float, near
 def test_several_raised_hands_without_the_pose_of_the_robot_choose_no_person() -> None:
     scene = waiting()
     assert set(show(scene, 20, {1, 2})) == {None}
-    reason = "the nearest person is unknown without the pose of the robot's base"
-    assert scene.frame(PEOPLE).reason == reason
+    assert scene.frame(PEOPLE).reason == NO_BASE
 
 
 def test_clock_reset_begins_the_time_of_a_raised_hand_again() -> None:
