@@ -69,7 +69,7 @@ def view(
     Rerun needs the extra rerun, Foxglove the extra foxglove.
     """
     if rerun == foxglove:
-        raise ConfigError("which viewer?", "Name --rerun or --foxglove.")
+        raise ConfigError("expected one viewer", "Add --rerun or --foxglove.")
     need("Rerun", "rerun") if rerun else need("Foxglove", "foxglove")
     if recording and recording.suffix == RRD and file is None:
         recording, file = None, recording

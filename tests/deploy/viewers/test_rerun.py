@@ -80,8 +80,8 @@ def test_viewer_has_to_be_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     monkeypatch.chdir(tmp_path)
     recording = walk.record(tmp_path / "walk.mcap")
     for options, words in (
-        ([], "which viewer?"),
-        (["--rerun", "--foxglove"], "which viewer?"),
+        ([], "expected one viewer"),
+        (["--rerun", "--foxglove"], "expected one viewer"),
         (["--rerun", "out.mcap"], "out.mcap has an unsupported format"),
         (["--foxglove", "out.rrd"], "out.rrd has an unsupported format"),
         (["--rerun", "out.rrd", "--start", "99"], "--start 99 lies after the end"),
