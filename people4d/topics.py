@@ -44,7 +44,7 @@ KEYS_MAX, TRANSFORMS_MAX = 256, 512
 
 @dataclass(frozen=True)
 class Topic:
-    """One topic."""
+    """A topic: its key, its messages, their delivery, and roles."""
 
     name: str  # name on the command line and in the documentation
     key: str  # key below people4d/v1/<robot>/; names in braces are fields of the message

@@ -11,7 +11,7 @@ Cell: TypeAlias = str | int | float | None  # None: unknown, or not in this kind
 
 @dataclass(frozen=True)
 class Column:
-    """One column."""
+    """Column of the table."""
 
     name: str  # name with the unit at its end
     kind: type[str | int | float]  # type of its cells

@@ -7,7 +7,7 @@ from people4d.messages import Zone
 
 
 class PlainZone(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One zone."""
+    """A zone as plain values."""
 
     name: str
     corners_m: list[tuple[float, float]]  # [m] x, y of the corners

@@ -51,7 +51,7 @@ class Difference:
 
 
 def pool(sums: F64, figures: tuple[PooledFigure, ...]) -> F64:
-    """Return the figures (...xF) of sums (...xFx2: part and total); NaN of an empty total."""
+    """Return the figures (...xF) of sums (...xFx2: part and total); NaN if a total is 0."""
     parts, totals = sums[..., 0], sums[..., 1]
     ratios = np.divide(parts, totals, out=np.full(parts.shape, np.nan), where=totals > 0)
     roots = np.array([figure.root for figure in figures])

@@ -1,6 +1,6 @@
 """Durations of tracks: coverage, segments, time to the first track, returns.
 
-They complement errors, which dropped tracks lower (docs/method.md, section 9).
+A tracker that drops tracks has lower errors; durations show this (docs/method.md, section 9).
 """
 
 from collections import defaultdict

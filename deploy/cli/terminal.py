@@ -36,7 +36,7 @@ class _UntypedFlags:
 
 
 class Command(_UntypedFlags, typer.core.TyperCommand):
-    """A command."""
+    """A command whose help shows flags without a type."""
 
 
 class CommandGroup(_UntypedFlags, typer.core.TyperGroup):

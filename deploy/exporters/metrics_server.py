@@ -36,7 +36,7 @@ class MetricsServer:
 
 
 class _Handler(WSGIRequestHandler):
-    """One connection."""
+    """Handler of one connection."""
 
     timeout = READ_S
 

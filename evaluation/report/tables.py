@@ -20,7 +20,7 @@ SOURCE = "published: other recordings, of real people, Intel NUC 11"
 
 
 class TableColumn(msgspec.Struct, frozen=True, array_like=True):
-    """One metric."""
+    """Column of one metric."""
 
     metric: str
     title: str  # heading of the column

@@ -26,7 +26,7 @@ Output = Literal[
 class OutputConfig(Config, frozen=True, kw_only=True):
     """One output; without "/" in front its topic is below the namespace."""
 
-    topic: str  # name of the topic, or of the first part of several
+    topic: str  # name of the topic, or common first part of several topics
     rate_max_hz: NonNegative = 0.0  # [Hz] maximum rate; 0: no limit
 
 

@@ -16,7 +16,7 @@ NEAR_M = 4.0  # maximum distance of an engaged person [m]
 
 @dataclass(slots=True)
 class _Person:
-    """One person."""
+    """Engagement of one person."""
 
     facing: HeldCondition = field(default_factory=HeldCondition)
     away: HeldCondition = field(default_factory=HeldCondition)

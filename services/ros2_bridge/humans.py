@@ -28,7 +28,7 @@ Image = tuple[str, int]  # camera and stamp
 
 @dataclass(slots=True)
 class _Human:
-    """One person."""
+    """Topics of one person, with their state."""
 
     outputs: Mapping[str, Ros2Output]
     yaw_rad: float = 0.0  # yaw of the frame of the body

@@ -50,7 +50,7 @@ class PeopleRegions:
 
 @dataclass(frozen=True)
 class OdometryFrame:
-    """One frame."""
+    """Images of one frame, and the regions of people in it."""
 
     stamp_ns: int
     rgb: U8  # HxWx3, red first

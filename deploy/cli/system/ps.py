@@ -21,7 +21,7 @@ LOSSES = ("bad_", "foreign_", "dropped", "gaps_", "errors")
 
 
 class Row(msgspec.Struct, frozen=True, kw_only=True):
-    """One process."""
+    """Row of the table: one process."""
 
     instance: str  # name of the process
     process: str  # state in supervisord; empty for another host

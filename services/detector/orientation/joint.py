@@ -180,7 +180,7 @@ def best_angles(log_p: F64) -> tuple[F64, F64]:
     mean = (near_p * off).sum(axis=1) / total
     variance = (near_p * np.square(off - mean[:, None])).sum(axis=1) / total
     variance += np.maximum(1 - total - FAR_MAX, 0.0) * math.pi**2
-    # The grid has a variance of its own.
+    # Rounding to the grid adds a variance of step^2 / 12.
     sigma_rad = np.sqrt(variance + math.radians(STEP_DEG) ** 2 / 12)
     is_flat = most[:, 0] - log_p.min(axis=1) < 1e-9
     return ANGLES[best] + mean, np.where(is_flat, np.inf, sigma_rad)

@@ -23,7 +23,7 @@ NEAR_M, FAR_M = 0.8, 5.0  # range of depth in which detections are expected [m]
 INSIDE = 0.8  # central part of the image's width in which detections are expected
 FRESH_S = 0.3  # maximum time since the last match of a track [s]
 EXPECTED_MIN = 25  # minimum number of expected detections in the window for a covered camera
-# Minimum number of expected detections before the window, minimum share found
+# Minimum number of expected detections before the window, and minimum share of found ones
 USUAL_MIN, USUAL_SHARE = 50, 0.5
 
 

@@ -33,7 +33,7 @@ class ImmState:
 
 @dataclass(slots=True)
 class TrackRecord:
-    """One track."""
+    """A track: its states, appearance, last match and counts."""
 
     id: int
     x: F64  # state, see the motion model
