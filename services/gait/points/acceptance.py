@@ -19,6 +19,7 @@ from services.gait.points.limbs.visibility import (
     PointEvidence,
     Visibility,
     limb_evidence,
+    shank_points_away,
 )
 from services.gait.points.point_filter import GATE, TIMEOUT_S, PointFilter
 
@@ -130,7 +131,7 @@ class Acceptance:
         supported = confidence >= CONFIDENCE_MIN
         if off > GATE or point.state == "lost" or (surface.by_distance and not supported):
             point.mark_missed(dt_s)
-        elif supported and self._is_visible(point, odds):
+        elif supported and self._is_visible(point, body, evidence.anchor, odds):
             point.mark_measured(position_m, confidence, noise_m2)
             if confidence > START_CONFIDENCE:
                 point.adapt_reference(float(body.geodesic_m[surface.vertex]))
@@ -182,7 +183,9 @@ class Acceptance:
         measured = limb_evidence(point, body, evidence, self._info) if kind else None
         return None if kind is None or measured is None else kind.odds(measured)
 
-    def _is_visible(self, point: PointFilter, odds: float | None) -> bool:
+    def _is_visible(
+        self, point: PointFilter, body: MeasuredBody, anchor: Anchor | None, odds: float | None
+    ) -> bool:
         """Check that the measured surface probably belongs to the point itself.
 
         If keypoints are used, this requires a detection and a heading.
@@ -190,6 +193,8 @@ class Acceptance:
         kind = self._visibility(point)
         if odds is None or kind is None:
             return point.kind == "head" or not self.trusts_keypoints
+        if point.kind == "foot" and shank_points_away(anchor, body, self._info):
+            return False
         return odds >= kind.least
 
 

@@ -22,6 +22,10 @@ from services.gait.points.limbs.surface import SurfacePosition
 from services.gait.points.point_filter import PointFilter
 
 PIXEL_SIGMA = 3.0  # Standard deviation of a point on the surface [px]
+SHANK = 0.246  # Length from knee to ankle [statures] [Winter 2009]
+# Shank that points away from the camera: maximum share of its length in the image, and minimum
+# depth of the surface at the ankle behind the surface at the knee [m]
+AWAY_SHARE, AWAY_M = 0.5, 0.1
 SIGMAS_MAX = 20.0**0.5  # Maximum deviation that counts [standard deviations]
 DISTINCT_END = 0.7  # Minimum strength of the end of a limb that may have any pose
 
@@ -112,6 +116,21 @@ WITHOUT_KEYPOINTS: Mapping[str, Visibility] = MappingProxyType(
         ),
     }
 )
+
+
+def shank_points_away(anchor: Anchor | None, body: MeasuredBody, info: CameraInfo) -> bool:
+    """Check that a shank points away from the camera: it hides its own ankle, as in a swing.
+
+    The foot may be visible below, but the surface at the ankle belongs to the shank.
+    """
+    if anchor is None or anchor.joint is None or anchor.before is None:
+        return False
+    vertices = body.mesh.vertices_at(np.stack([anchor.joint, anchor.before]))
+    if (vertices < 0).any():
+        return False
+    ankle_m, knee_m = body.mesh.points_m[vertices, 2]
+    length_m = float(np.linalg.norm(anchor.joint - anchor.before)) * knee_m / info.fx
+    return bool(ankle_m - knee_m > AWAY_M and length_m < AWAY_SHARE * SHANK * body.stature_m)
 
 
 def limb_evidence(
