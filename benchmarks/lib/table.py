@@ -67,9 +67,13 @@ def write(script: str, title: str, *parts: str, dry: bool = False) -> None:
         parts: Paragraphs and tables.
         dry: Whether it is only printed.
     """
-    dot = "." if Path(script).is_dir() else " "
-    command = f"`python -m benchmarks{dot}{Path(script).stem}`"
-    text = "\n\n".join([f"# {title}", f"Made by {command} on {machine()}.", *parts]) + "\n"
+    from scripts.table_age import dependencies  # noqa: PLC0415 (no part of what is measured)
+
+    name, is_folder = Path(script).stem, Path(script).is_dir()
+    command = f"`python -m benchmarks{'.' if is_folder else ' '}{name}`"
+    needs = dependencies(f"benchmarks.{name}{'.__main__' if is_folder else ''}")
+    made = f"Made by {command} on {machine()}. {needs}"
+    text = "\n\n".join([f"# {title}", made, *parts]) + "\n"
     print(text)
     if not dry:
         Path(script).with_suffix(".md").write_text(text, encoding="utf-8")

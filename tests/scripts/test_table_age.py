@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.lib.table import write
 from scripts import table_age
 from tests import ROOT
 
@@ -61,6 +62,24 @@ def test_code_that_is_not_imported_ages_no_table(repository: Path) -> None:
     assert not table_age.age(repository / "benchmarks" / "own.md")
 
 
+@pytest.mark.parametrize(("function", "expected"), [("write", ""), ("spread", "1 files since")])
+def test_layout_of_a_table_ages_none(
+    repository: Path, monkeypatch: pytest.MonkeyPatch, function: str, expected: str
+) -> None:
+    file, table = "people4d/code.py", repository / "benchmarks" / "own.md"
+    monkeypatch.setattr(table_age, "LAYOUT", {file: ("write",)})
+    (repository / file).write_text(BEFORE + f"\n\ndef {function}():\n    pass\n")
+    assert table_age.age(table).startswith(expected)
+    assert bool(table_age.age(table)) == bool(expected)
+
+
+def test_dependencies_are_named_by_folder(repository: Path) -> None:
+    assert (
+        table_age.dependencies("benchmarks.own")
+        == "Depends on files of benchmarks (1), people4d (1), services (1)."
+    )
+
+
 def test_preset_ages_tables_if_a_value_changes(
     repository: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -99,6 +118,16 @@ def test_table_without_a_known_commit_is_older(
 )
 def test_table_depends_on_what_its_benchmark_imports_and_starts(start: str, file: str) -> None:
     assert file in table_age.paths(start)
+
+
+def test_written_table_names_its_dependencies(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(str(tmp_path / "own_work.py"), "Title", "Part.")
+    text = (tmp_path / "own_work.md").read_text("utf-8")
+    assert table_age.dependencies("benchmarks.own_work") in text
+    assert table_age.MADE.search(text)
+    assert capsys.readouterr().out == f"{text}\n"
 
 
 def test_module_that_starts_processes_names_them() -> None:
