@@ -2,8 +2,12 @@
 
 Each node gets what it got in a run over the shipped recording. Cost is counted in calls of Python
 functions, calls of compiled functions of NumPy and OpenCV, executed lines of this project, and
-bytes allocated at once; on the bus in messages and bytes. Budgets are written by
+allocated bytes; on the bus in messages and bytes. Budgets are written by
 `python -m tests.pipeline.frame_cost`.
+
+A profile shows calls of compiled functions and methods only. Not counted are NumPy's universal
+functions (`np.add`, `np.sqrt`), operators, indexing, and functions that NumPy dispatches
+(`np.where`, `np.concatenate`); their lines and allocations are.
 """
 
 import json
@@ -11,10 +15,12 @@ import sys
 import tracemalloc
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from types import FrameType
 from typing import Any
+
+import cv2
 
 from common.runtime.node import Node
 from evaluation.pipeline import pipeline, play
@@ -37,6 +43,13 @@ SHOWN = 5  # files that are named
 MODEL = "movenet-multipose"  # float: of the same output on every processor
 KINDS = ("calls", "array_calls", "lines")
 FOLDERS = ("people4d", "common", "services")
+# Functions of OpenCV have no module, and are known by their identity
+OPENCV = {
+    id(member)
+    for module in (cv2, cv2.aruco, cv2.fisheye)
+    for member in vars(module).values()
+    if callable(member)
+}
 OWN = tuple(str(ROOT / folder) for folder in FOLDERS)
 
 Costs = dict[str, dict[str, float]]  # cost of one frame by kind and file
@@ -71,23 +84,66 @@ class Counting:
         return self._trace
 
 
+class Allocations:
+    """Counts bytes by file: what each line allocates at once, while the context is entered."""
+
+    def __init__(self) -> None:
+        self.kilobytes: Counter[str] = Counter()
+        self._file, self._base = "elsewhere", 0  # file of the line, and bytes before it
+
+    def __enter__(self) -> "Allocations":
+        tracemalloc.start()
+        self._begin("elsewhere")
+        sys.settrace(self._trace)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        sys.settrace(None)
+        self._end(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+
+    def _trace(self, frame: FrameType, event: str, _: object) -> Any:
+        peak = tracemalloc.get_traced_memory()[1]  # first, since naming the file allocates
+        if not frame.f_code.co_filename.startswith(OWN):
+            return None
+        self._end(peak)
+        self._begin(file_of(frame.f_back if event == "return" and frame.f_back else frame))
+        return self._trace
+
+    def _end(self, peak: int) -> None:
+        self.kilobytes[self._file] += (peak - self._base) / 1000
+
+    def _begin(self, file: str) -> None:
+        self._file = file
+        tracemalloc.reset_peak()
+        self._base = tracemalloc.get_traced_memory()[0]
+
+
 def file_of(frame: FrameType) -> str:
     """Return the file of this project that a call belongs to: its own or the nearest caller's."""
     at: FrameType | None = frame
     while at is not None and not at.f_code.co_filename.startswith(OWN):
         at = at.f_back
-    return str(Path(at.f_code.co_filename).relative_to(ROOT)) if at else "elsewhere"
+    return relative(at.f_code.co_filename) if at else "elsewhere"
+
+
+@cache
+def relative(file: str) -> str:
+    """Return the path of a file of this project."""
+    return str(Path(file).relative_to(ROOT))
 
 
 def is_of_arrays(function: Any) -> bool:
-    """Check whether a compiled function belongs to NumPy or OpenCV."""
+    """Check whether a compiled function or method belongs to NumPy or OpenCV."""
+    if id(function) in OPENCV:
+        return True
     module = getattr(function, "__module__", None) or type(function.__self__).__module__
     return str(module).partition(".")[0] in {"numpy", "cv2"}
 
 
 def cost(steps: Sequence[Sequence[Message]], handle: Callable[[Message], object]) -> Costs:
     """Return the cost of a frame whose inputs are handled one after another."""
-    counting, kilobytes = Counting(), 0
+    counting, allocations = Counting(), Allocations()
     for number, step in enumerate(steps):
         if number < WARM:
             run(step, handle)
@@ -95,14 +151,12 @@ def cost(steps: Sequence[Sequence[Message]], handle: Callable[[Message], object]
             with counting:
                 run(step, handle)
         else:  # memory is measured in separate frames, since counting allocates
-            tracemalloc.start()
-            run(step, handle)
-            kilobytes += tracemalloc.get_traced_memory()[1] // 1000
-            tracemalloc.stop()
+            with allocations:
+                run(step, handle)
     return {
         kind: {file: round(count / COUNTED, 2) for file, count in sorted(counts.items())}
-        for kind, counts in counting.counts.items()
-    } | {"kilobytes": {"at once": kilobytes / COUNTED}}
+        for kind, counts in (*counting.counts.items(), ("kilobytes", allocations.kilobytes))
+    }
 
 
 def run(step: Sequence[Message], handle: Callable[[Message], object]) -> None:
