@@ -65,9 +65,9 @@ class Gallery:
     ) -> IdentityDecision:
         """Decide which candidate a new track with this embedding is, or that it is a new person.
 
-        The distance of a candidate is the mean to its two nearest views; a new person is at
-        `limit`, the maximum distance of the same person. An option at distance d has the weight
-        exp(-d / TEMPERATURE); its share of the sum is the confidence.
+        The distance of a candidate is the mean to its two nearest views. A new person is an option
+        at the distance `limit`, the maximum distance of one person. An option at distance d has the
+        weight exp(-d / TEMPERATURE); its share of the sum is the confidence.
         """
         if not candidates:
             return IdentityDecision("new", 1.0, "no known person is absent")
