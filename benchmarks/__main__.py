@@ -16,15 +16,16 @@ GROUPS = {
         "thesis": "the methods of [PIC4SeR] and `best` on its seven scenarios in the lab",
         "ablation": "`best` without each of its parts, with intervals",
         "real_variations": "annotated people in augmented images, other orders and half the rate",
-        "lab_people": "`best` on forty random scenes of the lab",
+        "target": "the chosen person: wrong locks, re-acquisition, beside track identities",
         "postures": "postures, falls and gestures of simulated people, as geometry",
+        "objects": "objects that are detected as people, and people, by `object_like`",
     },
     "speed": {
         "together": "services in one process and apart, beside the bare network; stages",
         "peers": "the pipeline beside other packages, from image to tracks",
         "own_work": "time of a frame beside the networks, in one thread",
         "tracker_cost": "time of the tracker by number of people",
-        "load": "rate and latency with 1 to 20 people and 1 to 6 cameras",
+        "load": "rate and latency by number of people, cameras and detectors",
     },
     "cameras": {"cameras": "four cameras in one tracker, and in two areas: hand-overs, faults"},
     "motion": {

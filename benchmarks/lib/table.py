@@ -69,11 +69,13 @@ def write(script: str, title: str, *parts: str, dry: bool = False) -> None:
     """
     from scripts.table_age import dependencies  # noqa: PLC0415 (no part of what is measured)
 
-    name, is_folder = Path(script).stem, Path(script).is_dir()
-    command = f"`python -m benchmarks{'.' if is_folder else ' '}{name}`"
-    needs = dependencies(f"benchmarks.{name}{'.__main__' if is_folder else ''}")
-    made = f"Made by {command} on {machine()}. {needs}"
-    text = "\n\n".join([f"# {title}", made, *parts]) + "\n"
+    name = Path(script).stem
+    needs = dependencies(f"benchmarks.{name}")
+    made = f"Made by `python -m benchmarks {name}` on {machine()}. {needs}"
+    text = "
+
+".join([f"# {title}", made, *parts]) + "
+"
     print(text)
     if not dry:
         Path(script).with_suffix(".md").write_text(text, encoding="utf-8")

@@ -1,13 +1,10 @@
 """Objects that are detected as people, and people, by their `object_like`."""
 
-from pathlib import Path
-
 from benchmarks.lib import options
 from benchmarks.lib.postures.images import image_rows
 from benchmarks.lib.postures.objects import HEADER, LIKE_MIN, rows
 from benchmarks.lib.table import markdown, write
 
-FOLDER = str(Path(__file__).parent)
 SEEDS = range(3000, 3001)  # never seen while constants were chosen
 NOTE = (
     f"Figures whose `object_like` reaches {LIKE_MIN:g}, and the median time from the first frame "
@@ -22,8 +19,4 @@ def main() -> None:
     """Play all figures and write the table."""
     asked = options.parser(__doc__, "shared", "cache", "dry").parse_args()
     found = [*image_rows(asked.shared, asked.cache), *rows(SEEDS)]
-    write(FOLDER, "Objects detected as people", NOTE, markdown(HEADER, found), dry=asked.dry)
-
-
-if __name__ == "__main__":
-    main()
+    write(__file__, "Objects detected as people", NOTE, markdown(HEADER, found), dry=asked.dry)

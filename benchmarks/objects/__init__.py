@@ -1,1 +1,0 @@
-"""Benchmark of objects that are detected as people."""
