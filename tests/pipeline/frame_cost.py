@@ -13,7 +13,7 @@ functions (`np.add`, `np.sqrt`), operators, indexing, and functions that NumPy d
 import json
 import sys
 import tracemalloc
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache, partial
 from pathlib import Path
@@ -88,7 +88,7 @@ class Allocations:
     """Counts bytes by file: what each line allocates at once, while the context is entered."""
 
     def __init__(self) -> None:
-        self.kilobytes: Counter[str] = Counter()
+        self.kilobytes: defaultdict[str, float] = defaultdict(float)
         self._file, self._base = "elsewhere", 0  # file of the line, and bytes before it
 
     def __enter__(self) -> "Allocations":
@@ -153,9 +153,13 @@ def cost(steps: Sequence[Sequence[Message]], handle: Callable[[Message], object]
         else:  # memory is measured in separate frames, since counting allocates
             with allocations:
                 run(step, handle)
+    kinds: dict[str, Mapping[str, float]] = {
+        **counting.counts,
+        "kilobytes": allocations.kilobytes,
+    }
     return {
         kind: {file: round(count / COUNTED, 2) for file, count in sorted(counts.items())}
-        for kind, counts in (*counting.counts.items(), ("kilobytes", allocations.kilobytes))
+        for kind, counts in kinds.items()
     }
 
 

@@ -50,7 +50,7 @@ def test_opencv_calls_and_allocations_are_counted() -> None:
     image = np.zeros((100, 100), np.uint8)
 
     def handle(_: Message) -> None:
-        for _ in range(3):
+        for _round in range(3):
             cv2.resize(image, (200, 200))
 
     costs = cost([[builders.camera_info()]] * (WARM + 2 * COUNTED), handle)
