@@ -13,7 +13,14 @@ from common.drawing.topdown import Trajectories
 from services.report.series import RunSeries
 from services.report.statistics import END_TO_END, RunSummary
 from services.report.svg import Bar, Line, bars, draw_map, plot
-from services.report.text import facts, headline, latency_of, latency_table
+from services.report.text import (
+    facts,
+    headline,
+    latency_of,
+    latency_table,
+    multiple_of_inference,
+    slowest_stage,
+)
 
 VIDEO_MAX = 24 * 2**20  # [bytes] maximum size of an embedded video; others are separate files
 
@@ -100,9 +107,13 @@ def _figures(summary: RunSummary) -> Iterator[str]:
         yield _figure("people found", f"{_percent(score.matched, score.truths)}", "of the truth")
         yield _figure("ID switches", str(score.id_switches), "")
     if total is not None:
-        yield _figure("latency", f"{total.p50_ms:.0f}", f"ms, p95 {total.p95_ms:.0f}")
+        multiple = multiple_of_inference(summary)
+        words = f", {multiple:.1f} x inference" if multiple else ""
+        yield _figure("latency", f"{total.p50_ms:.0f}", f"ms, p99 {total.p99_ms:.0f}{words}")
     if summary.processed_hz:
         yield _figure("speed", f"{summary.processed_hz:.1f}", "frames a second")
+    if slowest := slowest_stage(summary):
+        yield _figure("possible speed", f"{slowest[1]:.1f}", f"limited by {slowest[0]}")
 
 
 def _limits(summary: RunSummary) -> str:

@@ -5,6 +5,12 @@ from collections.abc import Sequence
 from services.report.statistics import END_TO_END, Percentiles, RunSummary
 
 NONE = "none"
+INFERENCE = "detector.inference"
+# Stages in which a message waits, wholly or partly, so they do not limit the rate
+WAITING = {
+    *("capture", "release", "transport", "queue", "wait", "inference_wait", "wake"),
+    *("publish", "other"),
+}
 
 
 def headline(summary: RunSummary) -> str:
@@ -17,6 +23,23 @@ def headline(summary: RunSummary) -> str:
 def latency_of(summary: RunSummary) -> Percentiles | None:
     """Return the end-to-end latency; None in lock-step, since frames wait for each other."""
     return None if summary.lockstep else summary.latency.get(END_TO_END)
+
+
+def multiple_of_inference(summary: RunSummary) -> float | None:
+    """Return the median end-to-end latency in medians of the detector's inference."""
+    total, inference = latency_of(summary), summary.latency.get(INFERENCE)
+    return total.p50_ms / inference.p50_ms if total and inference and inference.p50_ms else None
+
+
+def slowest_stage(summary: RunSummary) -> tuple[str, float] | None:
+    """Return the working stage with the longest median, and the rate that it allows [Hz]."""
+    medians_ms = {
+        name: stage.p50_ms
+        for name, stage in summary.latency.items()
+        if name != END_TO_END and name.rpartition(".")[2] not in WAITING and stage.p50_ms > 0
+    }
+    name = max(medians_ms, key=medians_ms.__getitem__, default="")
+    return (name, 1000 / medians_ms[name]) if name else None
 
 
 def facts(summary: RunSummary) -> list[tuple[str, str]]:

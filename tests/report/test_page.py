@@ -5,13 +5,14 @@ import re
 from html.parser import HTMLParser
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
 from common.drawing.topdown import Trajectories
 from services.report.page import RunPage
 from services.report.series import RunSeries
-from services.report.statistics import RunStatistics
+from services.report.statistics import Percentiles, RunStatistics
 from services.report.svg import Bar, Line, bars, draw_map, plot
 
 
@@ -66,6 +67,20 @@ def test_foreign_text_is_escaped(tmp_path: Path) -> None:
     text = page(tmp_path, "<script>alert(1)</script>")
     assert "<script" not in text
     assert "&lt;script&gt;" in text
+
+
+def test_page_shows_latency_as_multiple_of_inference_and_the_possible_speed() -> None:
+    def stage(p50_ms: float) -> Percentiles:
+        return Percentiles(p50_ms=p50_ms, p95_ms=p50_ms, p99_ms=2 * p50_ms, count=9)
+
+    latency = {"tracker.wait": stage(90), "detector.inference": stage(25), "end_to_end": stage(60)}
+    summary = msgspec.structs.replace(RunStatistics().summary(), latency=latency)
+    text = RunPage(summary, Trajectories(), RunSeries()).html()
+    assert "<dd>60 <small>ms, p99 120, 2.4 x inference</small>" in text
+    # 1000 / 25; waiting does not limit the rate
+    assert "<dd>40.0 <small>limited by detector.inference</small>" in text
+    lockstep = msgspec.structs.replace(summary, lockstep=True)
+    assert "x inference" not in RunPage(lockstep, Trajectories(), RunSeries()).html()
 
 
 def test_large_video_is_a_file_beside(tmp_path: Path) -> None:
