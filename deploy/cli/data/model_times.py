@@ -1,14 +1,18 @@
 """people4d models benchmark."""
 
+import os
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Annotated, get_args
 
 import numpy as np
 import typer
 
+from common.config import load
 from common.inference.engines import open_session
+from common.inference.processor import CPU_INFO, DOT_PRODUCTS
 from common.inference.session import Engine
 from common.io.weights import ModelFile, find, folders, known_models
 from deploy.cli.terminal import console, plain_table, progress
@@ -24,7 +28,9 @@ def benchmark(
     seconds: Annotated[float, typer.Option(min=0.1, help="Time for each model and engine.")] = 3.0,
     threads: Annotated[int, typer.Option(min=1, help="Threads of one inference.")] = 1,
 ) -> None:
-    """Measure the installed detection models with each engine, and recommend an engine."""
+    """Measure the installed detection models with each engine; name the configured model's best."""
+    file = os.environ.get("PEOPLE4D_CONFIG")
+    configured = load(DetectorConfig, "detector", Path(file) if file else None).model
     present = [model for model in known_models().values() if model.kind in MODELS and _here(model)]
     runs: dict[tuple[str, Engine], Callable[[], object]] = {}
     failed: dict[str, str] = {}
@@ -41,6 +47,8 @@ def benchmark(
             times_ms[key] += _times_ms(runs[key], seconds / ROUNDS)
             report("models", (number + 1) / (ROUNDS * len(runs)))
     _show(times_ms)
+    console.print(f"\nInstructions that decide: {', '.join(instructions()) or 'none known'}.")
+    console.print(recommendation(configured, times_ms), markup=False)
     for what, reason in failed.items():
         console.print(f"{what}: {reason}", markup=False, style="dim")
 
@@ -82,7 +90,23 @@ def _show(times_ms: dict[tuple[str, Engine], list[float]]) -> None:
             "fastest" if best else "",
         )
     console.print(table)
-    name, engine = min(medians, key=medians.__getitem__)
-    console.print(
-        f'\nFastest on this machine: [detector] model = "{name}", engine = "{engine}"', markup=False
-    )
+
+
+def instructions(file: Path = CPU_INFO) -> list[str]:
+    """Return the processor's instructions that decide the time of a network, if it reports them."""
+    try:
+        words = file.read_text(encoding="utf-8", errors="replace").split()
+    except OSError:
+        return []
+    return sorted({"avx2", *DOT_PRODUCTS} & set(words))
+
+
+def recommendation(model: str, times_ms: Mapping[tuple[str, Engine], Sequence[float]]) -> str:
+    """Return the setting of the fastest engine of a model."""
+    medians = {
+        engine: statistics.median(t) for (name, engine), t in times_ms.items() if name == model
+    }
+    if not medians:
+        return f"The configured model {model} was not measured."
+    engine = min(medians, key=medians.__getitem__)
+    return f"Fastest engine of the configured model {model}: --set detector.engine={engine}"
