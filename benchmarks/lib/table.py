@@ -72,10 +72,7 @@ def write(script: str, title: str, *parts: str, dry: bool = False) -> None:
     name = Path(script).stem
     needs = dependencies(f"benchmarks.{name}")
     made = f"Made by `python -m benchmarks {name}` on {machine()}. {needs}"
-    text = "
-
-".join([f"# {title}", made, *parts]) + "
-"
+    text = "\n\n".join([f"# {title}", made, *parts]) + "\n"
     print(text)
     if not dry:
         Path(script).with_suffix(".md").write_text(text, encoding="utf-8")
