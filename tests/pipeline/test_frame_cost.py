@@ -14,7 +14,7 @@ from tests import ROOT, builders
 from tests.pipeline.frame_cost import BUDGETS, COUNTED, WARM, Costs, cost, excess, measure
 
 FILE = "services/predictor/node.py"
-PLACE = "        people, state = self._plausible(tracks.tracks)\n"
+LINE = "        people, state = self._plausible(tracks.tracks)\n"
 LOOP = "        for _ in range(100):\n            sorted(tracks.camera)\n"
 
 
@@ -41,7 +41,7 @@ def test_loop_in_a_copy_of_a_node_is_over_the_budget_and_its_file_named() -> Non
     before = cost_of_predictor(code)
     assert list(excess(cost_of_predictor(code), before)) == []
     # Two lines a round, and the final one of the loop.
-    lines, *_ = excess(cost_of_predictor(code.replace(PLACE, PLACE + LOOP)), before)
+    lines, *_ = excess(cost_of_predictor(code.replace(LINE, LINE + LOOP)), before)
     assert lines.startswith("predictor: ")
     assert lines.endswith(f": {FILE} +201")
 
