@@ -15,8 +15,9 @@ import people4d
 from common.transport.ports import free_port
 from people4d.client import Client, subscribe
 from people4d.errors import ConfigError, People4dError
-from people4d.messages import Health, Message, Tracks, Truth
+from people4d.messages import Event, Health, Message, Tracks, Truth
 from people4d.session import endpoints_of, problem_of
+from people4d.topics import TOPICS
 from tests import ROOT
 from tests.contract.examples import BY_NAME
 from tests.network import WAIT_S, Network
@@ -133,8 +134,15 @@ def test_endpoint_that_is_none_is_rejected(text: str) -> None:
         endpoints_of(text)
 
 
-def test_public_names_are_listed() -> None:
-    assert {"Client", "Tracks", "subscribe"} <= set(dir(people4d))
+def test_all_messages_that_a_planner_reads_or_sends_are_public() -> None:
+    planners = {
+        topic.message.__name__
+        for topic in TOPICS
+        if "planner" in topic.producers or {"planner", "*"} & set(topic.readers.split())
+    }
+    assert {"Event", "TargetCommand", "Tracks"} < planners
+    assert planners | {"Client", "subscribe"} <= set(people4d.__all__) <= set(dir(people4d))
+    assert people4d.Event is Event
 
 
 @pytest.mark.processes
