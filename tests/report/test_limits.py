@@ -117,7 +117,7 @@ def test_latency_at_the_recorded_rate_is_a_key_figure() -> None:
     assert headline(summary).endswith("latency 4 ms")
     assert "latency    median 4.0 ms, p95 4.0 ms, end to end\n" in text(summary)
     page = RunPage(summary=summary, trajectories=Trajectories(), series=RunSeries())
-    assert "<dt>latency</dt><dd>4 <small>ms, p95 4</small></dd>" in page.html()
+    assert "<dt>latency</dt><dd>4 <small>ms, p99 4</small></dd>" in page.html()
 
 
 def joined_frame() -> SynchronisedFrame:
