@@ -113,7 +113,8 @@ def _figures(summary: RunSummary) -> Iterator[str]:
     if summary.processed_hz:
         yield _figure("speed", f"{summary.processed_hz:.1f}", "frames a second")
     if slowest := slowest_stage(summary):
-        yield _figure("possible speed", f"{slowest[1]:.1f}", f"limited by {slowest[0]}")
+        stage = slowest[0].replace(".", " ")
+        yield _figure("possible speed", f"{slowest[1]:.1f}", f"limited by {stage}")
 
 
 def _limits(summary: RunSummary) -> str:

@@ -78,7 +78,7 @@ def test_page_shows_latency_as_multiple_of_inference_and_the_possible_speed() ->
     text = RunPage(summary, Trajectories(), RunSeries()).html()
     assert "<dd>60 <small>ms, p99 120, 2.4 x inference</small>" in text
     # 1000 / 25; waiting does not limit the rate
-    assert "<dd>40.0 <small>limited by detector.inference</small>" in text
+    assert "<dd>40.0 <small>limited by detector inference</small>" in text
     lockstep = msgspec.structs.replace(summary, lockstep=True)
     assert "x inference" not in RunPage(lockstep, Trajectories(), RunSeries()).html()
 
