@@ -5,7 +5,6 @@ detections stay in the cache; rendering takes minutes a scene.
 """
 
 import argparse
-import importlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -168,7 +167,6 @@ def tables(scenes: Sequence[GroupRun], played: Sequence[Played]) -> list[str]:
 
 def main() -> None:
     """Render, track, follow and write the tables."""
-    importlib.import_module("cv2").setNumThreads(1)
     parser = options.parser(__doc__, "shared", "jobs", "cache", "dry")
     parser.add_argument("--other", type=Path, help="folder of the second simulator's scenes")
     parser.add_argument("--peers", nargs="*", default=[], help="interpreters with other packages")

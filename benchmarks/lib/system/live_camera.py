@@ -1,7 +1,7 @@
 """The shipped recording as a camera with frames in memory.
 
 Reading, decoding and the simulated depth sensor would take as much time as the pipeline without the
-network, and 110 MB. They run before, in the process of the benchmark.
+network, and the sensor loads Numba. They run before, in the process of the benchmark.
 """
 
 import atexit
