@@ -30,13 +30,18 @@ class Feeding:
 
     @contextlib.contextmanager
     def tracker(self) -> Iterator[subprocess.Popen[bytes]]:
-        """Run a tracker; the block begins at its first heartbeat and ends by killing it."""
+        """Run a tracker; the block begins once it has the transform and ends by killing it.
+
+        Topics have no common order: a transform that arrives after frames deletes their tracks.
+        """
         settings = ("embedding_wait_s=1.0",)
         with start(
             self._network, self.robot, "tracker-1", settings, PEOPLE4D_STATE=self._folder
         ) as process:
             try:
                 self.watcher.wait(Health, lambda h: h.pid == process.pid)
+                self.bus.publish(TRANSFORM)
+                self.watcher.wait_for_counters(received_static_transforms=1)
                 yield process
             finally:
                 process.kill()
@@ -45,7 +50,6 @@ class Feeding:
         self, numbers: range, shift_m: float = 0.0, embeddings: Sequence[Sequence[float]] = TWO
     ) -> Tracks:
         """Send frames of two people, ten a second by their stamps; return the last answer."""
-        self.bus.publish(TRANSFORM)
         for k in numbers:
             frame = detected(k, [person(-0.8 + shift_m), person(0.8 + shift_m)])
             self.bus.publish(embeddings_of(frame, embeddings))
