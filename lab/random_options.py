@@ -19,16 +19,16 @@ NAME = "random"
 class RandomScene(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Options of a random scene; the defaults resemble recordings of real people."""
 
-    seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
+    seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0  # seed of everything drawn
     density: Annotated[float, Meta(ge=0.005, le=1.0)] = 0.15  # [1/m2] people on the floor
     people: Annotated[int, Meta(ge=0, le=MAX_PEOPLE)] = 0  # number of people; 0: by density
-    room: RoomName = "office"
+    room: RoomName = "office"  # see scenario.room
     # robot: 1 to 1.2 m high; head: 1.5 to 1.8 m; ceiling: 2.2 m, tilted down and to a side
     view: Literal["robot", "head", "ceiling", "any"] = "any"
     outfit: Literal["own", "dark", "random", "mixed"] = "mixed"  # mixed: half dark
     furniture: bool = True  # True: desks, chairs, partitions, except in the square
     plain: bool = False  # True: without the errors of a low-cost camera
-    depth_sensor: SensorName = "xtion"
+    depth_sensor: SensorName = "xtion"  # depth errors, see `lab.depth.config.SENSORS`
     duration_s: Annotated[float, Meta(ge=1, le=600)] = 15.0  # [s]
     fps: Annotated[float, Meta(ge=1, le=60)] = 10.0  # [Hz]
     width: CameraSide = 640  # [px]

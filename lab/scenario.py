@@ -46,7 +46,7 @@ class Gesture(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
     at_s: NonNegative  # [s] begin
     for_s: float = 4.0  # [s] duration, at least twice `move_s`
     move_s: Annotated[float, Meta(ge=0.5)] = 1.0  # [s] duration of each movement
-    hand: Literal["left", "right"] = "right"
+    hand: Literal["left", "right"] = "right"  # raised hand
     # across the torso; above the head, at rest or waving; forward
     move: Literal["before_torso", "raise", "wave", "point"] = "before_torso"
 
@@ -61,6 +61,7 @@ class Act(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Movement of the whole body, while standing; without its chair or bed."""
 
     at_s: NonNegative  # [s] begin
+    # bend, squat and fall while standing; sit and lie without a chair or bed
     move: Literal[
         "bend",
         "squat",
@@ -93,7 +94,7 @@ class PersonPlan(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
     repeat: bool = False  # True: the path is repeated
     outfit: Outfit = "own"  # clothes
     size: Annotated[float, Meta(ge=0.8, le=1.2)] = 1.0  # stature relative to the cast
-    gestures: tuple[Gesture, ...] = ()
+    gestures: tuple[Gesture, ...] = ()  # in order
     acts: tuple[Act, ...] = ()  # in order, while the person stands
 
     def __post_init__(self) -> None:
@@ -112,9 +113,8 @@ class CapturePlan(Config, frozen=True, kw_only=True, forbid_unknown_fields=True)
 
     rate_hz: RateHz = 100.0  # [Hz]
     noise_m: Annotated[float, Meta(ge=0, le=1)] = 0.0  # [m] standard deviation of positions, white
-    yaw_noise_deg: Annotated[float, Meta(ge=0, le=180)] = (
-        0.0  # [deg] standard deviation of yaw, white
-    )
+    # [deg] standard deviation of yaw, white
+    yaw_noise_deg: Annotated[float, Meta(ge=0, le=180)] = 0.0
 
 
 class Scenario(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -4,14 +4,10 @@ Run `python -m scripts.message_docs` after a change; `--check` only fails if it 
 """
 
 import argparse
-import ast
 import importlib
 import inspect
-import io
 import re
 import sys
-import textwrap
-import tokenize
 import types
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -20,6 +16,7 @@ from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_ori
 import msgspec
 import numpy as np
 
+from common.field_comments import field_comments
 from people4d.messages import Message
 from people4d.messages.base import NAME_FORM, Name, Record
 from people4d.topics import IMAGE_MAX_BYTES, OTHER_MAX_BYTES, TOPICS, VERSION, Topic
@@ -75,33 +72,15 @@ def fields_of(record: type[msgspec.Struct]) -> Iterator[FieldDocs]:
     Raises:
         DocsError: A field has no comment, or an unknown type.
     """
-    comments = dict(_comments(record))
+    comments = field_comments(record)
     hints = get_type_hints(record, include_extras=True)
     for field in msgspec.structs.fields(record):
         if field.name in inspect.get_annotations(record):
-            comment = comments.get(field.name)
+            comment = comments[field.name]
             if not comment:
                 name = f"{record.__name__}.{field.name}"
                 raise DocsError(f"{name}: expected a comment with unit and frame, got none")
             yield FieldDocs(field.name, _kind(hints[field.name]), _presence(field), comment)
-
-
-def _comments(record: type) -> Iterator[tuple[str, str]]:
-    """Yield fields with their comment: on the line, or on the lines above it."""
-    source = textwrap.dedent(inspect.getsource(record))
-    tokens = tokenize.generate_tokens(io.StringIO(source).readline)
-    comments = {t.start[0]: t.string.lstrip("# ") for t in tokens if t.type == tokenize.COMMENT}
-    (node,) = ast.parse(source).body
-    assert isinstance(node, ast.ClassDef)
-    lines = source.splitlines()
-    for item in node.body:
-        if isinstance(item, ast.AnnAssign):
-            found = [comments.get(item.end_lineno or 0, "")]
-            line = item.lineno - 1
-            while not found[-1] and lines[line - 1].lstrip().startswith("#"):
-                found.insert(0, comments[line])
-                line -= 1
-            yield ast.unparse(item.target), " ".join(found).strip()
 
 
 def _kind(hint: Any) -> str:

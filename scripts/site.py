@@ -1,4 +1,4 @@
-"""Hooks of mkdocs: linked files of the repository become files of the site.
+"""Hooks of mkdocs: linked files of the repository, and a page of all settings, join the site.
 
 Pages link to sources, tables and other files outside docs/. Each such file is copied to
 `repository/` in the site, Markdown as a page, and the link is changed.
@@ -10,9 +10,13 @@ import re
 from pathlib import Path
 from typing import Any, Protocol
 
+from deploy.settings import all_settings
+
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 FOLDER = "repository"
+SETTINGS = "settings/all.md"  # generated page
+MARKUP = re.compile(r"([|<>_*\[\]])")
 LINK = re.compile(r"(\]\()([^)\s#]+)(#[^)\s]*)?(\))")
 
 
@@ -72,11 +76,25 @@ def on_files(files: Files, config: Any) -> Files:
     for file in sorted(linked_files(sorted(DOCS.rglob("*.md")))):
         uri = f"{FOLDER}/{file.relative_to(ROOT)}"
         files.append(generated(config, uri, abs_src_path=str(file)))
+    files.append(generated(config, SETTINGS, content=settings_page()))
     return files
+
+
+def settings_page() -> str:
+    """Return the page of all settings."""
+    lines = ["# All settings", "", "`people4d settings` shows this list."]
+    for heading, rows in all_settings().items():
+        lines += ["", f"## {heading}", "", "| setting | default | meaning |", "| --- | --- | --- |"]
+        for row in rows:
+            meaning = MARKUP.sub(r"\\\1", row.meaning)
+            lines.append(f"| `{row.name}` | `{row.default}` | {meaning} |")
+    return "\n".join(lines) + "\n"
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     """Change the links of a page."""
+    if page.file.src_uri == SETTINGS:  # generated, without links
+        return markdown
     source = Path(page.file.abs_src_path)
     return LINK.sub(
         lambda m: f"{m[1]}{site_link(source, m[2]) if ':' not in m[2] else m[2]}{m[3] or ''}{m[4]}",

@@ -52,6 +52,7 @@ COMMANDS = (
     ("doctor", "system.doctor", "Find out why there is no output, with a remedy."),
     ("health", "system.control", "Exit with 0 once a service is healthy."),
     ("run", "system.control", "Run one service in this terminal."),
+    ("settings", "system.settings", "Show all settings with units and defaults."),
     ("keys", "system.keys", "Make certificates or passwords for hosts and roles, or check them."),
 )
 

@@ -59,7 +59,7 @@ class SyntheticDetectionsConfig(Config, frozen=True, kw_only=True, forbid_unknow
     # [m] shift of positions from the torso's axis towards the camera, in front or back view, and in
     # side view; 0.12 and 0.17 for estimators of the surface
     front_m: NonNegative = 0.0
-    side_m: NonNegative = 0.0
+    side_m: NonNegative = 0.0  # [m] see front_m
     no_position: Probability = 0.01  # share of detections without depth
     heading_rad: NonNegative = 0.3  # [rad] standard deviation; measured: median of 11 to 14 deg
     reversals: Probability = 0.03  # share of reversed headings; measured: 0.03

@@ -17,7 +17,7 @@ class DashboardConfig(Config, frozen=True, kw_only=True):
     allowed_hosts: tuple[str, ...] = ()
     # tokens of the roles, see docs/operation/dashboard.md; empty: generated, in the state folder
     operator_token: str = ""
-    planner_token: str = ""
+    planner_token: str = ""  # see operator_token
     certificate: str = ""  # PEM file of the certificate; with its key the page is served by https
     certificate_key: str = ""  # PEM file of its key
     # True: programs may read people as JSON, see docs/operation/json.md

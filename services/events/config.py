@@ -16,7 +16,7 @@ class EventsConfig(Config, frozen=True, kw_only=True):
     lies_s: Positive = 10.0  # [s] duration of lying that is an event; with skeletons
     # confidences of an identity below which it is uncertain, and above which it is certain again
     uncertain_below: Probability = 0.5
-    certain_above: Probability = 0.7
+    certain_above: Probability = 0.7  # see uncertain_below
     # maximum number of events in the journal; the oldest are deleted
     journal_max: PositiveInt = 100_000
     webhook: str = ""  # http or https address for every event as JSON; empty: none

@@ -41,7 +41,6 @@ class ImageSortConfig(Config, frozen=True, kw_only=True):
     t_lost: NonNegative = 1.0  # [frames] T_lost: longest lifetime without a match; section 7
     r: PositiveOrInfinite = 5.0  # R: tracked frames per additional frame, if dynamic; section 7
     max_age: PositiveOrInfinite = 30.0  # [frames] maximum dynamic lifetime; section 7
-    # ego motion
     # Correction of the camera's rotation; section 7. "odometry": by odometry and transforms
     ego_motion: Literal["none", "odometry"] = "none"
     # "linear": equal displacement of all columns, section 7; "pinhole": displacement by the

@@ -1,0 +1,99 @@
+"""The list of all settings: complete, and shown by the command and on the site."""
+
+import importlib
+import re
+from collections.abc import Iterator
+from typing import Literal
+
+import pytest
+from msgspec.inspect import StructType, type_info
+from typer.testing import CliRunner
+
+from common.config import Config
+from common.field_comments import field_comments
+from deploy.cli import app
+from deploy.settings import all_settings
+from scripts.site import settings_page
+from tests import ROOT
+
+PACKAGES = ("common", "services", "lab", "evaluation", "deploy")
+
+
+class Base(Config, frozen=True, kw_only=True):
+    low: float = 0.5  # [m] of the base
+
+
+class Derived(Base, frozen=True, kw_only=True):
+    high: float = 2.0
+    # first line
+    # and second line
+    mode: Literal["on", "off"] = "on"
+    low: float = 1.0  # [m] of the derived record
+
+
+def configs(record: type[Config]) -> Iterator[type[Config]]:
+    below = [r for r in record.__subclasses__() if not r.__module__.startswith("tests")]
+    for one in below:
+        yield from configs(one)
+    if not below:
+        yield record
+
+
+def test_every_field_of_every_configuration_record_is_listed() -> None:
+    for package in PACKAGES:
+        for file in (ROOT / package).rglob("*.py"):
+            if re.search(
+                r"^class \w+\(\w*(Config|Settings|Options)\b", file.read_text("utf-8"), re.M
+            ):
+                importlib.import_module(".".join(file.relative_to(ROOT).with_suffix("").parts))
+    listed = {
+        (s.record, s.name.rpartition(".")[2]) for rows in all_settings().values() for s in rows
+    }
+    found = map(type_info, configs(Config))
+    records = [record for record in found if isinstance(record, StructType)]
+    assert len(records) > 40
+    values = {
+        (record.cls, field.name)
+        for record in records
+        for field in record.fields
+        if "StructType" not in repr(field.type)
+    }
+    assert not values - listed
+
+
+def test_every_setting_has_a_meaning_on_the_page() -> None:
+    page = settings_page()
+    for rows in all_settings().values():
+        for row in rows:
+            assert row.meaning, row
+            assert f"| `{row.name}` | `{row.default}` | " in page
+
+
+def test_comment_is_at_the_end_of_the_field_or_above_it() -> None:
+    assert field_comments(Derived) == {
+        "low": "[m] of the derived record",
+        "high": "",
+        "mode": "first line and second line",
+    }
+
+
+def test_default_is_of_the_enclosing_record() -> None:
+    names = {s.name: s.default for rows in all_settings().values() for s in rows}
+    assert names["ros2_bridge.outputs.markers.rate_max_hz"] == "15.0"
+    assert names["ros2_bridge.outputs.people.rate_max_hz"] == "0.0"
+    assert names["gt_bridge.transforms[].parent"] == "required"
+    assert names["camera.max_depth_m"] == "absent"
+
+
+@pytest.mark.parametrize("name", ["tracker.sort3d", "tracker.sort3d.t_lost"])
+def test_command_shows_the_settings_that_begin_with_a_name(name: str) -> None:
+    result = CliRunner().invoke(app, ["settings", name])
+    names = [line.split()[0] for line in result.stdout.splitlines()[2:]]  # after title and header
+    assert "tracker.sort3d.t_lost" in names
+    assert all(n.startswith(name) for n in names)
+
+
+def test_unknown_name_is_an_error_with_a_choice() -> None:
+    result = CliRunner().invoke(app, ["settings", "trakcer"])
+    assert result.exit_code == 1
+    assert "no setting begins with 'trakcer'. Choose camera," in result.stderr
