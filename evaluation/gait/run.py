@@ -70,13 +70,16 @@ def estimate_gait(
     return _estimate_box(camera, run, on_frame)
 
 
+def tracking_nodes(method: Method) -> list[Node]:
+    """Return the nodes of a method; frames wait for their embeddings, since time stands still."""
+    tracker = msgspec.structs.replace(method.tracker, reorder_wait_s=0.0)
+    return pipeline(method.detector, method.reid, tracker)
+
+
 def _estimate_all(
     camera: CameraConfig, run: GaitRun, on_frame: OnFrame, on_skeletons: OnSkeletons | None
 ) -> Iterator[int]:
-    method = run.method
-    # In one process no message arrives after the next frame has started.
-    tracker = msgspec.structs.replace(method.tracker, embedding_wait_s=0.0, reorder_wait_s=0.0)
-    nodes = [*pipeline(method.detector, method.reid, tracker), build(run.gait, on_frame)]
+    nodes = [*tracking_nodes(run.method), build(run.gait, on_frame)]
     if on_skeletons:
         nodes.append(build_skeleton(SkeletonConfig()))
     for step in play(camera, nodes):

@@ -11,8 +11,12 @@ from typer.testing import CliRunner
 
 from deploy.cli import app
 from deploy.launcher.plan import COMPOSE_FILE
+from evaluation.gait.run import tracking_nodes
 from evaluation.gait.tables import POINT_FIELDS, GaitTables
-from people4d.messages import BodyPoint, GaitMeasures, PersonGait
+from evaluation.methods import read_method
+from evaluation.pipeline import lockstep, play
+from people4d.messages import BodyPoint, GaitMeasures, PersonGait, Tracks
+from services.camera.config import CameraConfig
 from services.gait.cascade import GaitEstimate
 from services.gait.estimator import GaitResult
 from tests.gait.steps.test_steps import feet
@@ -30,6 +34,16 @@ def run(*arguments: str | Path) -> tuple[int, str]:
 def rows_of(file: Path) -> list[dict[str, str]]:
     with file.open(newline="", encoding="utf-8") as text:
         return list(csv.DictReader(text))
+
+
+@pytest.mark.slow
+def test_people_are_tracked_by_appearance() -> None:
+    nodes = tracking_nodes(read_method(""))
+    camera = CameraConfig(source=str(DEMO), max_frames=3)
+    messages = [one for step in play(lockstep(camera), nodes) for one in step.messages]
+    counters = nodes[-1].status().counters
+    assert sum(isinstance(one, Tracks) for one in messages) == 3
+    assert counters["without_embeddings"] == counters["late_embeddings"] == 0
 
 
 @pytest.mark.slow
