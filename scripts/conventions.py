@@ -1,7 +1,7 @@
 """Check the conventions of the code base: words, docstrings, names of classes, hooks.
 
     python -m scripts.conventions            # every breach, exit code 1 if there is one
-    python -m scripts.conventions --counts   # files and lines a folder, and breaches by rule
+    python -m scripts.conventions --counts   # files and lines a folder, settings, words, breaches
 
 Forbidden words are listed in scripts/words.toml.
 """
@@ -9,13 +9,19 @@ Forbidden words are listed in scripts/words.toml.
 import argparse
 import ast
 import re
+import subprocess
 import sys
 import tokenize
 import tomllib
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
+
+from benchmarks.__main__ import GROUPS
+from deploy.cli import COMMANDS
+from deploy.settings import all_settings
 
 ROOT = Path(__file__).resolve().parents[1]
 WORDS = Path(__file__).with_name("words.toml")
@@ -124,20 +130,46 @@ def breaches() -> Iterator[Breach]:
         yield from check_prose(file, (ROOT / file).read_text("utf-8"), everywhere)
 
 
+def numeric_constants(text: str) -> int:
+    """Count the upper-case names of a module whose value holds a number."""
+    count = 0
+    for node in ast.parse(text).body:
+        if isinstance(node, ast.Assign | ast.AnnAssign) and node.value:
+            values = [n.value for n in ast.walk(node.value) if isinstance(n, ast.Constant)]
+            if any(type(value) in (int, float) for value in values):
+                names = (name for part in ast.walk(node) for name, _ in _defined(part))
+                count += sum(map(str.isupper, names))
+    return count
+
+
 def print_counts(found: list[Breach]) -> None:
-    """Print files and lines of every folder, and the breaches by rule."""
+    """Print files and lines of every folder, sizes of the product, and the breaches by rule."""
     lines = Counter[str]()
     files = Counter[str]()
+    constants = 0
     for file in _files(PYTHON, "*.py"):
+        text = (ROOT / file).read_text("utf-8")
         folder = (
             "/".join(Path(file).parts[:2]) if file.startswith("services") else file.split("/")[0]
         )
-        lines[folder] += len((ROOT / file).read_text("utf-8").splitlines())
+        lines[folder] += len(text.splitlines())
         files[folder] += 1
+        constants += numeric_constants(text) if file.startswith(PACKAGES) else 0
     for folder in sorted(lines):
         print(f"{folder:<28} {files[folder]:>4} files {lines[folder]:>6} lines")
     product = sum(n for folder, n in lines.items() if folder.split("/")[0] in PACKAGES)
     print(f"{'product':<28} {'':>4}       {product:>6} lines")
+    settings = {(s.record, s.name.rpartition(".")[2]) for s in chain(*all_settings().values())}
+    pages = subprocess.check_output(["git", "ls-files", "*.md"], cwd=ROOT, text=True).split()
+    sizes = {
+        "settings": len(settings),
+        "numeric constants of product": constants,
+        "commands of people4d": len(COMMANDS),
+        "benchmarks": sum(map(len, GROUPS.values())),
+        "words of Markdown": sum(len((ROOT / page).read_text("utf-8").split()) for page in pages),
+    }
+    for name, size in sizes.items():
+        print(f"{name:<28} {size:>6}")
     rules = Counter(breach.rule for breach in found)
     for rule in ("word in a name", "word", "docstring", "class name twice", "attribute by name"):
         print(f"{rule:<28} {rules[rule]:>4}")
