@@ -27,7 +27,7 @@ class FrameTraces:
         self.traces: dict[Frame, list[tuple[Span, ...]]] = defaultdict(list)
         self._healths: dict[str, Health] = {}
 
-    def add(self, message: Message) -> None:
+    def add_message(self, message: Message) -> None:
         """Add a message; kinds other than `KINDS` are ignored."""
         if isinstance(message, Health):
             self._healths[message.instance] = message

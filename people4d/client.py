@@ -107,7 +107,7 @@ class Client:
     def publish(self, message: Message) -> None:
         """Publish a message, for example the choice of the person to follow."""
         topic = BY_MESSAGE[type(message)]
-        self.session.put(topic.key_of(message, self.session.robot), encode(message))
+        self.session.send_bytes(topic.key_of(message, self.session.robot), encode(message))
 
     def found(self) -> str:
         """Describe the robots and services with liveliness tokens."""

@@ -80,7 +80,7 @@ class MessageQueue:
         self.failure: Exception | None = None  # exception that ended a thread of `follow`
         self._taken = 0
 
-    def put(self, topic: Topic, key: str, payload: bytes) -> None:
+    def add_payload(self, topic: Topic, key: str, payload: bytes) -> None:
         """Decode a payload and add it; bad bytes are counted and dropped.
 
         Args:
@@ -144,7 +144,7 @@ class MessageQueue:
         def receive() -> None:
             try:
                 for key, payload in subscription:
-                    self.put(topic, key, payload)
+                    self.add_payload(topic, key, payload)
                     del payload  # frees memory before the next payload
             except Exception as error:
                 self.failure = error

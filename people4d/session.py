@@ -177,7 +177,7 @@ class ZenohSession:
         owners = KeyOwners(topic, self._follow_announcements()) if topic.owned else None
         return self._keep(subscriber, topic.max_bytes, topic.keys_max, self_id, owners)
 
-    def put(self, key: str, payload: bytes) -> None:
+    def send_bytes(self, key: str, payload: bytes) -> None:
         """Publish bytes under a full key."""
         self._session.put(key, payload)
 

@@ -5,6 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+import msgspec
+
 from people4d.messages import (
     AreaPeople,
     CameraInfo,
@@ -71,17 +73,12 @@ class Topic:
     numbered: str = field(default="", kw_only=True)
     # True: its publisher waits for a slow link if messages are queued; False: it drops them
     waits: bool = field(default=True, kw_only=True)
-
-    @property
-    def max_bytes(self) -> int:
-        """Maximum size of a message [bytes]; longer ones are dropped unread."""
-        return IMAGE_MAX_BYTES if self.key.startswith("raw/") else OTHER_MAX_BYTES
-
-    @property
-    def keys_max(self) -> int:
-        """Maximum number of keys; messages on more keys are dropped unread."""
-        is_transform = self.key.startswith(("transforms/", "moving/"))
-        return TRANSFORMS_MAX if is_transform else KEYS_MAX
+    # maximum size of a message [bytes]; longer ones are dropped unread
+    max_bytes: int = field(default=OTHER_MAX_BYTES, kw_only=True)
+    # maximum number of keys; messages on more keys are dropped unread
+    keys_max: int = field(default=KEYS_MAX, kw_only=True)
+    # True: stamps are of the clock of the message's camera, with several cameras
+    camera_clock: bool = field(default=False, kw_only=True)
 
     @property
     def producers(self) -> frozenset[str]:
@@ -89,11 +86,15 @@ class Topic:
         one = self.producer == EVERY_SERVICE
         return frozenset([self.producer] if one else self.producer.split())
 
-    def is_lossless(self, message: Message) -> bool:
-        """Check that a message must not be skipped or dropped."""
+    def clock_of(self, message: Message) -> str:
+        """Return the camera whose clock stamps a message; empty: the robot's clock."""
+        return str(message.camera) if self.camera_clock else ""  # type: ignore[attr-defined]
+
+    def is_lossless(self, message: msgspec.Struct) -> bool:
+        """Check that a message, or a record of its first fields, must not be skipped or dropped."""
         return self.lossless is not None and getattr(message, self.lossless[0]) == self.lossless[1]
 
-    def may_be_replaced(self, message: Message) -> bool:
+    def may_be_replaced(self, message: msgspec.Struct) -> bool:
         """Check that a newer message replaces a waiting one."""
         return self.delivery == "newest" and not self.is_lossless(message)
 
@@ -135,38 +136,39 @@ class _Fields(dict[str, str]):
 TOPICS: tuple[Topic, ...] = (
     Topic("frames", "raw/{camera}/rgbd", RgbdFrame, 30, "newest", 32, "camera",
           readers="dashboard detector gait visual_odometry report operator", leaves_host=False,
-          lossless=("lockstep", True), numbered="key"),
+          lossless=("lockstep", True), numbered="key", max_bytes=IMAGE_MAX_BYTES),
     Topic("compressed", "raw/{camera}/compressed", CompressedRgbdFrame, 30, "newest", 32, "camera",
-          readers="dashboard detector report operator", numbered="key"),
+          readers="dashboard detector report operator", numbered="key", max_bytes=IMAGE_MAX_BYTES),
     Topic("camera_info", "camera/{camera}/info", CameraInfo, 0, "latched", 8, "camera",
           readers="dashboard detector tracker skeleton gait visual_odometry gt_bridge report "
                   "planner operator", owned=True),
     Topic("static_transforms", "transforms/{child}", StaticTransform, 0, "latched", 32, "camera",
           readers="dashboard events tracker skeleton gait visual_odometry gt_bridge predictor "
-                  "ros2_bridge report target planner operator", owned=True),
+                  "ros2_bridge report target planner operator", owned=True,
+          keys_max=TRANSFORMS_MAX),
     Topic("moving_transforms", "moving/{child}", MovingTransform, 50, "queue", 256,
           "camera visual_odometry",
           readers="dashboard events tracker skeleton gait gt_bridge predictor ros2_bridge report "
-                  "target operator", owned=True),
+                  "target operator", owned=True, keys_max=TRANSFORMS_MAX),
     Topic("odometry", "odometry", Odometry, 50, "queue", 256, "camera visual_odometry",
           readers="dashboard events tracker skeleton gait visual_odometry gt_bridge predictor "
                   "ros2_bridge report target operator", owned=True),
     Topic("detections", "detections/{camera}", Detections, 30, "queue", 64, "detector",
           readers="dashboard camera detector tracker skeleton gait visual_odometry gt_bridge "
-                  "ros2_bridge report target operator"),
+                  "ros2_bridge report target operator", camera_clock=True),
     Topic("crops", "raw/{camera}/crops", Crops, 30, "queue", 8, "detector",
-          readers="reid operator", leaves_host=False),
+          readers="reid operator", leaves_host=False, max_bytes=IMAGE_MAX_BYTES),
     Topic("embeddings", "embeddings/{camera}", Embeddings, 30, "queue", 64, "reid",
           readers="reid tracker target operator"),
     Topic("people", "people", Tracks, 30, "queue", 64, "tracker site",
           readers="dashboard events camera tracker skeleton gait gt_bridge predictor ros2_bridge "
-                  "report site target planner operator", numbered="camera"),
+                  "report site target planner operator", numbered="camera", camera_clock=True),
     Topic("area_people", "area_people", AreaPeople, 4, "queue", 16, "tracker",
           readers="tracker operator"),
     Topic("gait", "gait", Gait, 30, "queue", 64, "gait",
           readers="report planner operator"),
     Topic("predictions", "predictions", Predictions, 10, "queue", 64, "predictor",
-          readers="dashboard ros2_bridge report target planner operator"),
+          readers="dashboard ros2_bridge report target planner operator", camera_clock=True),
     Topic("skeletons", "skeletons", Skeletons, 30, "queue", 64, "skeleton",
           readers="dashboard events ros2_bridge report target planner operator"),
     Topic("events", "events", Event, 1, "queue", 256, "events",

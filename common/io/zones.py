@@ -15,7 +15,7 @@ class PlainZone(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     count: int | None = None
 
     @classmethod
-    def of(cls, zone: Zone) -> "PlainZone":
+    def from_zone(cls, zone: Zone) -> "PlainZone":
         """Return the values of a zone."""
         corners_m = [(float(x), float(y)) for x, y in zone.corners_m]
         return cls(zone.name, corners_m, zone.dwell_s, zone.count)

@@ -21,7 +21,7 @@ class CameraViews:
         self._transforms = transforms
         self._infos: dict[str, CameraInfo] = {}
 
-    def add(self, info: CameraInfo) -> None:
+    def add_camera(self, info: CameraInfo) -> None:
         """Store the calibration of a camera."""
         if info.camera in self._infos or len(self._infos) < MAX_CAMERAS:
             self._infos[info.camera] = info

@@ -79,7 +79,7 @@ class LiveScorer:
 
     def add_truth(self, truth: Truth) -> None:
         """Add truth with its stamp on the camera's clock, in any linked frame."""
-        self._truth.add(truth)
+        self._truth.add_truth(truth)
 
     def add_tracks(self, tracks: Tracks) -> None:
         """Queue tracks until the truth around them arrives; predicted messages do not count."""
@@ -139,7 +139,7 @@ class LiveScorer:
             self._scores = SequenceScorer(self._gate_m)
         positions = [person.position_m for person in truth.people]
         outside = self.views.outside(positions, tracks.frame_id, tracks.stamp_ns)
-        people, false_alarms = self._scores.add(
+        people, false_alarms = self._scores.add_frame(
             EvaluationFrame(
                 stamp_ns=tracks.stamp_ns,
                 truth=ground_truth_of(truth.people, outside),
@@ -170,7 +170,7 @@ class RunningTotals:
         self._total = ScoreTotals()
         self._first_ns = self._last_ns = 0
 
-    def add(self, stamp_ns: int, totals: ScoreTotals) -> None:
+    def add_frame(self, stamp_ns: int, totals: ScoreTotals) -> None:
         """Add one frame."""
         self._first_ns = self._first_ns if self._total.frames else stamp_ns
         self._last_ns = stamp_ns
@@ -196,7 +196,7 @@ class IdConsistency:
     def __init__(self) -> None:
         self._tracks: dict[str, Counter[int]] = {}
 
-    def add(self, person: str, track: int) -> None:
+    def add_match(self, person: str, track: int) -> None:
         """Count a match."""
         self._tracks.setdefault(person, Counter())[track] += 1
 
@@ -221,7 +221,7 @@ class SequenceScorer:
         """Number of people and tracks so far."""
         return len(self._matcher.persons) + len(self._matcher.tracks)
 
-    def add(self, frame: EvaluationFrame) -> tuple[tuple[PersonScore, ...], tuple[int, ...]]:
+    def add_frame(self, frame: EvaluationFrame) -> tuple[tuple[PersonScore, ...], tuple[int, ...]]:
         """Score the next frame.
 
         Returns:
@@ -229,11 +229,11 @@ class SequenceScorer:
         """
         matches = self._matcher.match(frame)
         score = self._scorer.score(frame, matches)
-        self.totals.add(frame.stamp_ns, score.totals)
+        self.totals.add_frame(frame.stamp_ns, score.totals)
         for row, column in zip(matches.rows, matches.columns, strict=True):
             if matches.required[row]:
                 track = int(frame.hypotheses.ids[column])
-                self.consistency.add(str(frame.truth.ids[row]), track)
+                self.consistency.add_match(str(frame.truth.ids[row]), track)
         alarms = matches.evaluated_tracks.copy()
         alarms[matches.columns] = False
         ids = tuple(int(frame.hypotheses.ids[k]) for k in np.flatnonzero(alarms))

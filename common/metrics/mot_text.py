@@ -48,7 +48,7 @@ class MotRows:
     positions_m: F64  # [m] Nx3, in the world; NaN if unknown
     classes: I64  # N, since MOT16; 0 if unknown
 
-    def of(self, frame: int) -> "MotRows":
+    def frame_rows(self, frame: int) -> "MotRows":
         """Return the lines of one frame."""
         start, end = np.searchsorted(self.frames, [frame, frame + 1])
         return self._select(slice(start, end))
@@ -144,7 +144,7 @@ def sequence(info: MotInfo, truth: MotRows, tracks: Mapping[int, Hypotheses]) ->
     """
     evaluated, frames = truth.evaluated(), []
     for number in range(1, info.frames + 1):
-        rows = evaluated.of(number)
+        rows = evaluated.frame_rows(number)
         frames.append(
             EvaluationFrame(
                 stamp_ns=round((number - 1) * 1e9 / info.rate_hz),

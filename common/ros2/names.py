@@ -48,7 +48,7 @@ class TopicType:
     hash: str  # RIHS01, or NO_HASH
 
     @classmethod
-    def of(cls, config: Ros2Config, topic: str, kind: str) -> "TopicType":
+    def from_names(cls, config: Ros2Config, topic: str, kind: str) -> "TopicType":
         """Return a topic of a node; ConfigError if its name or type is unknown."""
         known = types.type_hash(kind)
         hash_ = NO_HASH if config.distribution == "humble" else known

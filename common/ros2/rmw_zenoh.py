@@ -36,14 +36,14 @@ class RmwZenoh(Ros2Transport):
 
     def publisher(self, topic: str, kind: str, qos: Qos = DEFAULT) -> Ros2Publisher:
         """Announce a topic, see `Ros2Transport.publisher`."""
-        named = TopicType.of(self._config, topic, kind)
+        named = TopicType.from_names(self._config, topic, kind)
         token = self._tokens.of_publisher(next(self._numbers), named, qos)
         publisher = self._link.publisher(named.key(self._config.domain_id), qos)
         return RmwZenohPublisher(publisher, token, self._link.declare_token(token), self.counters)
 
     def subscribe(self, topic: str, kind: str, receive: Receive, qos: Qos = DEFAULT) -> None:
         """Receive a topic, see `Ros2Transport.subscribe`."""
-        named = TopicType.of(self._config, topic, kind)
+        named = TopicType.from_names(self._config, topic, kind)
         # All types: messages of other types are counted.
         key = f"{self._config.domain_id}{named.topic}/*/*"
         ending = f"/{types.dds_name(kind)}/{named.hash}"

@@ -266,7 +266,7 @@ class Assignment:
         return not self._may_skip(message) or message.header.sequence > newest
 
     def _may_skip(self, message: PendingMessage) -> bool:
-        return self.topic.delivery == "newest" and not message.header.lockstep
+        return self.topic.may_be_replaced(message.header)
 
 
 def _same(one: MessageHeader, other: MessageHeader) -> bool:

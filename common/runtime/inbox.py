@@ -29,7 +29,7 @@ class Inbox(MessageQueue):
         super().__init__(frames_waiting, counts_gaps=admits is None)
         self._assignment, self._admits = assignment, admits
 
-    def put(self, topic: Topic, key: str, payload: bytes) -> None:
+    def add_payload(self, topic: Topic, key: str, payload: bytes) -> None:
         """Decode a payload and add it unless it is assigned to another replica."""
         received_ns = time.time_ns()
         if self._admits and not self._admits(topic, payload):
@@ -40,7 +40,7 @@ class Inbox(MessageQueue):
                 return
         self._put(topic, key, payload, received_ns)
 
-    def take(self, topic: Topic, key: str, message: Message) -> None:
+    def add_message(self, topic: Topic, key: str, message: Message) -> None:
         """Add a message of a service in this process unless it is assigned to another replica."""
         now_ns = time.time_ns()
         if self._shares(topic):

@@ -144,7 +144,7 @@ class Loop:
         self._readers = [reader for reader in self._readers if reader.is_alive()]
         self._readers.append(self.inbox.follow(subscription, topic))
         if self._bus.exchange:
-            ends.enter_context(self._bus.exchange.subscribe(topic, self.inbox.take))
+            ends.enter_context(self._bus.exchange.subscribe(topic, self.inbox.add_message))
         return ends
 
     def _demand(self, kinds: Collection[type[Message]]) -> None:

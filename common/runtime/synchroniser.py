@@ -40,7 +40,7 @@ class Synchroniser:
         self._images_max = images_max or capacity
         self._waiting: dict[tuple[str, int], SynchronisedFrame] = {}
 
-    def add(self, message: RgbdFrame | Detections | Tracks) -> list[SynchronisedFrame]:
+    def add_message(self, message: RgbdFrame | Detections | Tracks) -> list[SynchronisedFrame]:
         """Add a message and return complete and released frames, oldest first."""
         key = message.camera, message.stamp_ns
         frame = self._waiting.setdefault(key, SynchronisedFrame(*key))

@@ -8,15 +8,15 @@ played too slowly.
 import time
 from collections.abc import Callable, Sequence
 
-from people4d.messages import Detections, Message, Predictions, Span, Tracks
+from people4d.messages import Message, Span
 from people4d.messages.base import MAX_CAMERAS
+from people4d.topics import BY_MESSAGE
 
 EXTRAPOLATION_MAX_NS = 500_000_000  # maximum extrapolation by velocity [ns]
 AHEAD_MAX_NS = 1_000_000_000  # maximum lead of a live stamp over the wall clock [ns]
 LATE_MAX_NS = 10_000_000_000  # maximum delay of a live stamp behind the wall clock [ns]
 JITTER_NS = 100_000_000  # jitter of the times of sending [ns]
 UNTRACED_NS = 1_000_000_000  # jitter of the arrivals of messages without a trace [ns]
-OF_CAMERAS = (Tracks, Predictions, Detections)
 SENDING = (".capture", ".release")  # stages of a source, at which a message is sent
 
 
@@ -31,7 +31,7 @@ class StreamClock:
 
     def wall_ns(self, message: Message) -> int:
         """Return the wall time of the stamp of a message that arrives now."""
-        camera = message.camera if isinstance(message, OF_CAMERAS) else ""
+        camera = BY_MESSAGE[type(message)].clock_of(message)
         now_ns = self._wall_ns()
         sent_ns = _sent_ns(message.trace, now_ns)
         tolerance_ns = UNTRACED_NS if sent_ns is None else JITTER_NS

@@ -135,7 +135,7 @@ class ZenohBus(ZenohSession):
             payload = encode(message, publishing)
             if topic.owned and self.exchange:
                 self._announcements.own[key] = (self.identity, payload)
-            publisher.put(payload)
+            publisher.send(payload)
 
     def subscribe(self, topic: Topic, own: bool = True) -> ZenohSubscription:
         """Receive a topic as `ZenohSession.subscribe` does.

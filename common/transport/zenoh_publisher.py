@@ -41,7 +41,7 @@ class Publisher:
         matching: bool = self._declared.matching_status.matching
         return matching
 
-    def put(self, payload: bytes) -> None:
+    def send(self, payload: bytes) -> None:
         """Send a payload."""
         self._sent += 1
         if self.topic.delivery == "latched":

@@ -42,7 +42,7 @@ class PushedFrames(Source):
         while (item := self._items.get()) is not None:
             yield item
 
-    def put(self, item: SourceFrame | SourceSetup) -> None:
+    def add_frame(self, item: SourceFrame | SourceSetup) -> None:
         """Queue an item; the camera drops frames that it cannot send in time."""
         self._items.put(item)
 
@@ -113,8 +113,8 @@ class Camera:
         frame = self._images.accept(rgb, depth, stamp_ns)
         if first and self._images.info:
             setup = SourceSetup(self._images.info, [self._images.transform], False, stamp_ns)
-            self._source.put(setup)
-        self._source.put(frame)
+            self._source.add_frame(setup)
+        self._source.add_frame(frame)
 
     def problem(self) -> str:
         """Return the current limit of the camera, one sentence; empty if there is none."""

@@ -44,7 +44,7 @@ class RecorderOutput(ABC):
             self._writer.close()
             self._writer = None
 
-    def note(self) -> str:
+    def summary(self) -> str:
         """Return a message on omitted messages; empty if there are none."""
         return ""
 
@@ -104,7 +104,7 @@ class RotatingParts(RecorderOutput):
         self._store_latched(message)
         self._writer.write(message, log_time_ns)
 
-    def note(self) -> str:
+    def summary(self) -> str:
         """Return the number of deleted parts."""
         deleted = max(self._count - PARTS, 0)
         return f"{deleted} of {self._count} parts were deleted to stay within the limit."
@@ -155,7 +155,7 @@ class EventFiles(RecorderOutput):
         elif not latched:
             self._buffer(message, log_time_ns)
 
-    def note(self) -> str:
+    def summary(self) -> str:
         """Return the number of events, and of messages dropped for lack of memory."""
         files = f"{self._count} file{'s' if self._count != 1 else ''} of events"
         if self._left_out:

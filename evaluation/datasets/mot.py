@@ -71,8 +71,8 @@ class MotDataset(Dataset):
         if annotated and self.has_classes and (annotated.classes == 0).any():
             raise self.mismatch(truth_file, "class and visibility in columns 8 and 9", "none")
         numbers = range(1, info.frames + 1)
-        frames = tuple(image_frame(found.of(n), n, info) for n in numbers)
-        truth = tuple(self._truth(annotated.of(n)) for n in numbers) if annotated else None
+        frames = tuple(image_frame(found.frame_rows(n), n, info) for n in numbers)
+        truth = tuple(self._truth(annotated.frame_rows(n)) for n in numbers) if annotated else None
         return BoxSequence(info.name, frames, truth)
 
     def _rows(self, path: Path, info: MotInfo) -> MotRows:

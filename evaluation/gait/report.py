@@ -120,7 +120,7 @@ class GaitReport:
             image = self._viewer.draw(frame, results)
             self._record(info.camera, frame.stamp_ns, image)
             if wanted:
-                self._stills.add(Tile(image, f"{time_s:.2f} s"))
+                self._stills.add_value(Tile(image, f"{time_s:.2f} s"))
         if results and not wanted:
             self._stills.skip()
 

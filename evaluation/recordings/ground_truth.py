@@ -97,8 +97,8 @@ def sample_truth(messages: Iterable[Truth], stamps_ns: Sequence[int], source: st
         if near.newest_ns is not None and message.stamp_ns <= near.newest_ns:
             break
         ids |= dict.fromkeys(person.id for person in message.people)
-        near.add(message)
-        far.add(message)
+        near.add_truth(message)
+        far.add_truth(message)
     frame_ids = sorted({message.frame_id for message in near.messages})
     if len(frame_ids) != 1:
         got = f"truth in the frames {', '.join(frame_ids)}" if frame_ids else "no truth"

@@ -118,7 +118,7 @@ class CameraNode(Node):
         outputs: list[Message] = []
         # One frame a tick, so each has its own time of sending.
         while self._is_due(now_ns) and not any(isinstance(m, RgbdFrame) for m in outputs):
-            outputs += self._message(self._prefetch.take(), now_ns)
+            outputs += self._message(self._prefetch.next_item(), now_ns)
         if not outputs and self._to_compress:  # in a separate tick, which delays no frame
             outputs = [compress(self._to_compress)]
             self._to_compress = None

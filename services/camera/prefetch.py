@@ -58,7 +58,7 @@ class Prefetch:
         with self._changed:
             return self._items[0].item if self._items else None
 
-    def take(self) -> PrefetchedItem:
+    def next_item(self) -> PrefetchedItem:
         """Take the oldest item."""
         with self._changed:
             reading = self._items.popleft()

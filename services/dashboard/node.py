@@ -125,7 +125,7 @@ class DashboardNode(Node):
             self._events.append(event_of(message, time.time() * 1000))
             self._publish("events", {"type": "events", "events": list(self._events)}, stays=True)
         elif isinstance(message, Zones):
-            zones = [PlainZone.of(zone) for zone in message.zones]
+            zones = [PlainZone.from_zone(zone) for zone in message.zones]
             about: dict[str, Any] = {"base": message.sequence, "problem": message.problem}
             self._publish("zones", {"type": "zones", "zones": zones, **about}, stays=True)
         else:

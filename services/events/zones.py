@@ -41,5 +41,5 @@ def read_zones(file: Path) -> tuple[int, tuple[Zone, ...]]:
 
 def write_zones(file: Path, revision: int, zones: tuple[Zone, ...]) -> None:
     """Replace the file; OSError if that fails."""
-    stored = StoredZones(revision, [PlainZone.of(zone) for zone in zones])
+    stored = StoredZones(revision, [PlainZone.from_zone(zone) for zone in zones])
     write_private(file, msgspec.json.format(msgspec.json.encode(stored), indent=2) + b"\n")

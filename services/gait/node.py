@@ -73,7 +73,7 @@ class GaitNode(Node):
         elif isinstance(message, StaticTransform | MovingTransform | Odometry):
             self._transforms.add_transform(message)
         elif isinstance(message, RgbdFrame | Detections | Tracks):
-            for joined in self._synchroniser.add(message):
+            for joined in self._synchroniser.add_message(message):
                 parts = joined.parts()
                 if parts is None:
                     self._counters["frames_unused"] += joined.image is not None

@@ -71,7 +71,7 @@ class GtBridgeNode(Node):
         elif isinstance(message, Tracks):
             self._scorer.add_tracks(message)
         elif isinstance(message, CameraInfo):
-            self._scorer.views.add(message)
+            self._scorer.views.add_camera(message)
         elif isinstance(message, StaticTransform | MovingTransform | Odometry):
             self._transforms.add_transform(message)
         return outputs + self._scorer.due()

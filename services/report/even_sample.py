@@ -22,7 +22,7 @@ class EvenSample(Generic[T]):
         """True if the next value is sampled."""
         return self.count % self._stride == 0
 
-    def add(self, value: T) -> None:
+    def add_value(self, value: T) -> None:
         """Offer a value."""
         if self.is_next:
             self.values.append(value)

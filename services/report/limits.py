@@ -43,7 +43,7 @@ class RunLimits:
         self._odometry_used = False
         self._mounts: set[bool] = set()  # kinds of received mounts: False is the default mount
 
-    def add(self, message: Message, now_ns: int) -> None:
+    def add_message(self, message: Message, now_ns: int) -> None:
         """Add a message that arrived at this monotonic time."""
         if isinstance(message, RgbdFrame):
             self._frame_ns = now_ns

@@ -60,15 +60,15 @@ class ReportNode(Node):
 
     def handle(self, message: Message, now_ns: int) -> Sequence[Message]:
         """Add a message; the report publishes nothing."""
-        self._statistics.add(message, now_ns)
+        self._statistics.add_message(message, now_ns)
         if isinstance(message, CameraInfo):
             known = message.camera in self._infos
             if known or len(self._infos) < MAX_CAMERAS:
                 self._infos[message.camera] = message
         if isinstance(message, Tracks | Truth | StaticTransform):
-            self._trajectories.add(message)
+            self._trajectories.add_tracks(message)
         if isinstance(message, RgbdFrame | Detections | Tracks):
-            for frame in self._join.add(message):
+            for frame in self._join.add_message(message):
                 self._show(frame)
         return ()
 
@@ -104,7 +104,7 @@ class ReportNode(Node):
         if self._config.video:
             self._output.add_frame(AnnotatedFrame(frame.camera, frame.stamp_ns, image))
         if self._tiles.is_next:
-            self._tiles.add(Tile(shrink(image, TILE_WIDTH_PX), self._caption(frame)))
+            self._tiles.add_value(Tile(shrink(image, TILE_WIDTH_PX), self._caption(frame)))
         else:
             self._tiles.skip()
 

@@ -45,12 +45,12 @@ class RunSeries:
         """Errors of positions."""
         return self._errors.values
 
-    def add(self, frame: SynchronisedFrame) -> None:
+    def add_frame(self, frame: SynchronisedFrame) -> None:
         """Add a frame; frames without tracks are ignored."""
         if frame.tracks is None:
             return
         total = end_to_end(frame.tracks.trace)
-        self._frames.add(
+        self._frames.add_value(
             FramePoint(
                 time_s=self._seconds(frame.stamp_ns),
                 detections=len(frame.detections.detections) if frame.detections else 0,
@@ -61,7 +61,7 @@ class RunSeries:
 
     def add_error(self, stamp_ns: int, error_m: float) -> None:
         """Add the error of a person's position."""
-        self._errors.add(ErrorPoint(self._seconds(stamp_ns), error_m))
+        self._errors.add_value(ErrorPoint(self._seconds(stamp_ns), error_m))
 
     def _seconds(self, stamp_ns: int) -> float:
         if self._first_ns is None:

@@ -56,7 +56,7 @@ class Latency:
     def __init__(self) -> None:
         self._samples: dict[str, EvenSample[float]] = {}
 
-    def add(self, trace: Sequence[Span]) -> None:
+    def add_trace(self, trace: Sequence[Span]) -> None:
         """Add the trace of one message, oldest stage first; segments of one name are merged."""
         for segment in merge_stages(segments(trace)):
             self._add(segment.name, segment.ms)
@@ -74,7 +74,7 @@ class Latency:
 
     def _add(self, name: str, duration_ms: float) -> None:
         if name in self._samples or len(self._samples) < MAX_STAGES:
-            self._samples.setdefault(name, EvenSample(SAMPLES)).add(duration_ms)
+            self._samples.setdefault(name, EvenSample(SAMPLES)).add_value(duration_ms)
 
 
 class RunSummary(msgspec.Struct, frozen=True, kw_only=True):
@@ -112,7 +112,7 @@ class _Events:
     last_ns: int = 0
     count: int = 0
 
-    def add(self, time_ns: int) -> None:
+    def add_event(self, time_ns: int) -> None:
         self.first_ns = self.first_ns if self.count else time_ns
         self.last_ns = time_ns
         self.count += 1
@@ -148,14 +148,14 @@ class RunStatistics:
         self._lockstep = False
         self.series = RunSeries()
 
-    def add(self, message: Message, now_ns: int) -> None:
+    def add_message(self, message: Message, now_ns: int) -> None:
         """Count a message that arrived at this monotonic time."""
         self._now_ns = now_ns
         self._received[type(message).__name__] += 1
-        self._limits.add(message, now_ns)
+        self._limits.add_message(message, now_ns)
         if isinstance(message, RgbdFrame):
             self._lockstep = message.lockstep
-            self._frames.setdefault(message.camera, _Events()).add(message.stamp_ns)
+            self._frames.setdefault(message.camera, _Events()).add_event(message.stamp_ns)
         elif isinstance(message, Detections):
             self._names["model"] = message.model
             self._detections["all"] += len(message.detections)
@@ -167,7 +167,7 @@ class RunStatistics:
         elif isinstance(message, Tracks):
             self._scorer.add_tracks(message)
         elif isinstance(message, CameraInfo):
-            self._scorer.views.add(message)
+            self._scorer.views.add_camera(message)
         elif isinstance(message, StaticTransform | MovingTransform | Odometry):
             self._transforms.add_transform(message)
         elif isinstance(message, Health):
@@ -183,7 +183,7 @@ class RunStatistics:
             self._answers["tracked"] += frame.tracks is not None
         if frame.tracks is not None and (frame.image is not None or frame.detections is not None):
             self._add_tracks(frame.tracks)
-            self.series.add(frame)
+            self.series.add_frame(frame)
 
     def summary(self) -> RunSummary:
         """Return the figures so far."""
@@ -219,8 +219,8 @@ class RunStatistics:
 
     def _add_tracks(self, message: Tracks) -> None:
         self._names["tracker"] = message.tracker
-        self._processed.add(self._now_ns)
-        self._latency.add(message.trace)
+        self._processed.add_event(self._now_ns)
+        self._latency.add_trace(message.trace)
         for track in message.tracks:
             known = track.id in self._track_frames
             if track.state == "confirmed" and (known or len(self._track_frames) < MAX_TRACKS):
@@ -232,7 +232,7 @@ class RunStatistics:
             for person in score.people:
                 if person.position_error_m is not None:
                     error_m = float(np.linalg.norm(person.position_error_m))
-                    self._errors_m.add(error_m)
+                    self._errors_m.add_value(error_m)
                     self.series.add_error(score.stamp_ns, error_m)
 
     def _drops(self) -> dict[str, dict[str, int]]:

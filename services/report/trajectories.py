@@ -23,7 +23,7 @@ class TrajectoryStore:
         self._truth: dict[str, EvenSample[F64]] = {}
         self._cameras: dict[str, StaticTransform] = {}
 
-    def add(self, message: Tracks | Truth | StaticTransform) -> None:
+    def add_tracks(self, message: Tracks | Truth | StaticTransform) -> None:
         """Add the positions of a message."""
         if isinstance(message, Tracks):
             self.frame_id = message.frame_id
@@ -56,4 +56,4 @@ def _extend(samples: dict[K, EvenSample[F64]], key: K, position_m: F64) -> None:
     if key not in samples and len(samples) >= MAX_TRAJECTORIES:
         shortest = min(samples, key=lambda k: samples[k].count)
         del samples[shortest]
-    samples.setdefault(key, EvenSample(MAX_POINTS)).add(position_m[:2])
+    samples.setdefault(key, EvenSample(MAX_POINTS)).add_value(position_m[:2])

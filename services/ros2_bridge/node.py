@@ -87,7 +87,7 @@ class Ros2BridgeNode(Node):
         if config.reader_frame:
             self._reader.subscribe(transport)
         self._people = PeopleOutputs(config, transport, self._counters)
-        self._motion = MotionOutputs(config, transport, self._counters, self._reader.add)
+        self._motion = MotionOutputs(config, transport, self._counters, self._reader.add_transform)
         self._humans: Humans | None = None
         if "humans" in config.publish:
             self._humans = Humans(config.outputs.humans, transport, self._counters)

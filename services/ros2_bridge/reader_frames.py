@@ -35,20 +35,20 @@ class ReaderFrames:
 
     def subscribe(self, transport: Ros2Transport) -> None:
         """Subscribe to /tf and /tf_static."""
-        transport.subscribe("/tf", TF, partial(self.take, static=False), Qos(depth=MANY))
+        transport.subscribe("/tf", TF, partial(self.add_payload, static=False), Qos(depth=MANY))
         latched = Qos(LATCHED.reliability, LATCHED.durability, MANY)
-        transport.subscribe("/tf_static", TF, partial(self.take, static=True), latched)
+        transport.subscribe("/tf_static", TF, partial(self.add_payload, static=True), latched)
 
-    def take(self, sample: Ros2Sample, static: bool) -> None:
+    def add_payload(self, sample: Ros2Sample, static: bool) -> None:
         """Add the transforms of a tf2_msgs/TFMessage; DecodeError for other payloads."""
         message = types.decode(TF, sample.cdr)
         edges = list(edges_of(message))
         self._counters["tf_bad"] += len(message.transforms) - len(edges)
         for edge in edges:
-            self.add(edge.parent, edge.child, ALWAYS_NS if static else edge.stamp_ns)
+            self.add_transform(edge.parent, edge.child, ALWAYS_NS if static else edge.stamp_ns)
         self._on_change()
 
-    def add(self, parent: str, child: str, stamp_ns: int) -> None:
+    def add_transform(self, parent: str, child: str, stamp_ns: int) -> None:
         """Add a transform at a time [ns], ALWAYS_NS if it is static."""
         with self._lock:
             known = child in self._parents

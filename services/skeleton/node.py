@@ -121,7 +121,7 @@ class SkeletonNode(Node):
         found = self._people(tracks.tracks)
         detected = [detections.at(track.detection) for track in found]
         observation = observe_joints(detected, info, pose)
-        people = People.of(found)
+        people = People.from_tracks(found)
         postures, upright = self._postures.update(dt_s, people, observation)
         states, measured = self._skeletons.estimate_joints(dt_s, people, observation, upright)
         statures = self._skeletons.estimate_statures(people)

@@ -81,7 +81,7 @@ class People:
     yaw_rad: F64  # N, NaN: unknown
 
     @classmethod
-    def of(cls, tracks: Sequence[Track]) -> "People":
+    def from_tracks(cls, tracks: Sequence[Track]) -> "People":
         """Return the people of tracks."""
         return cls(
             ids=[track.id for track in tracks],

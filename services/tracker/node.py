@@ -105,7 +105,7 @@ class TrackerNode(StatefulNode):
         elif isinstance(message, Embeddings) and self._tracker.uses_embeddings:
             self._join.add_embeddings(message)
         elif isinstance(message, AreaPeople):
-            self._areas.hear(message, now_ns, self._schedule.time_ns(now_ns))
+            self._areas.receive(message, now_ns, self._schedule.time_ns(now_ns))
         elif isinstance(message, CameraInfo):
             self._observer.add_calibration(message)
         elif isinstance(message, TRANSFORMS) and self._poses.add_transform(message):

@@ -37,7 +37,7 @@ PHASES: dict[str, dict[str, Any]] = {
 def events(*messages: Message) -> list[Event]:
     traces = FrameTraces()
     for message in messages:
-        traces.add(message)
+        traces.add_message(message)
     found = json.loads(json.dumps(traces.chrome()))["traceEvents"]
     check(found)
     return list(found)

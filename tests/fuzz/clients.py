@@ -206,7 +206,7 @@ def _ros_truth(data: bytes, _: Path) -> None:
             elif topic.endswith("pose"):
                 truth._pose(topic, Ros2Sample(cdr, 0))
             else:
-                frames.take(Ros2Sample(cdr, 0), static=topic == "/tf_static")
+                frames.add_payload(Ros2Sample(cdr, 0), static=topic == "/tf_static")
     for one in truth.take_truth():
         encode(one)
     frames.newest_ns("map", "base")

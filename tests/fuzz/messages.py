@@ -44,7 +44,7 @@ def _tree(message: Any) -> None:
     tree = FrameTree()
     for edge in edges_of(message):
         tree.add_transform(edge.parent, edge.child, edge.matrix)
-    tree.find("map", "camera_color_optical_frame")
+    tree.find_transform("map", "camera_color_optical_frame")
 
 
 # Types that are read from ROS, and what becomes of them; the first byte of an input chooses.

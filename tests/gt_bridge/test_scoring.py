@@ -34,7 +34,7 @@ class Bench:
         self.scorer = LiveScorer(self.frames, self.counters, config.gate_m, alignment)
         if camera:
             self.frames.add_transform(POSE)
-            self.scorer.views.add(INFO)
+            self.scorer.views.add_camera(INFO)
 
     def feed(self, messages: Iterable[Message]) -> list[Score]:
         scores = []
@@ -108,7 +108,7 @@ def test_the_view_is_that_of_a_robot_where_it_is_by_then() -> None:
     bench.frames.add_transform(
         msgspec.structs.replace(POSE, parent="base_link", matrix=POSE.matrix)
     )
-    bench.scorer.views.add(INFO)
+    bench.scorer.views.add_camera(INFO)
     for ms in range(0, 2001, 20):
         bench.frames.add_transform(drive(ms, ms / 1000, math.radians(max(ms - 1000, 0) * 0.09)))
     ahead, left = person("ahead", 2.0, 0.0), person("left", 2.0, 3.0)

@@ -85,7 +85,7 @@ def test_stages_of_frames_sum_to_the_time_since_acquisition(
 def test_trace_file_of_real_processes_is_valid(arrivals: list[tuple[Arrival, int]]) -> None:
     traces = FrameTraces()
     for arrival, _ in arrivals:
-        traces.add(arrival.message)
+        traces.add_message(arrival.message)
     found = json.loads(json.dumps(traces.chrome()))["traceEvents"]
     check(found)
     assert {name.partition("@")[0] for name in names(found).values()} == {

@@ -182,7 +182,7 @@ def test_thread_that_fails_to_receive_ends_the_iteration_with_an_error(
     def fail(*_: object) -> None:
         raise MemoryError("no room for a message")
 
-    monkeypatch.setattr("people4d.queue.MessageQueue.put", fail)
+    monkeypatch.setattr("people4d.queue.MessageQueue.add_payload", fail)
     with (
         Client(network.endpoint, publishing) as client,
         pytest.raises(People4dError, match="no room for a message"),

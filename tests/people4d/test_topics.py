@@ -68,3 +68,17 @@ def test_only_the_newest_topics_may_lose_messages() -> None:
     assert {topic.name for topic in TOPICS if topic.rate_hz == 0} == {
         topic.name for topic in TOPICS if topic.delivery == "latched"
     }
+
+
+def test_bounds_are_larger_for_images_and_transforms_only() -> None:
+    large = {topic.name for topic in TOPICS if topic.max_bytes == 64 * 2**20}
+    assert large == {"frames", "compressed", "crops"}
+    many = {topic.name for topic in TOPICS if topic.keys_max == 512}
+    assert many == {"static_transforms", "moving_transforms"}
+
+
+def test_only_people_and_detections_have_the_clock_of_a_camera() -> None:
+    clocks = {t.name: t.clock_of(EXAMPLES[t.message.__name__]) for t in TOPICS}
+    of_cameras = {name for name, camera in clocks.items() if camera}
+    assert of_cameras == {"detections", "people", "predictions"}
+    assert clocks["people"] == EXAMPLES["Tracks"].camera  # type: ignore[attr-defined]

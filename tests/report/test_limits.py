@@ -27,7 +27,7 @@ def degraded(reason: str) -> Health:
 def limits_of(*messages: Message, is_scored: bool = True) -> tuple[str, ...]:
     limits = RunLimits()
     for message in messages:
-        limits.add(message, 0)
+        limits.add_message(message, 0)
     return limits.degraded(is_scored)
 
 
@@ -60,10 +60,10 @@ def test_truth_that_ends_early_is_a_limit() -> None:
 
 def test_truth_that_was_asked_for_and_never_comes_is_a_limit() -> None:
     limits = RunLimits("walk.csv")
-    limits.add(frame(5 * S), 0)
+    limits.add_message(frame(5 * S), 0)
     assert limits.degraded(is_scored=False) == ("truth: none arrived from walk.csv",)
     assert "truth (none received)" in limits.unused()
-    limits.add(truth(5 * S, ("a", 1, 0)), 0)
+    limits.add_message(truth(5 * S, ("a", 1, 0)), 0)
     assert limits.degraded(is_scored=True) == ()
 
 
@@ -79,9 +79,9 @@ def test_what_was_not_used_is_listed(
     messages: tuple[Message, ...], unused: tuple[str, ...]
 ) -> None:
     limits = RunLimits()
-    limits.add(builders.static_transform(np.asarray(LINK_FROM_OPTICAL)), 0)
+    limits.add_message(builders.static_transform(np.asarray(LINK_FROM_OPTICAL)), 0)
     for message in messages:
-        limits.add(message, 0)
+        limits.add_message(message, 0)
     found = limits.unused()
     assert len(found) == len(unused)
     assert all(a.startswith(b) for a, b in zip(found, unused, strict=True))
@@ -90,7 +90,7 @@ def test_what_was_not_used_is_listed(
 def test_limits_are_in_the_text_and_on_the_page() -> None:
     statistics = RunStatistics()
     for message in (frame(0), *[degraded(NO_TRANSFORM)] * MIN_BEATS):
-        statistics.add(message, 0)
+        statistics.add_message(message, 0)
     summary = statistics.summary()
     assert f"degraded   tracker-1: {NO_TRANSFORM}" in text(summary)
     assert "not used   odometry (none received" in text(summary)
@@ -101,7 +101,7 @@ def test_limits_are_in_the_text_and_on_the_page() -> None:
 def test_latency_in_lockstep_is_no_headline() -> None:
     # In lock-step frames wait for one another: 147 ms, where a live camera has 7 ms.
     statistics = RunStatistics()
-    statistics.add(msgspec.structs.replace(frame(0), lockstep=True), 0)
+    statistics.add_message(msgspec.structs.replace(frame(0), lockstep=True), 0)
     assert statistics.summary().lockstep
     statistics.settle(joined_frame())
     assert statistics.summary().latency
@@ -111,7 +111,7 @@ def test_latency_in_lockstep_is_no_headline() -> None:
 
 def test_latency_at_the_recorded_rate_is_a_key_figure() -> None:
     statistics = RunStatistics()
-    statistics.add(frame(0), 0)
+    statistics.add_message(frame(0), 0)
     statistics.settle(joined_frame())
     summary = statistics.summary()
     assert headline(summary).endswith("latency 4 ms")

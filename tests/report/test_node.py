@@ -128,7 +128,7 @@ def test_without_video_only_the_sheet_is_drawn() -> None:
 
 def test_a_full_synchroniser_releases_the_oldest() -> None:
     join = Synchroniser(capacity=3)
-    released = [m for k in range(10) for m in join.add(frame(k))]
+    released = [m for k in range(10) for m in join.add_message(frame(k))]
     assert [m.stamp_ns for m in released] == [0, 1, 2, 3, 4, 5, 6]
     assert [m.stamp_ns for m in join.flush()] == [7, 8, 9]
 
@@ -136,8 +136,8 @@ def test_a_full_synchroniser_releases_the_oldest() -> None:
 def test_a_complete_frame_releases_the_older_ones() -> None:
     join = Synchroniser()
     for message in (frame(1), frame(2), detections(2), frame(2, "rear")):
-        assert join.add(message) == []
-    released = join.add(tracks(2))
+        assert join.add_message(message) == []
+    released = join.add_message(tracks(2))
     assert [(m.stamp_ns, m.parts() is not None) for m in released] == [(1, False), (2, True)]
     assert [m.camera for m in join.flush()] == ["rear"]
 
@@ -215,7 +215,7 @@ def test_incomplete_video_is_a_limit_of_the_run(
 def test_frames_wait_for_a_busy_report() -> None:
     inbox = Inbox(frames_waiting=ReportNode(ReportConfig(), StoredOutput()).frames_waiting)
     for k in range(10):
-        inbox.put(BY_NAME["frames"], "front", encode(frame(k * STEP)))
+        inbox.add_payload(BY_NAME["frames"], "front", encode(frame(k * STEP)))
     assert inbox.counters["received_frames"] == 10
     assert inbox.counters["dropped_frames"] == 0
 

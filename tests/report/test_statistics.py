@@ -28,14 +28,14 @@ S = 10**9
 def test_percentiles() -> None:
     latency = Latency()
     for ms in range(101):  # 0, 1, ... 100 ms: percentile p is p ms
-        latency.add([span("detector.inference", 0, ms)])
+        latency.add_trace([span("detector.inference", 0, ms)])
     got = latency.percentiles()["detector.inference"]
     assert (got.p50_ms, got.p95_ms, got.p99_ms, got.count) == (50.0, 95.0, 99.0, 101)
 
 
 def test_latency_is_stages_transport_and_the_rest() -> None:
     latency = Latency()
-    latency.add(
+    latency.add_trace(
         [
             span("camera.read", 0, 4),  # 4 ms
             span("detector.preprocess", 6, 9),  # 2 ms on the way, 3 ms
@@ -61,7 +61,9 @@ def test_latency_is_stages_transport_and_the_rest() -> None:
 def test_pieces_of_one_name_are_one() -> None:
     """Two gaps of 1 and 3 ms in one message are 4 ms of `other`, not two samples."""
     latency = Latency()
-    latency.add([span("detector.a", 0, 1), span("detector.b", 2, 3), span("detector.c", 6, 7)])
+    latency.add_trace(
+        [span("detector.a", 0, 1), span("detector.b", 2, 3), span("detector.c", 6, 7)]
+    )
     other = latency.percentiles()["detector.other"]
     assert (other.p50_ms, other.count) == (4, 1)
 
@@ -69,14 +71,16 @@ def test_pieces_of_one_name_are_one() -> None:
 def test_two_replicas_of_a_service_are_one_stage() -> None:
     latency = Latency()
     for process, ms in (("detector-1", 10), ("detector-2", 30)):
-        latency.add([span("camera.read", 0, 1), span("detector.inference", 2, 2 + ms, process)])
+        latency.add_trace(
+            [span("camera.read", 0, 1), span("detector.inference", 2, 2 + ms, process)]
+        )
     assert latency.percentiles()["detector.inference"].p50_ms == 20  # mean of 10 and 30
     assert latency.percentiles()["detector.transport"].count == 2
 
 
 def test_a_message_without_trace_changes_nothing() -> None:
     latency = Latency()
-    latency.add([])
+    latency.add_trace([])
     assert latency.percentiles() == {}
 
 
@@ -84,7 +88,7 @@ def scored(*messages: Message) -> RunSummary:
     """Statistics of a run with these messages."""
     statistics = RunStatistics()
     for message in messages:
-        statistics.add(message, 0)
+        statistics.add_message(message, 0)
     return statistics.summary()
 
 
@@ -125,21 +129,21 @@ def summary_of_a_run() -> RunSummary:
     with_position, unplaced = detection(), detection(position=False)
     people: tuple[list[Detection], ...] = ([with_position], [with_position, unplaced], [])
     for k in range(4):
-        statistics.add(frame(k * 100 * MS), 0)
+        statistics.add_message(frame(k * 100 * MS), 0)
     for k in range(3):
         stamp_ns, trace = k * 100 * MS, (span("camera.read", 0, 4), span("tracker.update", 5, 7))
         found = detections(stamp_ns, people[k])
         tracked = tracks(stamp_ns, [track(1, 1.0)] + [track(2, 3.0)] * (k == 1), trace=trace)
-        statistics.add(found, k * S)
-        statistics.add(tracked, k * S // 4)  # 4 Hz by the clock
+        statistics.add_message(found, k * S)
+        statistics.add_message(tracked, k * S // 4)  # 4 Hz by the clock
         statistics.settle(SynchronisedFrame("front", stamp_ns, frame(stamp_ns), found, tracked))
     statistics.settle(SynchronisedFrame("front", 300 * MS, frame(0)))
-    statistics.add(tracks(350 * MS, [track(1, 9.0)]), 9 * S)  # predicted between frames
+    statistics.add_message(tracks(350 * MS, [track(1, 9.0)]), 9 * S)  # predicted between frames
     statistics.settle(
         SynchronisedFrame("front", 350 * MS, tracks=tracks(350 * MS, [track(1, 9.0)]))
     )
     counters = {"received_frames": 4, "frames": 4, "dropped_frames": 1, "bad_frames": 0}
-    statistics.add(health(**counters), 0)
+    statistics.add_message(health(**counters), 0)
     return statistics.summary()
 
 
@@ -180,7 +184,7 @@ def test_nothing_came() -> None:
 def test_the_last_word_of_each_process_counts() -> None:
     statistics = RunStatistics()
     for n in (1, 5):
-        statistics.add(health(errors=n), 0)
+        statistics.add_message(health(errors=n), 0)
     assert statistics.summary().drops == {"detector-1": {"errors": 5}}
 
 
@@ -189,7 +193,7 @@ def test_spread_is_bounded_and_even(count: int) -> None:
     spread: EvenSample[int] = EvenSample(4)
     for k in range(count):
         if spread.is_next:
-            spread.add(k)
+            spread.add_value(k)
         else:
             spread.skip()
     assert spread.count == count
@@ -202,7 +206,7 @@ def test_spread_is_bounded_and_even(count: int) -> None:
 def test_pick_keeps_first_and_last() -> None:
     spread: EvenSample[int] = EvenSample(10)
     for k in range(11):
-        spread.add(k)
+        spread.add_value(k)
     assert spread.pick(3) == [0, 5, 10]
     assert spread.pick(1) == [0]
     assert spread.pick(50) == list(range(11))

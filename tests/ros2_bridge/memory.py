@@ -37,12 +37,16 @@ class MemoryTransport(Ros2Transport):
         self.closed = False
 
     def publisher(self, topic: str, kind: str, qos: Qos = DEFAULT) -> Ros2Publisher:
-        name = TopicType.of(self._config, topic, kind).topic
+        name = TopicType.from_names(self._config, topic, kind).topic
         self.topics[name] = MemoryTopic(kind, qos)
         return _MemoryPublisher(self.topics[name])
 
     def subscribe(self, topic: str, kind: str, receive: Receive, qos: Qos = DEFAULT) -> None:
-        self.subscriptions[TopicType.of(self._config, topic, kind).topic] = kind, receive, qos
+        self.subscriptions[TopicType.from_names(self._config, topic, kind).topic] = (
+            kind,
+            receive,
+            qos,
+        )
 
     def close(self) -> None:
         self.closed = True

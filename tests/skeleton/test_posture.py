@@ -127,4 +127,4 @@ def test_restart_forgets_the_posture() -> None:
     postures.restart()
     (found,), _ = postures.update(0.0, people(lying()), observed(lying(), []))
     assert found == ("unknown", 0.0)
-    assert postures.update(0.1, People.of([]), observed(lying(), []))[0] == []
+    assert postures.update(0.1, People.from_tracks([]), observed(lying(), []))[0] == []

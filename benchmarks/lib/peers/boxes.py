@@ -82,7 +82,7 @@ def mot15_rides(shared: Path, names: Iterable[str]) -> list[Ride]:
 
 def _mot_ride(folder: Path) -> Ride:
     info, found = read_info(folder / "seqinfo.ini"), read_rows(folder / "det" / "det.txt")
-    frames = [image_frame(found.of(n), n, info) for n in range(1, info.frames + 1)]
+    frames = [image_frame(found.frame_rows(n), n, info) for n in range(1, info.frames + 1)]
     truth = sequence(info, read_rows(folder / "gt" / "gt.txt"), {}).frames
     return Ride(info.name, tuple(frames), tuple(one.truth for one in truth), (), frames[0].fov_deg)
 

@@ -27,7 +27,7 @@ def labelled_frames(world: World) -> Iterator[tuple[int, F64]]:
                 continue
             pose = world.map_from_optical(frame.time_s)
             joints = observe_joints([frame.detections.at(track.detection)], world.info, pose)
-            values, variances = observe_posture(People.of([track]), joints)
+            values, variances = observe_posture(People.from_tracks([track]), joints)
             row = np.where(variances[0] < READ, values[0], np.nan)
             yield POSTURES.index(label), np.append(row, standing_m[person] - track.position_m[2])
 

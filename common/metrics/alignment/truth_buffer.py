@@ -21,7 +21,7 @@ class TruthBuffer:
         self._max_gap_ns, self._capacity = max_gap_ns, capacity
         self.messages: list[Truth] = []  # oldest first
 
-    def add(self, truth: Truth) -> None:
+    def add_truth(self, truth: Truth) -> None:
         """Add a message; a message older than the last one clears the buffer."""
         if self.messages and truth.stamp_ns < self.messages[-1].stamp_ns:
             self.messages.clear()

@@ -149,7 +149,7 @@ def interpolated(truths: Iterable[Truth], tracks: Iterable[Tracks]) -> Iterator[
             truth = next(waiting, None)
             if truth is None:
                 return
-            buffer.add(truth)
+            buffer.add_truth(truth)
         found = buffer.at(message.stamp_ns)
         if found is not None:
             yield found

@@ -93,6 +93,6 @@ def record(
                     break
         lost = {n: c for n, c in client.counters.items() if n.startswith(("dropped_", "bad_"))}
     typer.echo("Recorded " + (", ".join(f"{n} {c}" for n, c in counts.items()) or "nothing"))
-    for text in (output.note(), ", ".join(f"{n} {c}" for n, c in lost.items())):
+    for text in (output.summary(), ", ".join(f"{n} {c}" for n, c in lost.items())):
         if text:
             typer.echo(text)

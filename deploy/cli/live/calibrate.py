@@ -90,7 +90,7 @@ def calibrate(
     kinds = KINDS + (RAW if tags else ())
     if recording:
         for log_ns, message in open_recording(recording).messages(*kinds):
-            session.add(message, log_ns)
+            session.add_message(message, log_ns)
         found = session.solve()
     else:
         console.print("Walk about in curves, one or two people; Ctrl-C ends the walk.")
@@ -146,7 +146,7 @@ class CalibrationSession:
         other._transforms = dict(self._transforms)
         return other
 
-    def add(self, message: Message, arrived_ns: int) -> None:
+    def add_message(self, message: Message, arrived_ns: int) -> None:
         """Add a message; messages of other cameras are ignored."""
         if isinstance(message, StaticTransform):
             self._transforms[message.child] = message
@@ -210,7 +210,7 @@ def listen(
     attempt: Future[CalibrationResult] | None = None
     with ThreadPoolExecutor(1) as pool, suppress(KeyboardInterrupt):
         for arrival in arrivals:
-            session.add(arrival.message, arrival.received_ns)
+            session.add_message(arrival.message, arrival.received_ns)
             now_ns = arrival.received_ns
             start_ns, last_ns = start_ns or now_ns, last_ns or now_ns
             if now_ns - start_ns > seconds * 1e9:

@@ -31,13 +31,13 @@ def trace(
     traces = FrameTraces()
     if recording:
         for _, message in open_recording(recording).messages(*KINDS):
-            traces.add(message)
+            traces.add_message(message)
         problem, hint = "is in it", "Record detections, embeddings and people."
     else:
         end_s = time.monotonic() + seconds
         with open_client(connect, robot) as client, suppress(KeyboardInterrupt):
             for message in client.messages(*KINDS, timeout_s=seconds):
-                traces.add(message)
+                traces.add_message(message)
                 if time.monotonic() > end_s:
                     break
         problem, hint = "arrived", "See what runs with people4d ps."

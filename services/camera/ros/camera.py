@@ -120,7 +120,7 @@ def _fix_constant(bag: Bag, tree: FrameTree, frames: set[str]) -> None:
     paths = [[(parent, child) for parent, child, _ in tree.path(frame)] for frame in frames]
     if len(paths) < 2 or not all(paths) or paths[0][-1][0] != paths[1][-1][0]:
         return  # both in one frame, or in separate trees
-    wanted = {edge for edge in {*paths[0]} ^ {*paths[1]} if tree.find(*edge) is None}
+    wanted = {edge for edge in {*paths[0]} ^ {*paths[1]} if tree.find_transform(*edge) is None}
     if not wanted:
         return
     found: dict[tuple[str, str], F64 | None] = {}
@@ -152,7 +152,7 @@ def _calibration(
         depth_intrinsics = intrinsics_of(depth.info, topics.depth)
     if _aligned(options, heads, (intrinsics, depth_intrinsics)):
         return Calibration(colour=intrinsics)
-    matrix = tree.find(colour.frame, depth.frame)
+    matrix = tree.find_transform(colour.frame, depth.frame)
     if depth_intrinsics is None or matrix is None:
         missing = "CameraInfo of depth" if depth_intrinsics is None else "transform between them"
         raise SourceError(
@@ -230,7 +230,7 @@ def _static_mount(
     if base:
         parents[base[1]] = base[1]
     for frame, name in parents.items():
-        matrix = tree.find(frame, optical)
+        matrix = tree.find_transform(frame, optical)
         if matrix is not None:
             return [static_transform(name, optical, matrix)]
     return []

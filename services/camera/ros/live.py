@@ -155,7 +155,7 @@ class LiveRosSource(Source):
         return _Received(transport, self.counters)
 
     def _put(self, topic: str, most: int, sample: Ros2Sample) -> None:
-        self._queue.put(topic, sample.cdr, sample.sent_ns, most)
+        self._queue.add_sample(topic, sample.cdr, sample.sent_ns, most)
 
     def _items(
         self, sample: TopicSample, kind: str, topics: Topics, camera: LiveCamera

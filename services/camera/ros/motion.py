@@ -46,7 +46,7 @@ class FrameTree:
             visited.add(parent)
             frame = parent
 
-    def find(self, target: str, source: str) -> F64 | None:
+    def find_transform(self, target: str, source: str) -> F64 | None:
         """Return target_from_source, None if no static path joins them."""
         of_source, of_target = (self._static(name.strip("/")) for name in (source, target))
         for frame, ancestor_from_source in of_source.items():

@@ -33,7 +33,7 @@ class SampleQueue:
         self._closed = False
         self.last_s: dict[str, float] = {}
 
-    def put(self, topic: str, cdr: bytes, sent_ns: int, most: int) -> None:
+    def add_sample(self, topic: str, cdr: bytes, sent_ns: int, most: int) -> None:
         """Add a message; of more than `most` of its topic the oldest is dropped and counted."""
         with self._changed:
             self.last_s[topic] = time.monotonic()

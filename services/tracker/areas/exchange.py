@@ -89,7 +89,7 @@ class AreaExchange:
             raise ConfigError("tracker.area.neighbours: expected each name once, got one twice")
         return [topic_of(area, AreaPeople, partial(_of_area, area)) for area in (name, *neighbours)]
 
-    def hear(self, message: AreaPeople, now_ns: int, time_ns: int | None) -> None:
+    def receive(self, message: AreaPeople, now_ns: int, time_ns: int | None) -> None:
         """Process a message of a neighbour, or of another process with the name of this area.
 
         Args:

@@ -57,7 +57,7 @@ class Neighbours:
     def add_message(
         self, message: AreaPeople, embedder: str, now_ns: int, time_ns: int | None
     ) -> None:
-        """Add a message of another process; arguments as in `AreaExchange.hear`."""
+        """Add a message of another process; arguments as in `AreaExchange.receive`."""
         area, before = message.area, self._heard.get(message.area)
         conflict = self._conflict(message, before)
         problem = conflict or self._mismatch(message, embedder)

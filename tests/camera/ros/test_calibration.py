@@ -26,7 +26,7 @@ def test_siblings_meet_in_their_parent() -> None:
     # colour, depth is 1 m along base's y, which is colour's x: (1, 0, 0). And base's x is
     # colour's -y: a point 2 m ahead of depth is at (1, -2, 0).
     both = tree(("base", "colour", (1, 0, 0), LEFT_90), ("/base", "/depth", (1, 1, 0), NO_TURN))
-    matrix = both.find("colour", "depth")
+    matrix = both.find_transform("colour", "depth")
     assert matrix is not None
     assert (matrix @ (0, 0, 0, 1))[:3] == pytest.approx([1, 0, 0])
     assert (matrix @ (2, 0, 0, 1))[:3] == pytest.approx([1, -2, 0])
@@ -34,8 +34,8 @@ def test_siblings_meet_in_their_parent() -> None:
 
 def test_frames_without_connection() -> None:
     parts = tree(("a", "b", (1, 0, 0), NO_TURN), ("c", "d", (1, 0, 0), NO_TURN))
-    assert parts.find("a", "d") is None
-    assert parts.find("map", "b") is None
+    assert parts.find_transform("a", "d") is None
+    assert parts.find_transform("map", "b") is None
 
 
 def test_loops_and_transforms_that_are_none_do_no_harm() -> None:
@@ -45,7 +45,9 @@ def test_loops_and_transforms_that_are_none_do_no_harm() -> None:
         ("c", "d", (0, 0, 0), (0, 0, 0, 0)),
         ("c", "e", (math.nan, 0, 0), NO_TURN),
     )
-    assert odd.find("a", "b") is not None  # the direction does not matter: the search ends
-    assert odd.find("x", "b") is None
-    assert odd.find("c", "d") is None
-    assert odd.find("c", "e") is None
+    assert (
+        odd.find_transform("a", "b") is not None
+    )  # the direction does not matter: the search ends
+    assert odd.find_transform("x", "b") is None
+    assert odd.find_transform("c", "d") is None
+    assert odd.find_transform("c", "e") is None

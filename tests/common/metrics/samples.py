@@ -18,7 +18,7 @@ def greedy_tracks(detections: MotRows, frames: int) -> dict[int, Hypotheses]:
     tracks: dict[int, Hypotheses] = {}
     ids, boxes, unused = np.zeros(0, np.int64), np.zeros((0, 4)), 1
     for number in range(1, frames + 1):
-        found = detections.of(number).boxes_xyxy_px
+        found = detections.frame_rows(number).boxes_xyxy_px
         overlap, linked = iou_xyxy(boxes, found), np.zeros(len(found), np.int64)
         while overlap.size and overlap.max() >= 0.3:
             i, j = np.unravel_index(overlap.argmax(), overlap.shape)

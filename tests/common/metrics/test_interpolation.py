@@ -28,14 +28,14 @@ def truth(stamp_ms: int, *people: TruthPerson, frame_id: str = "map") -> Truth:
 def buffer(*messages: Truth) -> TruthBuffer:
     made = TruthBuffer()
     for message in messages:
-        made.add(message)
+        made.add_truth(message)
     return made
 
 
 def interpolate(before: Truth, after: Truth, stamp_ns: int) -> Truth:
     buffer = TruthBuffer(max_gap_ns=after.stamp_ns - before.stamp_ns)
-    buffer.add(before)
-    buffer.add(after)
+    buffer.add_truth(before)
+    buffer.add_truth(after)
     found = buffer.at(stamp_ns)
     assert found is not None
     return found
@@ -130,7 +130,7 @@ def test_a_stamp_that_goes_back_begins_anew() -> None:
 def test_memory_is_bounded() -> None:
     samples = TruthBuffer(capacity=10)
     for stamp_ms in range(100):
-        samples.add(truth(stamp_ms, person("a", stamp_ms)))
+        samples.add_truth(truth(stamp_ms, person("a", stamp_ms)))
     assert 10 <= len(samples.messages) < 20
     got = samples.at(95 * MS + MS // 2)
     assert got is not None

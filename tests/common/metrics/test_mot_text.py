@@ -23,8 +23,8 @@ def test_lines_are_ordered_by_frame_and_boxes_have_corners(tmp_path: Path) -> No
     assert rows.frames.tolist() == [1, 2]
     assert rows.ids.tolist() == [7, 7]
     assert rows.boxes_xyxy_px.tolist() == [[0, 0, 5.5, 6], [10, 20, 40, 60]]
-    assert rows.of(2).confidences.tolist() == [1.0]
-    assert rows.of(3).ids.tolist() == []
+    assert rows.frame_rows(2).confidences.tolist() == [1.0]
+    assert rows.frame_rows(3).ids.tolist() == []
 
 
 def test_detections_have_no_identity(tmp_path: Path) -> None:
@@ -98,4 +98,4 @@ def test_positions_where_the_file_has_them(tmp_path: Path) -> None:
     rows = read_rows(written(tmp_path, text))
     assert rows.positions_m[0].tolist() == [1.5, -2.0, 0.0]
     assert np.isnan(rows.positions_m[1:]).all()
-    assert rows.of(1).evaluated().positions_m.shape == (4, 3)
+    assert rows.frame_rows(1).evaluated().positions_m.shape == (4, 3)

@@ -29,13 +29,13 @@ def test_relative_name_is_below_the_namespace() -> None:
 
 
 def test_key_is_that_of_pamoja() -> None:
-    named = TopicType.of(Ros2Config(namespace="a"), "tf", "tf2_msgs/msg/TFMessage")
+    named = TopicType.from_names(Ros2Config(namespace="a"), "tf", "tf2_msgs/msg/TFMessage")
     assert named.key(7) == pamoja.entity_key(7, "/a/tf", "tf2_msgs/msg/TFMessage", named.hash)
 
 
 def test_unknown_type_is_refused() -> None:
     with pytest.raises(ConfigError, match="unknown"):
-        TopicType.of(Ros2Config(), "tf", "tf2_msgs/msg/Other")
+        TopicType.from_names(Ros2Config(), "tf", "tf2_msgs/msg/Other")
 
 
 def test_token_of_a_publisher() -> None:

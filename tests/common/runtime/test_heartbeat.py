@@ -103,7 +103,7 @@ def test_bytes_that_do_not_decode_degrade_the_process_for_a_while(
     run: HeartbeatRun, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("people4d.queue.FRESH_S", 0.3)
-    run.inbox.put(BY_NAME["detections"], "k", b"\xc1")
+    run.inbox.add_payload(BY_NAME["detections"], "k", b"\xc1")
     health = run.wait("degraded")
     assert health.reason.startswith("message: expected MessagePack")
     assert health.counters["bad_detections"] == 1
@@ -114,7 +114,7 @@ def test_counters_of_node_inbox_and_loop_are_published_together(run: HeartbeatRu
     run.node.handled = [1, 2, 3]
     run.activity.count("errors")
     run.activity.count("errors")
-    run.inbox.put(BY_NAME["truth"], "k", b"")
+    run.inbox.add_payload(BY_NAME["truth"], "k", b"")
     counters = run.watcher.wait_for_counters(handled=3, errors=2, bad_truth=1).counters
     # Zeros are published: they name the counters.
     assert counters == {"handled": 3, "skipped": 0, "errors": 2, "bad_truth": 1} | NO_CLOCK

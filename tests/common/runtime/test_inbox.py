@@ -26,7 +26,7 @@ def put(inbox: Inbox, topic: Topic, sequence: int, key: str = "k", lockstep: boo
     message = msgspec.structs.replace(EXAMPLES[topic.message.__name__], sequence=sequence)
     if topic is FRAMES:
         message = msgspec.structs.replace(message, lockstep=lockstep)
-    inbox.put(topic, key, encode(message))
+    inbox.add_payload(topic, key, encode(message))
 
 
 def taken(inbox: Inbox) -> list[int]:
@@ -165,7 +165,7 @@ def test_gaps_of_tracks_are_counted_by_camera() -> None:
     inbox = Inbox()
     for sequence, camera in ((2, "left"), (10, "right"), (5, "left"), (12, "right"), (13, "right")):
         tracks = msgspec.structs.replace(EXAMPLES["Tracks"], sequence=sequence, camera=camera)
-        inbox.put(BY_NAME["people"], "people", encode(tracks))
+        inbox.add_payload(BY_NAME["people"], "people", encode(tracks))
     assert inbox.counters["gaps_people"] == 2 + 1
 
 
@@ -181,7 +181,7 @@ def test_counters_of_the_largest_gaps_can_be_encoded() -> None:
 def test_bytes_that_do_not_decode_are_counted_with_the_error() -> None:
     inbox = Inbox()
     assert not inbox.last_error_is_fresh()
-    inbox.put(DETECTIONS, "k", b"\xc1")
+    inbox.add_payload(DETECTIONS, "k", b"\xc1")
     assert inbox.counters == {"bad_detections": 1}
     assert inbox.last_error.startswith("message: expected MessagePack")
     assert inbox.last_error_is_fresh()
@@ -191,7 +191,7 @@ def test_bytes_that_do_not_decode_are_counted_with_the_error() -> None:
 def test_error_is_fresh_for_three_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
     inbox, now_s = Inbox(), 100.0
     monkeypatch.setattr("time.monotonic", lambda: now_s)
-    inbox.put(DETECTIONS, "k", b"\xc1")
+    inbox.add_payload(DETECTIONS, "k", b"\xc1")
     now_s += 2.9
     assert inbox.last_error_is_fresh()
     now_s += 0.1
@@ -200,7 +200,7 @@ def test_error_is_fresh_for_three_seconds(monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_message_of_another_topic_is_counted_with_the_error() -> None:
     inbox = Inbox()
-    inbox.put(DETECTIONS, "k", encode(EXAMPLES["Truth"]))
+    inbox.add_payload(DETECTIONS, "k", encode(EXAMPLES["Truth"]))
     assert inbox.counters == {"bad_detections": 1}
     assert inbox.last_error == "detections: expected Detections, got Truth"
 
@@ -272,7 +272,7 @@ def test_foreign_topic_is_read_by_its_own_decoder() -> None:
     assert topic.key_expression("robot") == "their/key"  # below no robot's prefix
     inbox = Inbox()
     for payload in (b"7", b"seven", encode(EXAMPLES["Truth"]), b"8"):
-        inbox.put(topic, "their/key", payload)
+        inbox.add_payload(topic, "their/key", payload)
     first, second = inbox.get(0.0), inbox.get(0.0)
     assert first is not None
     assert second is not None
@@ -316,7 +316,7 @@ def test_what_waits_is_bounded_in_bytes(monkeypatch: pytest.MonkeyPatch) -> None
 
 def test_a_message_of_this_process_is_added_as_it_is() -> None:
     inbox, frame = Inbox(), EXAMPLES["RgbdFrame"]
-    inbox.take(BY_NAME["frames"], "k", frame)
+    inbox.add_message(BY_NAME["frames"], "k", frame)
     arrival = inbox.get(0.0)
     assert arrival is not None
     assert arrival.message is frame
@@ -334,7 +334,7 @@ def test_a_frame_of_this_process_goes_to_one_replica_and_to_the_other_if_that_le
         msgspec.structs.replace(EXAMPLES["RgbdFrame"], sequence=k, lockstep=True) for k in range(6)
     ]
     for frame in frames:
-        inbox.take(BY_NAME["frames"], "k", frame)
+        inbox.add_message(BY_NAME["frames"], "k", frame)
     first = taken(inbox)
     assert first in ([0, 2, 4], [1, 3, 5])
     assert inbox.counters["left_frames"] == 3

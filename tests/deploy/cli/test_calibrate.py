@@ -189,7 +189,7 @@ def test_progress_shows_where_each_camera_found_people() -> None:
     assert session.summary() == "no camera yet"
     # The camera stands at (-3, -3) and looks at the middle; the person stays far away, to its left.
     for arrival in arrivals(square("a"), [lambda _: (-0.6, 0.9)]):
-        session.add(arrival.message, arrival.received_ns)
+        session.add_message(arrival.message, arrival.received_ns)
     assert "a 200 of 200  #.. ... ..." in session.summary()
 
 

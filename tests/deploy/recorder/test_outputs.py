@@ -46,7 +46,8 @@ def test_parts_stay_within_the_limit_and_begin_with_calibration(tmp_path: Path) 
     assert recorded == list(range(recorded[0], 2000))  # without a gap from part to part
     deleted = int(parts[-1].stem.rpartition("-")[2]) - 10
     assert (
-        output.note() == f"{deleted} of {deleted + 10} parts were deleted to stay within the limit."
+        output.summary()
+        == f"{deleted} of {deleted + 10} parts were deleted to stay within the limit."
     )
 
 
@@ -62,7 +63,7 @@ def test_an_event_writes_the_seconds_before_and_after_it(tmp_path: Path) -> None
     assert sequences(tmp_path / "x-0001.mcap") == list(range(30, 81))
     assert sequences(tmp_path / "x-0002.mcap") == list(range(130, 171))
     assert type(content(tmp_path / "x-0002.mcap")[0]).__name__ == "StaticTransform"
-    assert output.note() == "2 files of events."
+    assert output.summary() == "2 files of events."
 
 
 def test_a_buffer_that_is_too_small_is_counted(tmp_path: Path) -> None:
@@ -73,7 +74,7 @@ def test_a_buffer_that_is_too_small_is_counted(tmp_path: Path) -> None:
     output.close()
     written = len(sequences(tmp_path / "x-0001.mcap"))
     assert 0 < written < 100
-    assert output.note() == (
+    assert output.summary() == (
         f"1 file of events; {100 - written} messages before them exceeded the buffer."
     )
 
