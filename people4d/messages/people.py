@@ -148,6 +148,7 @@ class Detections(Message, frozen=True, kw_only=True):
     replicas: tuple[Text, ...] = ()
     # [s] interval over which velocities are measured, up to this frame; absent without velocities
     velocity_interval_s: Annotated[float, Meta(gt=0, le=1)] | None = None
+    crops: Count | None = None  # number of people in Crops of this frame; absent: unknown
 
     def __post_init__(self) -> None:
         """Check the fields and the number of pixels."""

@@ -142,11 +142,12 @@ class DetectorNode(Node):
                 people = [self._with_mask(person, image) for person in people]
         with span("locate"):
             torsos = self._find_torsos(people, image)
-        outputs: list[Message] = []
+        outputs, cropped = list[Message](), 0
         if self._config.crops:
             # Crops first, since the tracker waits for their embeddings.
             crops = self._crops(people, torsos, is_due, frame)
             (self._loop.publish or outputs.append)(crops)
+            cropped = len(crops.crops)
         observed = self._orientation.observe(people, torsos, frame.rgb, image)
         with span("locate"):
             yaws = self._orientation.estimate(people, image, observed)
@@ -171,6 +172,7 @@ class DetectorNode(Node):
             height=info.height,
             detections=detections,
             velocity_interval_s=pair.interval_s if pair and any(velocities) else None,
+            crops=cropped,
         )
         return [*outputs, result]
 

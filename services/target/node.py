@@ -191,7 +191,8 @@ class TargetNode(StatefulNode):
     def _update(self, tracks: Tracks, base: F64 | None) -> Decision:
         key = tracks.camera, tracks.stamp_ns
         detections, embeddings = (self._joined[k].pop(key, None) for k in (Detections, Embeddings))
-        is_joined = detections is not None and embeddings is not None
+        # A frame without crops may precede its embeddings, which have no vectors.
+        is_joined = detections is not None and (embeddings is not None or detections.crops == 0)
         self._counters["without_embeddings"] += bool(tracks.tracks) and not is_joined
         robot_m = None if base is None else invert(base)[:2, 3]
         raised = self._hands.held(tracks.stamp_ns)

@@ -64,7 +64,7 @@ class Observation:
     stamp_ns: int  # [ns] acquisition time, at most LATE_MAX_NS before the last observation
     measurements: tuple[Measurement, ...] = ()  # in any order
     camera: str = "camera"  # name of the camera of the frame
-    embedder: str = ""  # name of the model of the embeddings; empty if there are none
+    embedder: str = ""  # name of the model of the last embeddings; empty if there were none
     map_from_camera: F64 | None = None  # 4x4, pose of the optical frame; None if unknown
     size_px: tuple[int, int] | None = None  # [px] width and height of the image; None if unknown
     edges: ImageEdges | None = None  # edges of the image; None if unknown

@@ -43,6 +43,7 @@ class FrameObserver:
     def __init__(self, poses: CameraPoseLookup, counters: Counter[str]) -> None:
         self._poses, self._counters = poses, counters
         self._edges: dict[str, ImageEdges] = {}  # edges of the image by camera, see Observation
+        self._embedder = ""  # name of the model of the last embeddings
 
     def add_calibration(self, info: CameraInfo) -> None:
         """Store the edges of a camera's image."""
@@ -62,8 +63,12 @@ class FrameObserver:
             begin_ns = frame.time_ns - int(interval_s * 1e9)
             before = self._poses.lookup(detections.frame_id, begin_ns)
         observation = observe(detections, frame.embeddings, pose, self._counters, before)
+        self._embedder = observation.embedder or self._embedder
         return replace(
-            observation, stamp_ns=frame.time_ns, edges=self._edges.get(detections.camera)
+            observation,
+            stamp_ns=frame.time_ns,
+            embedder=self._embedder,
+            edges=self._edges.get(detections.camera),
         )
 
 

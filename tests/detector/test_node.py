@@ -96,6 +96,7 @@ def test_a_frame_gives_detections_and_crops_of_its_stamp() -> None:
     assert (detections.frame_id, detections.model) == ("front_optical_frame", "fixed")
     assert (detections.width, detections.height) == (40, 60)
     assert crops.crops[0].detection == 0
+    assert detections.crops == 1
     assert crops.crops[0].rgb.shape == (44, 14, 3)
 
 
@@ -162,11 +163,13 @@ def test_an_empty_frame_is_answered() -> None:
     published = MemoryBus([node()]).publish(INFO, frame())
     assert only(Detections, published).detections == ()
     assert only(Crops, published).crops == ()
+    assert only(Detections, published).crops == 0
 
 
 def test_crops_can_be_left_out() -> None:
     published = MemoryBus([node(person(), crops="false")]).publish(INFO, frame())
     assert not any(isinstance(message, Crops) for message in published)
+    assert only(Detections, published).crops == 0
 
 
 def test_frames_before_the_calibration_are_dropped_and_reported() -> None:

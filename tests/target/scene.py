@@ -39,6 +39,7 @@ class Scene:
         people: Mapping[int, Person],
         hidden: Sequence[int] = (),
         with_embeddings: bool = True,
+        crops: int | None = None,
         cut: Sequence[int] = (),
         heights: Mapping[int, float] | None = None,
         **fields: Any,
@@ -49,6 +50,7 @@ class Scene:
             people: People by track; each is in a box of its own.
             hidden: Tracks without a detection in this frame.
             with_embeddings: The appearance of the people arrives, too.
+            crops: Number of crops, as Detections say.
             cut: Tracks at a side of the image.
             heights: Heights of the torso by track [m], usually 1.
             fields: Fields of Tracks.
@@ -60,6 +62,7 @@ class Scene:
         found = builders.detections(
             *(builders.detection(box_xyxy_px=np.array(box, np.float32)) for box in boxes),
             stamp_ns=self.stamp_ns,
+            crops=crops,
         )
         angles = [math.radians(people[track][2]) for track in visible]
         vectors = [(math.cos(angle), math.sin(angle)) for angle in angles]

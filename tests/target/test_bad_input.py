@@ -22,6 +22,8 @@ def test_new_track_is_not_locked_without_embeddings() -> None:
     assert all(target.id is None and target.stop for target in targets)
     assert targets[-1].reason.startswith("person 7 is the likeliest, with a probability of ")
     assert scene.node.status().counters["without_embeddings"] == 100
+    scene.frame(OTHERS, with_embeddings=False, crops=0)
+    assert scene.node.status().counters["without_embeddings"] == 100
 
 
 def test_person_chosen_without_embeddings_is_lost_with_its_track() -> None:

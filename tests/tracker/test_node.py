@@ -134,6 +134,17 @@ def test_an_empty_frame_waits_for_nothing() -> None:
     assert results.tracks == ()
 
 
+def test_a_frame_without_crops_waits_for_nothing() -> None:
+    frame = replace(detected(0), crops=0)
+    target = node()
+    target.handle(TRANSFORM, 0)
+    assert len(tracks(target.handle(frame, 1000 * MS))) == 1
+    target.handle(embeddings_of(frame, ()), 1001 * MS)
+    counters = target.status().counters
+    assert (counters["without_embeddings"], counters["late_embeddings"]) == (0, 0)
+    assert target.handle(replace(detected(1), crops=1), 1100 * MS) == []
+
+
 def test_sort3d_waits_for_no_embeddings() -> None:
     (results,) = feed(node(tracker="sort3d"), [TRANSFORM, detected(0)])
     assert results.trace == (SPAN,)

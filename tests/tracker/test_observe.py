@@ -14,8 +14,16 @@ from common.geometry.transforms import (
     transform_from,
 )
 from people4d.messages import F64, Detection, Detections
-from services.tracker.cameras.poses import pose_covariance
-from services.tracker.observe import PEOPLE_MAX, SURFACE_M, VELOCITY_SIGMA_MPS, observe, rotated
+from services.tracker.cameras.frame_join import PendingFrame
+from services.tracker.cameras.poses import CameraPoseLookup, pose_covariance
+from services.tracker.observe import (
+    PEOPLE_MAX,
+    SURFACE_M,
+    VELOCITY_SIGMA_MPS,
+    FrameObserver,
+    observe,
+    rotated,
+)
 from tests import builders
 
 BOX = np.array([0.0, 0.0, 10.0, 20.0], np.float32)
@@ -78,6 +86,15 @@ def test_of_too_many_people_those_of_the_highest_scores_are_tracked() -> None:
     found = observe(detections(*people), None, pose, counters)
     assert {m.index for m in found.measurements} == set(range(500 - PEOPLE_MAX, 500))
     assert counters["too_many"] == 500 - PEOPLE_MAX
+
+
+def test_frame_without_embeddings_has_the_embedder_of_the_last_ones() -> None:
+    observer = FrameObserver(CameraPoseLookup("map", required=False), Counter())
+    frame = detections()
+    embeddings = builders.embeddings(frame, (), model="osnet")
+    frames = [PendingFrame(frame, 1, 1, one) for one in (None, embeddings, None)]
+    found = [observer.observe(one) for one in frames]
+    assert [one.embedder for one in found if one] == ["", "osnet", "osnet"]
 
 
 def test_bearing_leads_from_the_camera_to_the_person() -> None:

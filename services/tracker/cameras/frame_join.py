@@ -164,7 +164,8 @@ class FrameJoin:
                 frame.embeddings = embeddings
                 return
         if self._is_late(embeddings):
-            self.counters["late_embeddings"] += 1
+            # Without vectors: of a frame without crops, which does not wait.
+            self.counters["late_embeddings"] += len(embeddings.vectors) > 0
             return
         self._early[key] = embeddings
         size = sum(waiting.vectors.nbytes for waiting in self._early.values())
@@ -209,8 +210,9 @@ class FrameJoin:
         return stream.behind_ns(embeddings) <= JUMP_NS
 
     def _lacks_embeddings(self, frame: PendingFrame) -> bool:
-        wanted = self._embedding_ns > 0 and len(frame.detections.detections) > 0
-        return wanted and frame.embeddings is None
+        detections = frame.detections
+        wanted = self._embedding_ns > 0 and len(detections.detections) > 0
+        return wanted and detections.crops != 0 and frame.embeddings is None
 
     def _due_ns(self, frame: PendingFrame) -> int:
         lacks = self._lacks_embeddings(frame) and not self.ignores_embeddings
