@@ -11,16 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.gait_scenes import SCENES, TO_AND_FRO
+from benchmarks.gait_scenes import SCENES
 from benchmarks.lib import options
 from benchmarks.lib.gait.bodies import JointTruth, tally
-from benchmarks.lib.gait.other_walkers import Style
+from benchmarks.lib.gait.styles import style_name
 from benchmarks.lib.gait.tally import Tally, cells, results_of, total
 from benchmarks.lib.table import markdown, write
 from evaluation.gait.report import read_run
 from services.gait.estimator import GaitFrame
 
-FAST_MPS = 1.2
 BY_STYLE = (
     *("steps found", "invented", "worst step cm", "worst cadence %", "limps found"),
     *("hands visible cm", "feet visible cm", "exchanged visible %"),
@@ -94,21 +93,6 @@ def run_settings(folder: Path, settings: Sequence[str] = ()) -> tuple[str, ...]:
         moves = not np.allclose(file["T_world_cam"], file["T_world_cam"][:1])
     frame = ("tracker.frame_id=odom",) if moves else ()
     return (f"camera.options.fps={fps:.6g}", *frame, *settings)
-
-
-def style_name(style: Style) -> str:
-    """Return the name of the style of a walk."""
-    names = {
-        "skirt": style.skirt,
-        "slow, bent trunk": style.lean_rad > 0,
-        "carrying a box": style.arms == "carry",
-        "hands in pockets": style.arms == "pockets",
-        "limp": style.limp != 0,
-        "fast": style.speed_mps > FAST_MPS,
-        "turns on the spot, U-turns, stops": style.path == TO_AND_FRO
-        or any(len(point) > 2 for point in style.path),
-    }
-    return next((name for name, is_so in names.items() if is_so), "round or straight")
 
 
 def style_rows(people: Mapping[str, Sequence[Tally]]) -> list[list[str]]:

@@ -31,6 +31,7 @@ from benchmarks.lib.gait.other_walkers import (
     ellipse,
     rotation,
 )
+from benchmarks.lib.gait.styles import STYLE_SCENES, TO_AND_FRO
 from people4d.messages import F64, U8, U16
 
 CAMERA_X_M, MIDDLE_X_M, MIDDLE_Z_M = -0.3, 3.6, 0.85
@@ -39,7 +40,6 @@ TORSO = [5, 6, 11, 12]  # shoulders and hips
 BACK = math.pi
 
 AHEAD, BACKWARD = ((3.0, 0.1), (99.0, 0.1)), ((3.4, -0.1), (-99.0, -0.1))
-TO_AND_FRO = ((2.8, -0.8), (4.7, -0.9))
 # Path with one round, a stop, a turn on the spot, and the way back
 TURNS = (*ellipse(3.6, 0.55, 0.8, 0.5), (4.4, 0.55, 2.0, -math.pi / 2))
 SCENES = {
@@ -128,6 +128,7 @@ SCENES = {
         ),
         height_m=1.3,
     ),
+    **STYLE_SCENES,
 }
 
 
