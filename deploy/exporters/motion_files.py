@@ -1,4 +1,4 @@
-"""Files of motion capture: TRC (OpenSim) and C3D of the joints of a person.
+"""Files of motion capture: TRC (OpenSim), C3D and BVH of the joints of a person.
 
 Axes as in OpenSim: x ahead in the map, y up, z to its right. Lengths are in millimetres.
 Unknown joints are empty in TRC and have a residual of -1 in C3D.
@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from deploy.exporters.bvh import bvh
 from evaluation.gait.motion import JointMotion
 from evaluation.report.csv_files import write_bytes
 from people4d.messages import F64
@@ -21,13 +22,14 @@ FRAMES_MAX = 65535  # Maximum number of a frame in the header
 
 
 def write_motion(folder: Path, name: str, motion: JointMotion) -> None:
-    """Write NAME.trc and NAME.c3d.
+    """Write NAME.trc, NAME.c3d and NAME.bvh.
 
     Raises:
         SourceError: A file cannot be written.
     """
     write_bytes(folder / f"{name}.trc", trc(f"{name}.trc", motion).encode())
     write_bytes(folder / f"{name}.c3d", c3d(motion))
+    write_bytes(folder / f"{name}.bvh", bvh(motion).encode())
 
 
 def trc(name: str, motion: JointMotion) -> str:

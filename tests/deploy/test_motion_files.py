@@ -56,3 +56,13 @@ def test_c3d_is_read_by_ezc3d(files: Path) -> None:
     points = read["data"]["points"]
     assert points[:3, LEFT_HIP, 0].tolist() == [1000.0, 900.0, -2000.0]
     assert np.isnan(points[:3, NOSE, 3]).all()
+
+
+def test_trc_is_read_by_opensim(files: Path) -> None:
+    opensim = pytest.importorskip("opensim")
+    table = opensim.TimeSeriesTableVec3(str(files / "person_1.trc"))
+    assert list(table.getColumnLabels()) == list(JOINTS)
+    assert list(table.getIndependentColumn()) == pytest.approx([0.5, 0.55, 0.6, 0.65])
+    assert table.getTableMetaDataAsString("Units") == "mm"
+    assert table.getDependentColumn("left_hip")[0].to_numpy().tolist() == [1000.0, 900.0, -2000.0]
+    assert np.isnan(table.getDependentColumn("nose")[3].to_numpy()).all()
