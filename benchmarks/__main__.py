@@ -37,6 +37,7 @@ GROUPS = {
         "gait": "points and colours in the lab, beside the figures of [Liu 2018]",
         "gait_bodies": "points and steps of people of a second simulator",
         "gait_real": "steps of real people beside steps counted by hand",
+        "gait_speed": "frames a second of the cascade, in one thread",
     },
     "faults": {
         "faults": "every service killed and hung: time to recovery, lost frames, identities"
