@@ -42,7 +42,6 @@ class GaitEstimate:
     id: int
     box_xyxy_px: F64 | None  # 4; None: not known
     points: Mapping[str, PointEstimate]
-    fresh: bool = True  # False: predicted, the person's depth was not processed in this frame
 
 
 @dataclass
@@ -52,8 +51,7 @@ class _PersonState:
     depth_m: float | None = None
     detected_ns: int = 0  # [ns] stamp of the last detected box
     observed_ns: int = 0  # [ns] stamp of the last observation
-    processed: int = -1  # number of the last frame in which depth was processed
-    processed_ns: int = 0
+    processed_ns: int | None = None  # [ns] stamp of the last estimate
 
 
 class Cascade:
@@ -67,7 +65,6 @@ class Cascade:
         self._colours = ColourLayer(config.colour, config.seed)
         self._floor = FloorDetector(info, config.seed)
         self._people: dict[int, _PersonState] = {}
-        self._frame = 0
         self._stamp_ns = 0
         self._fixed_from_optical: F64 = np.eye(4)  # pose of the camera
 
@@ -89,17 +86,14 @@ class Cascade:
         `fixed_from_optical` is the camera's pose, 4x4; None if it is at rest. A stamp before the
         last one resets the cascade; people unobserved for FORGET_S are deleted.
         """
-        if self._frame and stamp_ns < self._stamp_ns:
+        if stamp_ns < self._stamp_ns:
             self._reset()
         self._stamp_ns = stamp_ns
         self._fixed_from_optical = np.eye(4) if fixed_from_optical is None else fixed_from_optical
         self._add_and_delete(stamp_ns, observations)
         self._update_boxes(stamp_ns, rgb, observations)
         self._floor.update_floor(depth_mm)
-        chosen = self._turns(observations)
-        estimates = [self._estimate(one, depth_mm, one.id in chosen) for one in observations]
-        self._frame += 1
-        return estimates
+        return [self._estimate(one, depth_mm) for one in observations]
 
     def mark_point(self, person: int, name: str, pixel: F64, depth_mm: U16) -> bool:
         """Start a point of POINTS at a pixel (u, v) of the last frame.
@@ -165,25 +159,15 @@ class Cascade:
             if one.depth_m is not None and np.isfinite(one.depth_m) and one.depth_m > 0:
                 self._people[one.id].depth_m = float(one.depth_m)
 
-    def _turns(self, observations: Sequence[PersonObservation]) -> set[int]:
-        """Return the people to process in this frame, the longest waiting first."""
-        waiting = sorted(
-            (one.id for one in observations if self._people[one.id].box is not None),
-            key=lambda person: self._people[person].processed,
-        )
-        return set(waiting[: self._config.people_max])
-
-    def _estimate(self, one: PersonObservation, depth_mm: U16, fresh: bool) -> GaitEstimate:
+    def _estimate(self, one: PersonObservation, depth_mm: U16) -> GaitEstimate:
         state = self._people[one.id]
-        elapsed_s = (self._stamp_ns - state.processed_ns) / 1e9 if state.processed >= 0 else 0.0
+        before_ns = self._stamp_ns if state.processed_ns is None else state.processed_ns
+        elapsed_s = (self._stamp_ns - before_ns) / 1e9
         if elapsed_s > GAP_S:
             state.layer.mark_lost()
-        if not fresh and state.box is not None:
-            points = state.layer.predict_points(elapsed_s)
-            return GaitEstimate(one.id, state.box, points, fresh=False)
         body = self._segment(state, depth_mm)
         mesh = build_mesh(body, self._info) if body is not None else None
-        state.processed, state.processed_ns = self._frame, self._stamp_ns
+        state.processed_ns = self._stamp_ns
         points = state.layer.update_points(
             MeshObservation(
                 mesh,

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from msgspec import Meta
 
 from common.config import Config
-from people4d.messages.base import NonNegative, Positive, PositiveInt, Ratio
+from people4d.messages.base import NonNegative, Positive, Ratio
 
 Number = Annotated[int, Meta(ge=1, le=1000)]
 N = NonNegative
@@ -56,9 +56,6 @@ class CascadeConfig(Config, frozen=True, kw_only=True):
     colour: ColourLayerConfig = ColourLayerConfig()  # tracks boxes between detections
     depth: DepthLayerConfig = DepthLayerConfig()
     seed: int = 0  # seed of all random numbers
-    # Maximum number of people with processed depth in one frame, chosen in turn; points of the
-    # others are predicted. Bounds the time of a frame
-    people_max: PositiveInt = 6
     # Maximum Bhattacharyya distance of a box of the colour layer to the first one
     colour_distance_max: Ratio = 0.6
     carry_s: Positive = 2.0  # Maximum age of the last detection for a box of the colour layer [s]
@@ -74,8 +71,8 @@ class StepConfig(Config, frozen=True, kw_only=True):
 class GaitConfig(Config, frozen=True, kw_only=True):
     """Configuration of the gait service."""
 
-    # Maximum number of people of one camera, nearest first; cascade.people_max bounds the time
-    people_max: Number = 32
+    # Maximum number of people of one camera, nearest first; bounds the time of a frame
+    people_max: Number = 6
     # Frames of all cameras that wait for their tracks: enough for the latency of the pipeline,
     # 1.5 MB each with 640x480 pixels
     frames: Number = 16

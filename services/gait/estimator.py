@@ -64,7 +64,6 @@ class GaitEstimator:
         estimates = self._cascade.update_people(
             frame.stamp_ns, frame.rgb, frame.depth_mm, chosen, frame.fixed_from_optical
         )
-        self._counters["over_budget"] += sum(not one.fresh for one in estimates)
         results = [GaitResult(one, self._person_gait(one, frame)) for one in estimates]
         ids = {one.id for one in chosen}
         self._meters = {key: meter for key, meter in self._meters.items() if key in ids}

@@ -146,17 +146,6 @@ def test_colour_layer_tracks_the_box_without_detection() -> None:
     assert middle == pytest.approx(320 + 15, abs=12)
 
 
-def test_twenty_people_are_processed_in_turn() -> None:
-    people = [observation(person) for person in range(1, 21)]
-    config = CascadeConfig(people_max=6)
-    processed = [
-        {one.id for one in estimate if one.fresh}
-        for estimate in play(Cascade(config, INFO), 4, people)
-    ]
-    assert [len(ids) for ids in processed] == [6] * 4
-    assert set.union(*processed) == set(range(1, 21))  # 4 x 6 turns are enough for 20
-
-
 def test_earlier_stamp_resets_the_cascade() -> None:
     cascade = Cascade(CascadeConfig(), INFO)
     play(cascade, 3, [observation(1)])

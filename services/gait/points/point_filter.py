@@ -184,14 +184,6 @@ class PointFilter:
             return False
         return bool(np.linalg.eigvalsh(covariance[:3, :3])[-1] > VAGUE_M**2)
 
-    def predict_estimate(self, dt_s: float) -> PointEstimate:
-        """Return the estimate after some time without measurement."""
-        estimate = self.estimate()
-        if self.motion is None or estimate.state == "lost":
-            return estimate
-        state, covariance = self.motion.predicted(dt_s)
-        return PointEstimate(state[:3], state[3:], covariance, "predicted", 0.0)
-
     def noise_m2(self, position_m: F64, besides_m2: F64 | None = None) -> F64:
         """Return the covariance of a measured position, 3x3, largest along the ray.
 
@@ -226,10 +218,6 @@ class PointLayer(ABC, Generic[P]):
     @abstractmethod
     def update_points(self, observation: MeshObservation) -> Mapping[str, PointEstimate]:
         """Return the estimates of the points in the next frame."""
-
-    def predict_points(self, dt_s: float) -> Mapping[str, PointEstimate]:
-        """Return the estimates after some time without an observation."""
-        return {name: point.predict_estimate(dt_s) for name, point in self._points.items()}
 
     def mark_lost(self) -> None:
         """Set all points lost, after a gap in time."""
