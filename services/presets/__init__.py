@@ -21,8 +21,9 @@ MAX_DEPTH = 8  # maximum depth of tables in a service's table
 MAX_CHAIN = 16  # maximum number of presets in a chain of extensions
 
 FOLDER = Path(__file__).parent
+DEFAULTS = "best"  # name of the defaults, which have no file
 PRESETS = {
-    "best": "the defaults: everything beyond the published methods, on the shipped models",
+    DEFAULTS: "the defaults: everything beyond the published methods, on the shipped models",
     "seg-sort": "the first method of PIC4SeR: YOLOv8-seg, SORT-3D, yaw as people walk",
     "seg-strongsort": "its second: YOLOv8-seg, StrongSORT-3D with OSNet, yaw as people walk",
     "pose-strongsort": "its third: YOLOv8-pose, StrongSORT-3D with OSNet, yaw from keypoints",
@@ -42,7 +43,7 @@ def preset_settings(name: str) -> list[str]:
     ConfigError if there is no such preset, or its file cannot be read.
 
     Args:
-        name: One of PRESETS, or the path of a TOML file of that form; empty gives no settings.
+        name: One of PRESETS, or the path of a TOML file of that form; empty: the defaults.
     """
     settings: dict[str, str] = {}
     for tables in reversed(list(_chain(name))):
@@ -60,8 +61,10 @@ def preset_settings(name: str) -> list[str]:
     return [f"{path}={value}" for path, value in settings.items()]
 
 
-def preset_file(name: str) -> Path:
-    """Return the file of a preset; ConfigError if there is no such preset."""
+def preset_file(name: str) -> Path | None:
+    """Return the file of a preset, None for the defaults; ConfigError if it is unknown."""
+    if name in ("", DEFAULTS):
+        return None
     if name in PRESETS:
         return FOLDER / f"{name}.toml"
     if name.endswith(".toml"):
@@ -73,7 +76,7 @@ def preset_file(name: str) -> Path:
 
 def _chain(name: str) -> Iterator[dict[str, Any]]:
     """Yield the tables of a preset, then of the preset that it extends, and so on."""
-    file = preset_file(name) if name else None
+    file = preset_file(name)
     files = set[Path]()
     while file:
         if file in files or len(files) == MAX_CHAIN:
@@ -85,7 +88,7 @@ def _chain(name: str) -> Iterator[dict[str, Any]]:
         file = _extended(file, extended) if extended else None
 
 
-def _extended(file: Path, name: Any) -> Path:
+def _extended(file: Path, name: Any) -> Path | None:
     """Return the file that a preset extends: shipped, or in its own folder."""
     if not isinstance(name, str):
         raise ConfigError(f"preset {file}: extends is not a name")

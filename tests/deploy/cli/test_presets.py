@@ -13,7 +13,7 @@ from deploy.launcher.plan import CONFIG_FILE, LaunchRequest, plan
 from people4d.errors import ConfigError
 from services.detector.config import DetectorConfig
 from services.detector.orientation.separate import BASELINE_MIN_M, HIP_RATIO_MAX, SHOULDER_RATIO_MAX
-from services.presets import FOLDER, PRESETS, preset_settings
+from services.presets import DEFAULTS, FOLDER, PRESETS, preset_settings
 from services.reid.config import ReidConfig
 from services.tracker.config import ImageSortConfig, TrackerConfig
 from services.tracker.strongsort3d.config import IdentityConfig, StrongSort3dConfig
@@ -30,7 +30,7 @@ def config_of(kind: type[T], service: str, preset: str) -> T:
 
 
 def test_each_preset_has_its_file_and_each_file_its_line() -> None:
-    assert {file.stem for file in FOLDER.glob("*.toml")} == PRESETS.keys()
+    assert {file.stem for file in FOLDER.glob("*.toml")} == PRESETS.keys() - {DEFAULTS}
 
 
 @pytest.mark.parametrize("name", PRESETS)
@@ -189,3 +189,10 @@ def test_unknown_preset_is_reported(command: str, name: str, problem: str) -> No
 def test_help_lists_the_presets(command: str) -> None:
     text = CliRunner().invoke(app, [command, "--help"], env={"COLUMNS": "300"}).stdout
     assert all(name in text for name in PRESETS)
+
+
+def test_best_is_the_defaults_by_name_and_as_a_base(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.toml"
+    mine.write_text('extends = "best"\n[tracker]\nmax_lost_s = 3.0\n')
+    assert preset_settings("best") == []
+    assert preset_settings(str(mine)) == ["tracker.max_lost_s=3.0"]
