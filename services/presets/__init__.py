@@ -34,6 +34,8 @@ PRESETS = {
     "image-sort-dynamic": "with dynamic survival: long tracks survive more unmatched frames",
     "image-sort-odom": "with the robot's turns corrected by odometry",
     "image-sort-odom-dynamic": "with both: the method of Park (2021)",
+    "gait-spin": "points on the body by spin images alone, as in Liu (2018); with --gait",
+    "gait-geodesic": "the same by geodesic distances alone",
 }
 
 

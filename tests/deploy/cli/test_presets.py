@@ -13,6 +13,7 @@ from deploy.launcher.plan import CONFIG_FILE, LaunchRequest, plan
 from people4d.errors import ConfigError
 from services.detector.config import DetectorConfig
 from services.detector.orientation.separate import BASELINE_MIN_M, HIP_RATIO_MAX, SHOULDER_RATIO_MAX
+from services.gait.config import PUBLISHED_TAU, GaitConfig
 from services.presets import DEFAULTS, FOLDER, PRESETS, preset_settings
 from services.reid.config import ReidConfig
 from services.tracker.config import ImageSortConfig, TrackerConfig
@@ -36,10 +37,19 @@ def test_each_preset_has_its_file_and_each_file_its_line() -> None:
 @pytest.mark.parametrize("name", PRESETS)
 def test_each_preset_loads_into_every_service(name: str) -> None:
     services = {text.partition(".")[0] for text in preset_settings(name)}
-    assert services <= {"detector", "reid", "tracker"}
+    assert services <= ({"gait"} if name.startswith("gait-") else {"detector", "reid", "tracker"})
     config_of(DetectorConfig, "detector", name)
     config_of(ReidConfig, "reid", name)
     config_of(TrackerConfig, "tracker", name)
+
+
+@pytest.mark.parametrize("feature", ["spin", "geodesic"])
+def test_single_features_of_gait_are_sections_8_1_and_8_3(feature: str) -> None:
+    cascade = config_of(GaitConfig, "gait", f"gait-{feature}").cascade
+    assert (cascade.depth.feature, cascade.depth.particles) == (feature, 60)
+    colour = cascade.colour
+    assert (colour.weights, colour.sigma, colour.sampling) == ("distance", 1.0, "hierarchical")
+    assert colour.tau == PUBLISHED_TAU
 
 
 @pytest.mark.parametrize("suffix", ["", "-movenet"])
