@@ -1,14 +1,16 @@
-"""Accuracy of a people model on frames with ground truth."""
+"""Accuracy of a network of the detector on frames with ground truth."""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import msgspec
 import numpy as np
 
-from common.inference.session import Session
+from common.inference.onnx import OnnxSession
 from common.runtime.node import Node
+from evaluation.quantization.images import ORIENTATION
 from evaluation.recordings.rendered import RenderedFrame, matches, yaw_error_deg
 from people4d.messages import F64, Detection, Detections
 from services.detector.build import build
@@ -19,6 +21,7 @@ from services.detector.models.registry import find_factory
 RECALL_LOSS_MAX = 0.01
 POSITION_LOSS_MAX_M = 0.005
 YAW_LOSS_MAX_DEG = 1.0
+MODEL = "movenet-multipose"  # people model of an orientation network: float32, for any processor
 
 Found = Mapping[tuple[int, int], Detection]  # detections by frame and person
 
@@ -43,10 +46,15 @@ class AccuracyLoss:
         )
 
 
-def detect(session: Session, kind: str, frames: Sequence[RenderedFrame]) -> Found:
+def detect(path: Path, kind: str, frames: Sequence[RenderedFrame]) -> Found:
     """Return the detections of a network of a kind in frames, by frame and person."""
-    config = msgspec.convert({"crops": False, "scores": "network"}, DetectorConfig)
-    return found_by(build(config, find_factory(kind)(session, config, kind)), frames)
+    settings: dict[str, object] = {"crops": False, "scores": "network", "model": MODEL}
+    if kind == ORIENTATION:
+        settings["orientation"] = {"network": str(path)}
+    config = msgspec.convert(settings, DetectorConfig)
+    if kind == ORIENTATION:
+        return found_by(build(config), frames)
+    return found_by(build(config, find_factory(kind)(OnnxSession(path), config, kind)), frames)
 
 
 def found_by(node: Node, frames: Sequence[RenderedFrame]) -> Found:

@@ -1,4 +1,4 @@
-"""Images for calibration: frames of the virtual lab, and images of a folder."""
+"""Inputs for calibration: frames of the virtual lab, and images of a folder."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -7,11 +7,14 @@ import cv2
 import numpy as np
 
 from common.inference.session import Array, Session
+from evaluation.recordings.rendered import RenderedFrame
 from people4d.errors import ConfigError
-from people4d.messages import U8
+from people4d.messages import F32, U8
 from services.detector.config import DetectorConfig
 from services.detector.models.network import NetworkModel
 from services.detector.models.registry import find_factory
+from services.detector.orientation.network import upper_bodies
+from services.detector.position.surface import DepthImage
 
 # Scenario, seed and frames, all outside the test split
 CALIBRATION = (
@@ -19,6 +22,7 @@ CALIBRATION = (
     ("short_sit", 42, range(0, 240, 24)),
     ("four_crossing", 44, range(40, 400, 24)),
 )
+ORIENTATION = "orientation"  # kind of orientation networks
 SUFFIXES = {".jpg", ".jpeg", ".png"}
 
 
@@ -43,3 +47,12 @@ def inputs(session: Session, kind: str, images: Sequence[U8]) -> list[Array]:
     if not isinstance(model, NetworkModel):
         raise ConfigError(f"models of kind {kind} cannot be quantised here")
     return [model.input_of(image)[1] for image in images]
+
+
+def bodies_of(rendered: RenderedFrame) -> F32:
+    """Return the N people of a frame as input of the orientation network, Nx4x64x48."""
+    keypoints = np.zeros((len(rendered.people), 17, 3), np.float32)
+    keypoints[:, :, :2] = [person.keypoints_px for person in rendered.people]
+    image = DepthImage(rendered.frame.depth_mm, rendered.info)
+    depths_m = np.array(rendered.positions_m)[:, 2]
+    return upper_bodies(rendered.frame.rgb, image, keypoints, depths_m)

@@ -28,6 +28,11 @@ def shipped_model() -> str:
     return "movenet-multipose-int8" if has_integer_dot_products() else "movenet-multipose"
 
 
+def shipped_orientation() -> str:
+    """Return the shipped orientation network for this processor, as `shipped_model`."""
+    return "orientation-lab-int8" if has_integer_dot_products() else "orientation-lab"
+
+
 class ModelSettings(Config, frozen=True, kw_only=True):
     """People model and its thresholds."""
 
@@ -63,8 +68,9 @@ class OrientationConfig(Config, frozen=True, kw_only=True):
     # "joint": the most likely yaw given all cues (docs/method.md section 11); "separate": circular
     # mean of psi_1 and psi_2 (section 6 [PIC4SeR])
     method: Literal["joint", "separate"] = "joint"
-    # Network of "joint": name in the manifest of models, or path of an .onnx file; empty: none
-    network: str = "orientation-lab"
+    # Network of "joint": name in the manifest of models, or path of an .onnx file; empty: none;
+    # absent: see `shipped_orientation`
+    network: str = field(default_factory=shipped_orientation)
 
 
 class DetectorConfig(ModelSettings, frozen=True, kw_only=True):

@@ -27,7 +27,7 @@ from evaluation.pipeline import pipeline, play
 from people4d.codec import decode, encode
 from people4d.messages import Message
 from services.camera.config import CameraConfig
-from services.detector.config import DetectorConfig
+from services.detector.config import DetectorConfig, OrientationConfig
 from services.gait.build import build as build_gait
 from services.gait.config import GaitConfig
 from services.predictor.build import build as build_predictor
@@ -40,7 +40,10 @@ BUDGETS = Path(__file__).with_name("budgets.json")
 WARM, COUNTED = 20, 10  # number of warm-up frames, and of counted frames
 TOLERANCE = 0.03  # share of a budget
 SHOWN = 5  # files that are named
-MODEL = "movenet-multipose"  # float: of the same output on every processor
+# Networks in float: of the same output on every processor
+NETWORKS = DetectorConfig(
+    model="movenet-multipose", orientation=OrientationConfig(network="orientation-lab")
+)
 KINDS = ("calls", "array_calls", "lines")
 FOLDERS = ("people4d", "common", "services")
 # Functions of OpenCV have no module, and are known by their identity
@@ -171,7 +174,7 @@ def run(step: Sequence[Message], handle: Callable[[Message], object]) -> None:
 
 def make_nodes() -> dict[str, Node]:
     """Build the nodes whose cost is counted."""
-    detector, reid, tracker = pipeline(DetectorConfig(model=MODEL))
+    detector, reid, tracker = pipeline(NETWORKS)
     return {
         "detector": detector,
         "reid": reid,

@@ -1,5 +1,6 @@
 """people4d models quantize."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated
@@ -7,9 +8,10 @@ from typing import Annotated
 import typer
 
 from common.extras import need
+from common.inference.session import Array
 from common.io.weights import locate
 from deploy.cli.terminal import console, plain_table, progress
-from people4d.errors import ModelError
+from people4d.errors import ConfigError, ModelError
 
 # Most modules are imported on use: the lab and compiled code take a second to load.
 HARM_IMAGES = 6  # number of images for measuring the loss of accuracy by layer
@@ -29,7 +31,13 @@ def quantize(
     from common.inference.onnx import OnnxSession  # noqa: PLC0415
     from evaluation.quantization.accuracy import AccuracyLoss, compare, detect  # noqa: PLC0415
     from evaluation.quantization.control import candidates, harm  # noqa: PLC0415
-    from evaluation.quantization.images import CALIBRATION, images_of, inputs  # noqa: PLC0415
+    from evaluation.quantization.images import (  # noqa: PLC0415
+        CALIBRATION,
+        ORIENTATION,
+        bodies_of,
+        images_of,
+        inputs,
+    )
     from evaluation.quantization.quantizer import Quantizer  # noqa: PLC0415
     from evaluation.recordings.rendered import HELD_OUT, render  # noqa: PLC0415
     from services.detector.config import DetectorConfig  # noqa: PLC0415
@@ -38,6 +46,8 @@ def quantize(
     path, entry = locate(model)
     reference = OnnxSession(path)
     kind = entry.kind if entry else recognise(reference, DetectorConfig(), str(path))
+    if images and kind == ORIENTATION:
+        raise ConfigError("orientation networks need depth", "Leave out --images.")
     own = list(images_of(images)) if images else []
     out = out or Path(f"{path.stem}-int8.onnx")
     with progress() as report, TemporaryDirectory() as folder:
@@ -46,15 +56,16 @@ def quantize(
             drawn.append(rendered)
             report("frames of the lab", number / count)
         split = sum(len(frames) for _, _, frames in CALIBRATION)
-        calibration = inputs(
-            reference, kind, [*(rendered.frame.rgb for rendered in drawn[:split]), *own]
-        )
+        if kind == ORIENTATION:
+            calibration: Sequence[Array] = [bodies_of(one) for one in drawn[:split] if one.people]
+        else:
+            calibration = inputs(reference, kind, [*(one.frame.rgb for one in drawn[:split]), *own])
         frames = drawn[split:]
         quantizer = Quantizer(path, calibration, Path(folder))
-        expected = detect(reference, kind, frames)
+        expected = detect(path, kind, frames)
 
         def score(file: Path) -> AccuracyLoss:
-            return compare(frames, expected, detect(OnnxSession(file), kind, frames))
+            return compare(frames, expected, detect(file, kind, frames))
 
         def order() -> list[str]:
             few = calibration[:: max(len(calibration) // HARM_IMAGES, 1)]
@@ -81,7 +92,10 @@ def quantize(
     if not done[-1].loss.acceptable:
         out.unlink()
         raise ModelError(f"{model} loses too much even with all layers in float; nothing written")
-    scale = done[-1].loss.score_scale
-    console.print(f"Scores are {scale:.2f} times those in float: set score_scale = {scale:.2f}.")
+    if kind != ORIENTATION:
+        scale = done[-1].loss.score_scale
+        console.print(
+            f"Scores are {scale:.2f} times those in float: set score_scale = {scale:.2f}."
+        )
     of = len(quantizer.convolutions)
     console.print(f"{out}: {out.stat().st_size / 1e6:.1f} MB, {of} layers.", markup=False)

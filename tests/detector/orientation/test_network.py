@@ -7,11 +7,12 @@ import pytest
 from msgspec.structs import replace
 
 from common.geometry.transforms import wrap
-from evaluation.recordings.rendered import render
+from evaluation.quantization.images import bodies_of
+from evaluation.recordings.rendered import RenderedFrame, render
 from people4d.errors import ModelError
 from people4d.messages import F32, F64, HIDDEN_RGB
 from services.detector.build import check, load_network
-from services.detector.config import DetectorConfig, OrientationConfig
+from services.detector.config import DetectorConfig, OrientationConfig, shipped_orientation
 from services.detector.orientation.joint import ANGLES
 from services.detector.orientation.network import SIZE_PX, OrientationNetwork, upper_bodies
 from services.detector.position.surface import DepthImage
@@ -127,17 +128,22 @@ def test_pixels_outside_the_image_are_blanked(u: float, v: float, depth_m: float
         np.testing.assert_allclose(image[:3, 0, 0] * 255, HIDDEN_RGB, atol=0.5)
 
 
-def test_the_shipped_network_sees_where_people_of_the_lab_face() -> None:
-    shipped = load_network(DetectorConfig())
+@pytest.fixture(scope="module")
+def rendered_frames() -> list[RenderedFrame]:
+    return list(render([("four_crossing", 5, range(60, 460, 100))]))
+
+
+@pytest.mark.parametrize("name", ["orientation-lab", "orientation-lab-int8"])
+def test_the_shipped_network_sees_where_people_of_the_lab_face(
+    name: str, rendered_frames: list[RenderedFrame]
+) -> None:
+    shipped = load_network(DetectorConfig(orientation=OrientationConfig(network=name)))
     assert shipped is not None
     errors = list[float]()
-    for rendered in render([("four_crossing", 5, range(60, 460, 100))]):
-        image = DepthImage(rendered.frame.depth_mm, rendered.info)
-        for person, position_m in zip(rendered.people, rendered.positions_m, strict=True):
-            points = np.zeros((1, 17, 3), np.float32)
-            points[0, :, :2] = person.keypoints_px
-            bodies = upper_bodies(rendered.frame.rgb, image, points, position_m[2:])
-            (found,) = shipped.log_likelihood(bodies)
+    for rendered in rendered_frames:
+        likelihoods = shipped.log_likelihood(bodies_of(rendered))
+        people = zip(rendered.people, rendered.positions_m, likelihoods, strict=True)
+        for person, position_m, found in people:
             forward = np.array([math.cos(person.yaw_rad), math.sin(person.yaw_rad), 0.0])
             across, _, ahead = rendered.map_from_optical[:3, :3].T @ forward
             ray_rad = math.atan2(-position_m[0], position_m[2])
@@ -149,7 +155,7 @@ def test_the_shipped_network_sees_where_people_of_the_lab_face() -> None:
 
 
 def test_only_the_joint_method_needs_the_network() -> None:
-    assert DetectorConfig().orientation_network == "orientation-lab"
+    assert DetectorConfig().orientation_network == shipped_orientation()
     separate = OrientationConfig(method="separate")
     assert DetectorConfig(orientation=separate).orientation_network == ""
 

@@ -13,11 +13,12 @@ from onnx import TensorProto, helper, numpy_helper
 
 from common.inference.engines import is_quantized
 from common.inference.onnx import OnnxSession
-from evaluation.quantization.accuracy import AccuracyLoss, compare
+from common.io.weights import locate
+from evaluation.quantization.accuracy import AccuracyLoss, compare, detect
 from evaluation.quantization.control import candidates, harm
-from evaluation.quantization.images import images_of
+from evaluation.quantization.images import ORIENTATION, images_of
 from evaluation.quantization.quantizer import Quantizer
-from evaluation.recordings.rendered import RenderedFrame
+from evaluation.recordings.rendered import RenderedFrame, render
 from people4d.errors import ConfigError, ModelError
 from people4d.messages import F64
 from tests import builders
@@ -220,3 +221,26 @@ def test_a_network_without_yaws_loses_none() -> None:
     without, with_yaw = {(0, 0): detection(None)}, {(0, 0): detection(np.array([1.0, 0.0, 0.0]))}
     assert compare(frames_with_one_person(), without, without).acceptable
     assert not compare(frames_with_one_person(), with_yaw, without).acceptable
+
+
+def without_output(path: Path, out: Path) -> Path:
+    """Write a network whose last layer has weights of zero."""
+    model = onnx.load(str(path))
+    last = [node for node in model.graph.node if node.op_type == "Gemm"][-1]
+    for tensor in model.graph.initializer:
+        if tensor.name in last.input:
+            zeros = np.zeros_like(numpy_helper.to_array(tensor))
+            tensor.CopyFrom(numpy_helper.from_array(zeros, tensor.name))
+    onnx.save(model, str(out))
+    return out
+
+
+def test_the_int8_orientation_network_is_accepted_and_a_blind_one_is_not(tmp_path: Path) -> None:
+    frames = list(render([("four_crossing", 22, range(200, 280, 20))]))
+    path, quantized = (locate(name)[0] for name in ("orientation-lab", "orientation-lab-int8"))
+    reference = detect(path, ORIENTATION, frames)
+    assert len(reference) > 5
+    int8 = detect(quantized, ORIENTATION, frames)
+    assert compare(frames, reference, int8).acceptable
+    blind = without_output(path, tmp_path / "blind.onnx")
+    assert not compare(frames, reference, detect(blind, ORIENTATION, frames)).acceptable
