@@ -8,7 +8,7 @@ from pathlib import Path
 from common.diagnosis.evidence import Diagnostic, ok, problem, warning
 from deploy import compose
 from deploy.launcher.launcher import FAILURE, tail
-from deploy.launcher.plan import COMPOSE_FILE, CONFIG_FILE, load_model, read_settings
+from deploy.launcher.plan import COMPOSE_FILE, config_file, load_model, read_settings
 from deploy.launcher.state import State, running_robots
 from deploy.launcher.supervisor import Supervisor, SupervisorGoneError
 from people4d.errors import ConfigError, People4dError
@@ -92,7 +92,7 @@ def _last_word(log: Path) -> str:
 
 def settings(config: Path | None, environment: Mapping[str, str]) -> Iterator[Diagnostic]:
     """Check that the settings of every service can be read and its model loaded."""
-    file = config or Path(environment.get("PEOPLE4D_CONFIG") or CONFIG_FILE)
+    file = config or config_file(environment)
     good = True
     for service in compose.read(COMPOSE_FILE, environment):
         try:

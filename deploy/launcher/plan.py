@@ -53,6 +53,11 @@ class LaunchRequest:
         return f"tcp/{HOST if self.host == '0.0.0.0' else self.host}:{self.port}"
 
 
+def config_file(environment: Mapping[str, str]) -> Path:
+    """Return the file of the settings: $PEOPLE4D_CONFIG, else the shipped one."""
+    return Path(environment.get("PEOPLE4D_CONFIG") or CONFIG_FILE)
+
+
 def plan(request: LaunchRequest) -> tuple[Service, ...]:
     """Return the services of a request in start order; ConfigError if the request is wrong."""
     settings = list(request.settings)
@@ -93,7 +98,7 @@ def router_of(services: Sequence[Service], request: LaunchRequest) -> str:
 
 def variables(request: LaunchRequest) -> dict[str, str]:
     """Return the values of the variables of the compose file on this host."""
-    config = request.config or Path(request.environment.get("PEOPLE4D_CONFIG") or CONFIG_FILE)
+    config = request.config or config_file(request.environment)
     if not config.is_file():
         raise ConfigError(f"configuration file {config} does not exist", "Check the path.")
     local = {

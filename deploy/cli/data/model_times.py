@@ -1,6 +1,7 @@
 """people4d models benchmark."""
 
 import os
+import re
 import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -12,25 +13,36 @@ import typer
 
 from common.config import load
 from common.inference.engines import open_session
-from common.inference.processor import CPU_INFO, DOT_PRODUCTS
+from common.inference.processor import decisive_instructions
 from common.inference.session import Engine
+from common.io.files import parse_toml, read_text, replace_file
 from common.io.weights import ModelFile, find, folders, known_models
 from deploy.cli.terminal import console, plain_table, progress
+from deploy.launcher.plan import config_file
 from people4d.errors import ConfigError, ModelError, People4dError
 from services.detector.config import DetectorConfig
 from services.detector.models.registry import MODELS, find_factory
 
 IMAGE = (480, 640, 3)  # shape of the camera's image
+# The lines of a table of a TOML file, and its engine
+TABLE = re.compile(r"^(\[detector\][^\n]*\n)((?:(?!\[)[^\n]*\n?)*)", re.MULTILINE)
+ENGINE = re.compile(r"^engine\s*=.*$", re.MULTILINE)
 ROUNDS = 5  # number of rounds, with alternating engines, so load affects all engines
 
 
 def benchmark(
     seconds: Annotated[float, typer.Option(min=0.1, help="Time for each model and engine.")] = 3.0,
     threads: Annotated[int, typer.Option(min=1, help="Threads of one inference.")] = 1,
+    config: Annotated[
+        Path | None, typer.Option(help="TOML file of the settings, as in up --config.")
+    ] = None,
+    store: Annotated[
+        bool, typer.Option("--store", help="Write the configured model's best engine to that file.")
+    ] = False,
 ) -> None:
     """Measure the installed detection models with each engine; name the configured model's best."""
-    file = os.environ.get("PEOPLE4D_CONFIG")
-    configured = load(DetectorConfig, "detector", Path(file) if file else None).model
+    file = config or config_file(os.environ)
+    configured = load(DetectorConfig, "detector", file).model
     present = [model for model in known_models().values() if model.kind in MODELS and _here(model)]
     runs: dict[tuple[str, Engine], Callable[[], object]] = {}
     failed: dict[str, str] = {}
@@ -47,8 +59,14 @@ def benchmark(
             times_ms[key] += _times_ms(runs[key], seconds / ROUNDS)
             report("models", (number + 1) / (ROUNDS * len(runs)))
     _show(times_ms)
-    console.print(f"\nInstructions that decide: {', '.join(instructions()) or 'none known'}.")
-    console.print(recommendation(configured, times_ms), markup=False)
+    known = ", ".join(sorted(decisive_instructions()))
+    console.print(f"\nInstructions that decide: {known or 'none known'}.")
+    engine = fastest_engine(configured, times_ms)
+    found = f"--set detector.engine={engine}" if engine else "not measured"
+    console.print(f"Fastest engine of the configured model {configured}: {found}", markup=False)
+    if store and engine:
+        store_engine(file, engine)
+        console.print(f"Stored in {file}.", markup=False)
     for what, reason in failed.items():
         console.print(f"{what}: {reason}", markup=False, style="dim")
 
@@ -92,21 +110,36 @@ def _show(times_ms: dict[tuple[str, Engine], list[float]]) -> None:
     console.print(table)
 
 
-def instructions(file: Path = CPU_INFO) -> list[str]:
-    """Return the processor's instructions that decide the time of a network, if it reports them."""
-    try:
-        words = file.read_text(encoding="utf-8", errors="replace").split()
-    except OSError:
-        return []
-    return sorted({"avx2", *DOT_PRODUCTS} & set(words))
-
-
-def recommendation(model: str, times_ms: Mapping[tuple[str, Engine], Sequence[float]]) -> str:
-    """Return the setting of the fastest engine of a model."""
+def fastest_engine(
+    model: str, times_ms: Mapping[tuple[str, Engine], Sequence[float]]
+) -> Engine | None:
+    """Return the fastest engine of a model; None if it was not measured."""
     medians = {
         engine: statistics.median(t) for (name, engine), t in times_ms.items() if name == model
     }
-    if not medians:
-        return f"The configured model {model} was not measured."
-    engine = min(medians, key=medians.__getitem__)
-    return f"Fastest engine of the configured model {model}: --set detector.engine={engine}"
+    return min(medians, key=medians.__getitem__, default=None)
+
+
+def store_engine(file: Path, engine: Engine) -> None:
+    """Write the detector's engine to a configuration file; its other lines stay.
+
+    ConfigError if the file cannot be read or written, or [detector] is written in another form.
+    """
+    line = f'engine = "{engine}"'
+    try:
+        text = f"{read_text(file).rstrip()}\n"
+        before = parse_toml(text)
+        if TABLE.search(text) is None:
+            text = f"{text}\n[detector]\n"
+        found = TABLE.search(text)
+        assert found
+        lines, count = ENGINE.subn(line, found[2], count=1)
+        body = lines if count else f"{line}\n{found[2]}"
+        text = f"{text[: found.start(2)]}{body}{text[found.end(2) :]}"
+        after = before | {"detector": {**before.get("detector", {}), "engine": engine}}
+        if parse_toml(text) != after:
+            raise ValueError("its [detector] is no plain table")
+        replace_file(file.resolve(), text.encode(), file.stat().st_mode & 0o777)
+    except (OSError, ValueError, TypeError) as error:
+        hint = f"Write it yourself, below [detector]: {line}"
+        raise ConfigError(f"the engine cannot be stored in {file}: {error}", hint) from error

@@ -11,12 +11,8 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from common.inference.session import Engine
 from common.io.recording import RecordingWriter
-from common.io.weights import ModelFile
 from deploy.cli import COMMANDS, app, options
-from deploy.cli.data.model_times import instructions, recommendation
-from deploy.cli.data.models import state_of
 from deploy.cli.live.views import latency_ms, table_of
 from deploy.cli.options import kinds_of
 from deploy.cli.system.ps import duration
@@ -24,7 +20,6 @@ from deploy.launcher.health import works
 from deploy.launcher.launcher import tail
 from people4d.errors import ConfigError
 from people4d.messages import Health, Span, Tracks
-from services.detector.config import shipped_model
 from services.events.journal import JOURNAL, Journal
 from tests import DEMO, builders
 
@@ -134,57 +129,6 @@ def test_logs_shows_one_service_or_all(tmp_path: Path) -> None:
     status, _, errors = run("logs", "reid", state=tmp_path)
     assert status == 1
     assert "There are camera-1, detector-1." in errors
-
-
-def test_models_lists_which_files_are_present(tmp_path: Path) -> None:
-    fields = {"name": "m", "kind": "k", "licence": "l", "input": "i", "get": "g"}
-    # sha256 of the three bytes "abc", FIPS 180-2 appendix B.1
-    digest = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
-    known = msgspec.convert({**fields, "file": "m.onnx", "sha256": digest}, ModelFile)
-    anything = msgspec.structs.replace(known, sha256="")
-    assert state_of(known, (tmp_path,), check=True) == "absent"
-    (tmp_path / "m.onnx").write_bytes(b"abc")
-    assert state_of(known, (tmp_path,), check=False) == "present"
-    assert state_of(known, (tmp_path,), check=True) == "verified"
-    assert state_of(anything, (tmp_path,), check=True) == "any export"
-    (tmp_path / "m.onnx").write_bytes(b"xyz")
-    assert state_of(known, (tmp_path,), check=True) == "altered"
-
-
-@pytest.mark.slow
-def test_detection_models_are_timed_with_each_engine() -> None:
-    status, output, errors = run("models", "benchmark", "--seconds", "0.1")
-    assert status == 0, errors
-    rows = [line.split() for line in output.splitlines() if line.startswith("movenet-multipose ")]
-    assert [row[1] for row in rows] == ["onnxruntime", "openvino"]
-    assert all(float(row[2]) > 0 for row in rows)
-    words = " ".join(output.split())
-    assert f"Fastest engine of the configured model {shipped_model()}: --set detector." in words
-    assert "Instructions that decide: " in words
-
-
-def test_fastest_engine_is_of_the_configured_model() -> None:
-    times_ms: dict[tuple[str, Engine], list[float]] = {
-        ("slow", "onnxruntime"): [9.0, 9.0, 1.0],
-        ("slow", "openvino"): [8.0, 8.0, 99.0],
-        ("fast", "onnxruntime"): [1.0],
-    }
-    assert recommendation("slow", times_ms).endswith("slow: --set detector.engine=openvino")
-    assert recommendation("absent", times_ms) == "The configured model absent was not measured."
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("flags\t\t: fpu amx_int8 avx2 avx512_vnni sse\n", ["amx_int8", "avx2", "avx512_vnni"]),
-        ("Features\t: fp asimd asimddp\n", ["asimddp"]),
-        ("", []),
-    ],
-)
-def test_instructions_are_of_the_processor(tmp_path: Path, text: str, expected: list[str]) -> None:
-    (tmp_path / "cpuinfo").write_text(text)
-    assert instructions(tmp_path / "cpuinfo") == expected
-    assert instructions(tmp_path / "absent") == []
 
 
 def test_latency_is_counted_from_the_first_stage() -> None:
