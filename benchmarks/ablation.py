@@ -69,6 +69,27 @@ PARTS = {
     "acceleration": Part((f"{STRONG}.sigma_acceleration_mps2=0.5",)),
 }
 
+NO_GAIN = "no figure is worse without it beyond its interval"
+# Rules that are deleted, by the commit that deleted them, and the reason
+DELETED = {
+    "a0dbe86a": (
+        ("margin of identities", NO_GAIN),
+        ("covered crops", NO_GAIN),
+        ("walking distance of returning people", NO_GAIN),
+        ("yaw from walking", NO_GAIN),
+        ("reversal of yaw by side", NO_GAIN),
+        ("gates of round 2", NO_GAIN),
+        ("displacement limit", NO_GAIN),
+        ("weight of measured velocities", NO_GAIN),
+        ("motion weight of its own", NO_GAIN),
+    ),
+    "73a2fe92": (
+        ("people beyond the range of depth", NO_GAIN),
+        ("boxes on two people", NO_GAIN),
+    ),
+    "6c0e6fd9": (("likelihood in round 1", "IDF1 +0.8 % [+0.1, +1.6] without it"),),
+}
+
 SIMULATED = (
     PooledFigure("position m", root=True),
     PooledFigure("velocity m/s", root=True),
@@ -275,6 +296,12 @@ def verdicts(
     return markdown(("part", "verdict", "without it better"), rows)
 
 
+def deleted() -> str:
+    """Return the rules that are deleted, each with commit and reason."""
+    rows = [[rule, commit, why] for commit, rules in DELETED.items() for rule, why in rules]
+    return markdown(("rule", "deleted by", "because"), rows)
+
+
 def main() -> None:
     """Track everything with all methods and write the tables."""
     parser = options.parser(__doc__, "shared", "jobs", "cache", "dry")
@@ -293,7 +320,7 @@ def main() -> None:
     people = RealPeople(*marked(crossing_camera(asked.shared), marks), asked.shared)
     found |= {key: (units, REAL) for key, units in real_units(people, parts).items()}
     test = {where: one for (split, where), one in found.items() if split == "test"}
-    text = ["## Verdicts, by the test split", verdicts(parts, test)]
+    text = ["## Verdicts, by the test split", verdicts(parts, test), "## Deleted rules", deleted()]
     for (split, where), (units, of) in found.items():
         unit = "scenes" if of is SIMULATED else "events of real people"
         title = f"## {split.capitalize()} split: {where}, {len(units['best'])} {unit}"

@@ -1,9 +1,12 @@
 """Verdicts of the ablation, on manually written units."""
 
+import subprocess
+
 import numpy as np
 
-from benchmarks.ablation import PARTS, REAL, Part, methods, table, verdicts
+from benchmarks.ablation import DELETED, PARTS, REAL, Part, deleted, methods, table, verdicts
 from people4d.messages import F64
+from tests import ROOT
 
 PART = Part(("tracker.yaw=kalman",))
 PUBLISHED = Part(("tracker.yaw=kalman",), "IMM [Blom 1988]")
@@ -45,3 +48,12 @@ def test_figure_that_no_event_changes_is_shown_as_0() -> None:
     assert cells[0] == "without rule"
     assert cells[1].startswith("-10.0 [")  # 3 of 30 annotations
     assert cells[2:] == ["0", "0"]
+
+
+def test_every_deleted_rule_is_listed_with_its_commit_and_reason() -> None:
+    rows = [line.split("|") for line in deleted().splitlines()[2:]]
+    assert len(rows) == sum(map(len, DELETED.values()))
+    for _, rule, commit, why, _ in rows:
+        subprocess.run(["git", "cat-file", "-e", commit.strip()], cwd=ROOT, check=True)
+        assert rule.strip() not in PARTS
+        assert why.strip()
