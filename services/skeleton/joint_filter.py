@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from common.kalman import predict, update
 from people4d.messages import F64
 from services.skeleton.body import AGILITY_MPS2, Bones
 
@@ -35,30 +36,22 @@ class JointStates:
 def predict_joints(states: JointStates, dt_s: float, body_mps: F64) -> None:
     """Predict joints in place after an interval >= 0, given the velocities of the bodies (Nx3)."""
     stays = float(np.exp(-dt_s / LASTS_S))
-    moves_s = LASTS_S * (1 - stays)
-    relative = states.mean[..., 3:] - body_mps[:, None]
-    states.mean[..., :3] += dt_s * body_mps[:, None] + moves_s * relative
-    states.mean[..., 3:] = body_mps[:, None] + stays * relative
-    transition = np.eye(6)
-    transition[:3, 3:] = np.eye(3) * moves_s
-    transition[3:, 3:] *= stays
-    noise = np.kron([[dt_s**3 / 3, dt_s**2 / 2], [dt_s**2 / 2, dt_s]], np.eye(3))
-    states.covariance = (
-        transition @ states.covariance @ transition.T + AGILITY_MPS2[:, None, None] ** 2 * noise
-    )
+    F = np.kron(np.array([[1, LASTS_S * (1 - stays)], [0, stays]]), np.eye(3))
+    Q = np.kron([[dt_s**3 / 3, dt_s**2 / 2], [dt_s**2 / 2, dt_s]], np.eye(3))
+    body = np.concatenate([0 * body_mps, body_mps], axis=1)[:, None]  # Nx1x6
+    noise = AGILITY_MPS2[:, None, None] ** 2 * Q
+    mean, states.covariance = predict(states.mean - body, states.covariance, F, noise)
+    states.mean = mean + body
+    states.mean[..., :3] += dt_s * body_mps[:, None]
 
 
 def update_points(
     states: JointStates, joints: list[int], points_m: F64, covariances_m2: F64
 ) -> None:
     """Update joints in place by positions (NxJx3) with covariances (NxJx3x3)."""
-    covariance = states.covariance[:, joints]
-    sums = covariance[..., :3, :3] + covariances_m2
-    gain = covariance[..., :3] @ np.linalg.inv(sums)
-    innovation = points_m - states.mean[:, joints, :3]
-    states.mean[:, joints] += (gain @ innovation[..., None])[..., 0]
-    covariance -= gain @ covariance[..., :3, :]
-    states.covariance[:, joints] = (covariance + np.swapaxes(covariance, -1, -2)) / 2
+    states.mean[:, joints], states.covariance[:, joints] = update(
+        states.mean[:, joints], states.covariance[:, joints], points_m, covariances_m2
+    )
 
 
 def update_bones(states: JointStates, bones: Bones, lengths_m: F64, sigma_m: F64) -> None:
