@@ -118,12 +118,12 @@ def _open(config: zenoh.Config) -> zenoh.Session:
                 f"Zenoh cannot listen ({problem_of(error)})",
                 "Does another router run on this host (people4d ps)? Else take another port "
                 "(people4d up --port, or PEOPLE4D_LISTEN).",
-            ) from error
+            ) from None
         raise People4dError(
             f"no Zenoh session with {endpoints} ({problem_of(error)})",
             "Is the system up (people4d ps), the endpoint right (--connect), and do user, "
             "password or certificates match the router's?",
-        ) from error
+        ) from None
 
 
 class ZenohSession:

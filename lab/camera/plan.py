@@ -35,7 +35,7 @@ class ImagePlan(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
 class CameraPlan(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Camera, static or on a robot."""
 
-    name: Name = "front"  # name in keys and messages
+    name: Annotated[Name, Meta(max_length=50)] = "front"  # name in keys and messages
     at: tuple[float, float, float] = (0.0, 0.0, 1.15)  # [m] x, y, z at the start, frame: map
     yaw_deg: float = 0.0  # [deg] yaw at the start, 0 = +x
     pitch_deg: Annotated[float, Meta(ge=-80, le=80)] = 3.0  # [deg] downward

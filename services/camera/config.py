@@ -43,7 +43,9 @@ class CameraConfig(Config, frozen=True, kw_only=True):
     # Path of a recording, bag or folder, name of a camera, or module:Class of a plug-in camera
     source: str = ""
     options: dict[str, Any] = msgspec.field(default_factory=dict)  # options of the kind of source
-    camera: NameOrEmpty = ""  # name in keys and messages; empty: as in the recording, else "camera"
+    # name in keys and messages; empty: as in the recording, else "camera". Frames and processes are
+    # named after it, so it has at most 50 characters
+    camera: Annotated[NameOrEmpty, Meta(max_length=50)] = ""
     max_depth_m: Positive | None = None  # [m] maximum valid depth; None: of the source, else 5
     mount_xyz_m: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m] camera_link in mount_parent
     mount_rpy_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [rad] about fixed x, y, z

@@ -412,6 +412,7 @@ def test_live_camera_ends_after_the_frames_wanted() -> None:
         {"stride": 0},
         {"start_s": -1},
         {"camera": "a/b"},
+        {"camera": "a" * 51},
         {"max_depth_m": 0},
         {"mount_xyz_m": (math.nan, 0, 0)},
         {"answer_timeout_s": 0},

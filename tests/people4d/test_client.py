@@ -208,6 +208,12 @@ def test_error_of_zenoh_names_no_file_of_its_sources(error: str, text: str) -> N
     assert problem_of(zenoh.ZError(error)) == text
 
 
+def test_absent_system_is_one_error_without_another_as_its_cause() -> None:
+    with pytest.raises(People4dError, match="no Zenoh session") as caught:
+        next(iter(subscribe("tcp/127.0.0.1:1")))
+    assert caught.value.__suppress_context__
+
+
 def test_planner_of_the_docs_reports_an_absent_system_in_one_line() -> None:
     command = [sys.executable, str(ROOT / "docs" / "examples" / "planner.py"), "tcp/127.0.0.1:1"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
