@@ -23,6 +23,7 @@ from benchmarks.lib.marks.recording import MarkedRecording, marked
 from benchmarks.lib.marks.scores import MarkOutcome, figures
 from benchmarks.lib.marks.variations import IMAGES, Cache, VariedDetections, detect, vary
 from benchmarks.lib.table import markdown, write
+from benchmarks.lib.velocities import velocity_table
 from benchmarks.real_variations import VariationScores, score_detected
 from common.metrics.intervals import Difference, PooledFigure, compare, pool
 from evaluation.annotations.marks import read_frames
@@ -217,7 +218,7 @@ def recordings(
     other: Path | None, lab_scenes: int, cache: Path
 ) -> dict[tuple[str, str], list[EvaluationRecording]]:
     """Return the simulated scenes by split and simulator."""
-    cache, found = cache.absolute(), dict[tuple[str, str], list[EvaluationRecording]]()
+    found: dict[tuple[str, str], list[EvaluationRecording]] = {}
     if other:
         paths = [other.absolute() / name for name, _ in drawn_scenes()]
         names = [str(path) for path in paths if path.exists()]
@@ -312,9 +313,11 @@ def main() -> None:
     asked = parser.parse_args()
     parts = {name: part for name, part in PARTS.items() if name in (asked.part or PARTS)}
     parts = {name: part for name, part in parts.items() if part.is_tracker or not asked.tracker}
+    cache = asked.cache.absolute()
+    simulated = recordings(asked.other, asked.lab_scenes, cache)
     found: dict[tuple[str, str], tuple[Units, tuple[PooledFigure, ...]]] = {
-        key: (simulated_units(scenes, parts, asked.cache.absolute(), asked.jobs), SIMULATED)
-        for key, scenes in recordings(asked.other, asked.lab_scenes, asked.cache).items()
+        key: (simulated_units(scenes, parts, cache, asked.jobs), SIMULATED)
+        for key, scenes in simulated.items()
     }
     marks = read_frames(MARKS / "filinha.json")
     people = RealPeople(*marked(crossing_camera(asked.shared), marks), asked.shared)
@@ -325,4 +328,5 @@ def main() -> None:
         unit = "scenes" if of is SIMULATED else "events of real people"
         title = f"## {split.capitalize()} split: {where}, {len(units['best'])} {unit}"
         text += [title, table(units, of)]
+    text += ["## Velocities of detections", velocity_table(simulated, cache, asked.jobs)]
     write(__file__, "Effect of each part beyond the source works", NOTE, *text, dry=asked.dry)
