@@ -128,8 +128,6 @@ def points(plan: Plan) -> Sections:
         f"percentile {_limbs_cm(runs)} cm (aims: 5, 15).",
         "The right hand alone, as published:",
         gait_points.table(runs, [RIGHT_HAND]),
-        "Hands and feet:",
-        gait_points.table(runs, LIMBS),
         "Published orderings that are reproduced, by the median error of the right hand to the "
         "surface:",
         markdown(["published ordering", "here"], _orderings(runs)),
@@ -292,7 +290,7 @@ def main() -> None:
     for name in parts:
         begin_s = time.monotonic()
         for title, text in PARTS[name](plan).items():
-            sections.append(f"## {title}\n\n{text}\n\n{plan}")
+            sections.append(f"## {title}\n\n{text}")
         print(f"part {name}: {time.monotonic() - begin_s:.0f} s", flush=True)
     is_dry = arguments.quick or bool(arguments.part)
-    write(__file__, "Gait", INTRO.replace("\n", " "), *sections, dry=is_dry)
+    write(__file__, "Gait", INTRO.replace("\n", " "), str(plan), *sections, dry=is_dry)
