@@ -22,7 +22,7 @@ from services.gait.estimator import GaitFrame
 
 BY_STYLE = (
     *("steps found", "invented", "worst step cm", "worst cadence %", "limps found"),
-    *("hands visible cm", "feet visible cm", "exchanged visible %"),
+    *("hands visible cm", "feet visible cm", "hidden as measured %", "exchanged visible %"),
 )  # figures
 DEPTH_MAX_M = 5.0  # Maximum reading of the sensor [m]
 MARGIN_PX = 4.0  # Minimum distance of visible ankles from the image's edges [px]
@@ -95,18 +95,33 @@ def run_settings(folder: Path, settings: Sequence[str] = ()) -> tuple[str, ...]:
     return (f"camera.options.fps={fps:.6g}", *frame, *settings)
 
 
-def style_rows(people: Mapping[str, Sequence[Tally]]) -> list[list[str]]:
-    """Return the figures by style and half, for the named scenes."""
+def by_style(people: Mapping[str, Sequence[Tally]]) -> dict[tuple[str, str], list[Tally]]:
+    """Return the people of the named scenes by style and half."""
     found: dict[tuple[str, str], list[Tally]] = {}
     for name, tallies in people.items():
         if name in SCENES:
             for style, one in zip(SCENES[name].people, tallies, strict=True):
                 found.setdefault((style_name(style), name.split("_")[0]), []).append(one)
+    return dict(sorted(found.items()))
+
+
+def style_rows(styles: Mapping[tuple[str, str], Sequence[Tally]]) -> list[list[str]]:
+    """Return the figures by style and half."""
     rows = []
-    for (style_text, half), tallies in sorted(found.items()):
+    for (style_text, half), tallies in styles.items():
         values = cells(total(tallies))
         rows.append([style_text, half, str(len(tallies)), *(values[key] for key in BY_STYLE)])
     return rows
+
+
+def worst_style(styles: Mapping[tuple[str, str], Sequence[Tally]]) -> str:
+    """Return the style of the judging scenes with the largest share of missed and false steps."""
+    sums = {name: total(own) for (name, half), own in styles.items() if half == "judge"}
+    name = max(
+        sums, key=lambda key: (sums[key].invented - sums[key].found) / max(sums[key].true, 1)
+    )
+    one = sums[name]
+    return f"Worst style of `judge`: {name}, {one.found} of {one.true} steps, {one.invented} false."
 
 
 def compare_all(
@@ -157,6 +172,7 @@ def main() -> None:
         for how, found in (("with keypoints", people), ("without", alone))
         for half, figures in by_half(found).items()
     }
+    styles = {"with keypoints": by_style(people), "without": by_style(alone)}
     rows = [
         [name, *(one[name] for one in columns.values())] for name in next(iter(columns.values()))
     ]
@@ -165,8 +181,11 @@ def main() -> None:
         "Gait of people of another simulator",
         INTRO,
         markdown(["figure", *columns], rows),
-        "By style, with keypoints:",
-        markdown(["style", "half", "people", *BY_STYLE], style_rows(people)),
+        *(
+            f"By style, {how}. {worst_style(found)}\n\n"
+            + markdown(["style", "half", "people", *BY_STYLE], style_rows(found))
+            for how, found in styles.items()
+        ),
         PEERS,
         markdown(["detector", "judge: found, invented", "choose"], peer_rows(people)),
     )
