@@ -32,7 +32,6 @@ LANDING_S = 0.25  # Maximum time between a landing by the walk and by the approa
 LENGTH_MIN_M = 0.2  # Minimum length of a stride [m]
 SPEED_MIN_MPS = 0.2  # Minimum speed of a walking person [m/s]
 STEP_MIN_S, STEP_MAX_S = 0.25, 1.5  # Range of the time of a step [s]
-TIME_SPREAD = 0.5  # Maximum relative deviation of the time of a stride from the median
 PAUSE = 1.6  # Minimum time of a step with a pause [halves of the median stride]
 STEPS_MIN = 2  # Minimum number of steps for the cadence; of each foot for the asymmetry
 STEPS_APART_MAX = 16  # Maximum number of steps between the landings of a pair for the cadence
@@ -300,13 +299,8 @@ def _parts(steps: Sequence[FootStep]) -> list[list[tuple[int, FootStep]]]:
 
 
 def walked_strides(steps: Sequence[FootStep]) -> list[tuple[FootStep, Stride]]:
-    """Return the strides without pauses by their time, including short strides of turns."""
-    known = [(step, step.stride) for step in steps if step.stride]
-    if not known:
-        return []
-    times_s = np.array([stride.time_s for _, stride in known])
-    off = np.abs(times_s / np.quantile(times_s, 0.5, method="higher") - 1)
-    return [one for one, spread in zip(known, off, strict=True) if spread <= TIME_SPREAD]
+    """Return the strides without pauses, including short strides of turns."""
+    return [(step, step.stride) for step in steps if step.stride]
 
 
 def _stride(before: Sequence[FootStep], step: FootStep) -> Stride | None:
