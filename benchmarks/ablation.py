@@ -16,6 +16,8 @@ import msgspec
 import numpy as np
 
 from benchmarks.lib import options
+from benchmarks.lib.ablation.parts import DELETED, PARTS, Part
+from benchmarks.lib.ablation.velocities import velocity_table
 from benchmarks.lib.gait.drawn_scenes import drawn_scenes
 from benchmarks.lib.marks.crossing import crossing_camera
 from benchmarks.lib.marks.methods import DEFAULT, HALVES, MARKS, variants
@@ -23,7 +25,6 @@ from benchmarks.lib.marks.recording import MarkedRecording, marked
 from benchmarks.lib.marks.scores import MarkOutcome, figures
 from benchmarks.lib.marks.variations import IMAGES, Cache, VariedDetections, detect, vary
 from benchmarks.lib.table import markdown, write
-from benchmarks.lib.velocities import velocity_table
 from benchmarks.real_variations import VariationScores, score_detected
 from common.metrics.intervals import Difference, PooledFigure, compare, pool
 from evaluation.annotations.marks import read_frames
@@ -34,62 +35,6 @@ from evaluation.run.preparation import EvaluationPlan, check_models, render_all,
 from evaluation.run.run import EvaluationRun, RunScores, execute, score_run
 from people4d.messages import F64
 from services.camera.source import SourceFrame
-from services.tracker.strongsort3d.config import COSINE_DISTANCE_MAX
-
-STRONG = "tracker.strongsort3d"
-# Maximum cosine distance in round 1; 0.01 less with OSNet
-ROUND_1_MAX = COSINE_DISTANCE_MAX["appearance"]
-
-
-@dataclass(frozen=True)
-class Part:
-    """One part of `best`."""
-
-    settings: tuple[str, ...]  # settings that disable the part
-    source: str = ""  # source of a published part
-
-    @property
-    def is_tracker(self) -> bool:
-        """True if detections are the same without the part."""
-        return all(one.startswith("tracker.") for one in self.settings)
-
-
-PARTS = {
-    "surface to axis": Part(("detector.to_axis=false",)),
-    "position of the torso": Part(("detector.position=keypoints",)),
-    "measured velocity": Part(("detector.velocity=false",)),
-    "measured covariance": Part((f"{STRONG}.noise=constant",)),
-    "orientation network": Part(("detector.orientation.network=",)),
-    "joint orientation": Part(("detector.orientation.method=separate",)),
-    "density of yaw": Part(("tracker.yaw=kalman",)),
-    "visibility": Part((f"{STRONG}.visibility=false",)),
-    "identity": Part((f"{STRONG}.identity.enabled=false",)),
-    "limit of re-identification": Part((f"{STRONG}.identity.match_max={ROUND_1_MAX}",)),
-    "life cycle by hits": Part((f"{STRONG}.lifetime=streak", f"{STRONG}.n_init=3")),
-    "standing model": Part((f"{STRONG}.standing_model=false",), "IMM [Blom 1988]"),
-    "acceleration": Part((f"{STRONG}.sigma_acceleration_mps2=0.5",)),
-}
-
-NO_GAIN = "no figure is worse without it beyond its interval"
-# Rules that are deleted, by the commit that deleted them, and the reason
-DELETED = {
-    "a0dbe86a": (
-        ("margin of identities", NO_GAIN),
-        ("covered crops", NO_GAIN),
-        ("walking distance of returning people", NO_GAIN),
-        ("yaw from walking", NO_GAIN),
-        ("reversal of yaw by side", NO_GAIN),
-        ("gates of round 2", NO_GAIN),
-        ("displacement limit", NO_GAIN),
-        ("weight of measured velocities", NO_GAIN),
-        ("motion weight of its own", NO_GAIN),
-    ),
-    "73a2fe92": (
-        ("people beyond the range of depth", NO_GAIN),
-        ("boxes on two people", NO_GAIN),
-    ),
-    "6c0e6fd9": (("likelihood in round 1", "IDF1 +0.8 % [+0.1, +1.6] without it"),),
-}
 
 SIMULATED = (
     PooledFigure("position m", root=True),

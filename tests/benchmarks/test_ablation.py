@@ -4,7 +4,8 @@ import subprocess
 
 import numpy as np
 
-from benchmarks.ablation import DELETED, PARTS, REAL, Part, deleted, methods, table, verdicts
+from benchmarks.ablation import REAL, deleted, methods, table, verdicts
+from benchmarks.lib.ablation.parts import DELETED, PARTS, Part
 from people4d.messages import F64
 from tests import ROOT
 

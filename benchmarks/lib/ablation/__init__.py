@@ -1,0 +1,1 @@
+"""Parts of the ablation, and the errors of measured velocities."""
