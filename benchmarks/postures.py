@@ -9,9 +9,9 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
-from scipy.stats import chi2
 
 from benchmarks.lib import options
+from benchmarks.lib.intervals import poisson_rate
 from benchmarks.lib.postures.fit import fit, labelled_frames
 from benchmarks.lib.postures.real import HEADER as REAL_HEADER
 from benchmarks.lib.postures.real import real_rows
@@ -150,9 +150,7 @@ def rows(confusion: Counter[tuple[str, str]]) -> Iterator[list[str]]:
 
 def _rate(count: int, hours: float) -> str:
     """Return a rate with its exact 95 % interval."""
-    low = float(chi2.ppf(0.025, 2 * count)) / 2 if count else 0.0
-    high = float(chi2.ppf(0.975, 2 * count + 2)) / 2
-    return f"{count / hours:.2f} ({low / hours:.2f} to {high / hours:.2f})"
+    return "{:.2f} ({:.2f} to {:.2f})".format(*poisson_rate(count, hours))
 
 
 def summary(counts: Counts) -> list[str]:

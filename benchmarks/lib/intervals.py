@@ -1,8 +1,9 @@
-"""95 % intervals of figures by the jackknife."""
+"""95 % intervals of figures by the jackknife, and exact ones of rates."""
 
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+from scipy.stats import chi2
 from scipy.stats import t as student
 
 UNITS_MIN = 3  # minimum number of units of an interval
@@ -32,3 +33,10 @@ def jackknife(
         half = float(student.ppf(0.975, max(1, len(known) - 1)) * sigma)
         found[name] = value, value - half, value + half
     return found
+
+
+def poisson_rate(count: int, hours: float) -> Interval:
+    """Return the rate of a count with its exact interval of a Poisson process [1/h]."""
+    low = float(chi2.ppf(0.025, 2 * count)) / 2 if count else 0.0
+    high = float(chi2.ppf(0.975, 2 * count + 2)) / 2
+    return count / hours, low / hours, high / hours

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.lib.intervals import jackknife
+from benchmarks.lib.intervals import jackknife, poisson_rate
 from common.metrics.intervals import PooledFigure, compare, pool
 from people4d.messages import F64
 
@@ -72,3 +72,9 @@ def test_jackknife_of_a_mean_is_student_s_interval() -> None:
 def test_few_units_have_no_interval() -> None:
     found = jackknife(lambda chosen: {"count": float(len(chosen))}, 2)
     assert found["count"] == pytest.approx((2.0, np.nan, np.nan), nan_ok=True)
+
+
+def test_rate_of_a_count_has_the_exact_interval_of_poisson() -> None:
+    """0 of 2 hours: -ln(0.025) / 2; five: 1.6235 to 11.6683."""
+    assert poisson_rate(0, 2.0) == pytest.approx((0.0, 0.0, 3.6889 / 2), abs=1e-4)
+    assert poisson_rate(5, 1.0) == pytest.approx((5.0, 1.6235, 11.6683), abs=1e-4)

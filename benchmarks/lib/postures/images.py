@@ -19,7 +19,7 @@ from benchmarks.lib.marks.stills import FELIX_HZ, KINECT, UNMASKED, felix, uc3m
 from benchmarks.lib.postures.objects import SHORT_S, Figure, figure, row
 from evaluation.methods import Method, read_methods
 from evaluation.recordings.detections import read_tracker_input
-from people4d.messages import Detections, Skeletons, Tracks
+from people4d.messages import Detections, Message, Skeletons, Tracks
 from services.camera.config import CameraConfig
 from services.camera.source import SourceFrame
 from services.skeleton.build import build as build_skeleton
@@ -91,9 +91,15 @@ def _play(
 ) -> list[Figure]:
     """Return the figure of each track, with the frames repeated for a duration."""
     files = detect_all(method, camera, cache)
+    return play_messages(method, list(read_tracker_input(files.detections, None)), duration_s)
+
+
+def play_messages(
+    method: Method, messages: Sequence[Message], duration_s: float = 0.0
+) -> list[Figure]:
+    """Return the figure of each track, with the detections repeated for a duration."""
     config = msgspec.structs.replace(method.tracker, embedding_wait_s=0.0, reorder_wait_s=0.0)
     tracker, skeleton = build_tracker(config), build_skeleton(SkeletonConfig())
-    messages = list(read_tracker_input(files.detections, None))
     frames = [one for one in messages if isinstance(one, Detections)]
     for message in messages:
         if not isinstance(message, Detections):
