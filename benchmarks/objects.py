@@ -29,7 +29,7 @@ FALSE = (
 def main() -> None:
     """Play all figures and rooms, and write the tables."""
     parser = options.parser(__doc__, "shared", "cache", "jobs", "dry")
-    parser.add_argument("--views", type=int, default=150, help="of rooms of each kind")
+    parser.add_argument("--views", type=int, default=120, help="of rooms of each kind")
     asked = parser.parse_args()
     with ProcessPoolExecutor(asked.jobs) as pool:
         rooms = markdown(ROOMS, list(room_rows(asked.views, pool)))
