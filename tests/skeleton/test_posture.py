@@ -110,6 +110,20 @@ def test_upright_person_before_a_tilted_camera_is_not_lying(degrees: float) -> N
         assert posture(tilted(standing(), np.radians(sign * degrees)))[0] != "lying"
 
 
+@pytest.mark.parametrize("pose_of", [standing, lying])
+def test_posture_without_hips_follows_from_shoulders_knees_and_ankles(pose_of) -> None:  # type: ignore[no-untyped-def]
+    assert posture(pose_of(), hidden=HIPS)[0] == pose_of.__name__
+
+
+def test_squatting_person_with_hidden_knees_is_not_sitting() -> None:
+    """After standing, the torso is 0.45 m lower: hips above the feet bend, hips behind them sit."""
+    postures, low = PostureFilter(), standing()
+    low[:13, 2] -= 0.45
+    for pose, hidden in [(standing(), [])] * 30 + [(low, KNEES)] * 10:
+        (found,), _ = postures.update(PERIOD_S, people(pose), observed(pose, list(hidden)))
+    assert found[0] == "bending"
+
+
 def test_reading_of_another_surface_far_from_the_track_is_ignored() -> None:
     pose = standing()
     far = pose.copy()
