@@ -39,7 +39,7 @@ HEADER = (
 )
 ROOMS = ("office", "hall", "lab", "square")  # the square has no furniture
 VIEW_S = 60.0  # duration of a view [s]
-FRAMES = 10  # number of frames with their own noise, which repeat
+FRAMES = 6  # number of frames with their own noise, which repeat
 RELIEF = 0.02  # depth of a flat figure relative to a body
 SLOPE = 0.3  # maximum slope of a flat figure across the view
 
