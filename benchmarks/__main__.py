@@ -19,7 +19,6 @@ GROUPS = {
         "target": "the chosen person: wrong locks, re-acquisition, beside track identities",
         "postures": "postures, falls and gestures of simulated people, as geometry",
         "objects": "objects that are detected as people, and people, by `object_like`",
-        "rooms": "false people an hour in rendered rooms without people",
     },
     "speed": {
         "together": "services in one process and apart, beside the bare network; stages",

@@ -61,8 +61,8 @@ class Counts:
     def add_scene(self, world: World) -> None:
         """Run a scene and count its frames and events."""
         events, node = list[tuple[Event, Frame]](), build_events(EventsConfig())
-        seen = list(frames(world))
-        for frame in seen:
+        played = list(frames(world))
+        for frame in played:
             for message in frame.messages:
                 found = node.handle(message, 0)
                 events += [(event, frame) for event in found if isinstance(event, Event)]
@@ -72,11 +72,11 @@ class Counts:
                     name = "no skeleton" if skeleton is None else skeleton.posture
                     self.confusion[label, name] += 1
         self.figures["person_s"] += round(world.scenario.duration_s * len(world.scenario.people))
-        self._count_falls(world, seen, events)
+        self._count_falls(world, played, events)
         self._count_gestures(world, events)
 
     def _count_falls(
-        self, world: World, seen: Sequence[Frame], events: Sequence[tuple[Event, Frame]]
+        self, world: World, played: Sequence[Frame], events: Sequence[tuple[Event, Frame]]
     ) -> None:
         acts = [act for plan in world.scenario.people for act in plan.acts]
         ends_s = [down_s(act) for act in acts if is_fall(act)]
@@ -86,8 +86,8 @@ class Counts:
         self.figures["falls"] += len(ends_s)
         self.figures["falls_found"] += found
         self.figures["false_falls"] += false
-        all_s = np.array([frame.time_s for frame in seen])
-        self.falls.append(FallScene(ends_s, times_s, rows_of(seen), all_s))
+        all_s = np.array([frame.time_s for frame in played])
+        self.falls.append(FallScene(ends_s, times_s, rows_of(played), all_s))
 
     def _count_gestures(self, world: World, events: Sequence[tuple[Event, Frame]]) -> None:
         for kind, moves in GESTURES.items():

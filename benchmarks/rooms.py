@@ -1,4 +1,4 @@
-"""False people in rendered rooms without people: furniture, flat figures, mannequins.
+"""False people in rendered rooms without people: `python -m benchmarks.rooms`.
 
 The seeds were never seen while constants were chosen.
 """
@@ -26,4 +26,9 @@ def main() -> None:
     asked = parser.parse_args()
     with ProcessPoolExecutor(asked.jobs) as pool:
         found = list(room_rows(asked.views, pool))
-    write(__file__, "False people in rooms", NOTE, markdown(HEADER, found), dry=asked.dry)
+    table = markdown(HEADER, found)
+    write(__file__, "False people in rooms", NOTE, table, dry=asked.dry, command="benchmarks.rooms")
+
+
+if __name__ == "__main__":
+    main()

@@ -58,7 +58,7 @@ def _git(*arguments: str) -> str:
 COMMIT = commit()  # version of the loaded code; the files may change during a run
 
 
-def write(script: str, title: str, *parts: str, dry: bool = False) -> None:
+def write(script: str, title: str, *parts: str, dry: bool = False, command: str = "") -> None:
     """Print a report and write it next to its script.
 
     Args:
@@ -66,12 +66,13 @@ def write(script: str, title: str, *parts: str, dry: bool = False) -> None:
         title: First line.
         parts: Paragraphs and tables.
         dry: Whether it is only printed.
+        command: Module of the command; empty: the runner with the name of the script.
     """
     from scripts.table_age import dependencies  # noqa: PLC0415 (no part of what is measured)
 
     name = Path(script).stem
     needs = dependencies(f"benchmarks.{name}")
-    made = f"Made by `python -m benchmarks {name}` on {machine()}. {needs}"
+    made = f"Made by `python -m {command or f'benchmarks {name}'}` on {machine()}. {needs}"
     text = "\n\n".join([f"# {title}", made, *parts]) + "\n"
     print(text)
     if not dry:

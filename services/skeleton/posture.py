@@ -18,7 +18,7 @@ REACH_M = 1.3  # maximum distance of a joint from its track [m]
 JOINT_M = 0.05  # minimum standard deviation of a joint [m]
 MISSING_M2 = 100.0  # variance of a joint without a reading [m^2]
 TORSO_M, LEG_M = (0.3, 0.8), (0.22, 0.65)  # range of the lengths of the torso and of leg bones [m]
-TRUNK_M = (0.4, 1.3)  # range of the distance of shoulder and knee [m]
+SHOULDER_KNEE_M = (0.4, 1.3)  # range of the distance of shoulder and knee [m]
 USUAL_LEG_M = 0.8  # length of a leg whose knee has no reading [m]
 READ = 1.0  # variance of an upward part below which its bone is read
 DWELL_S = 1.0  # mean duration of a posture [s]
@@ -145,7 +145,7 @@ def observe_posture(people: People, observation: JointObservation) -> tuple[F64,
 
     torso, thigh = bones(SHOULDERS, HIPS, TORSO_M), bones(HIPS, KNEES, LEG_M)
     shank = bones(KNEES, ANKLES, LEG_M)
-    leg, trunk = bones(HIPS, ANKLES, (0.0, np.inf)), bones(SHOULDERS, KNEES, TRUNK_M)
+    leg, upper = bones(HIPS, ANKLES, (0.0, np.inf)), bones(SHOULDERS, KNEES, SHOULDER_KNEE_M)
     is_read = (thigh + shank)[..., 3] < READ
     leg_m = np.linalg.norm(thigh[..., :3], axis=2) + np.linalg.norm(shank[..., :3], axis=2)
     leg_m = np.where(is_read, leg_m, USUAL_LEG_M)
@@ -153,7 +153,7 @@ def observe_posture(people: People, observation: JointObservation) -> tuple[F64,
     columns = [_upward(torso), _upward(thigh), _upward(shank)]
     columns.append(_mean(apart, leg[..., 3] / leg_m**2))
     # With hips it repeats the directions of torso and thighs.
-    upward, variance = _upward(trunk)
+    upward, variance = _upward(upper)
     columns.append((upward, np.where(columns[0][1] < READ, MISSING_M2, variance)))
     speed_mps = np.minimum(np.linalg.norm(people.velocity_mps[:, :2], axis=1), WALKING_MPS)
     # Speed alone is no sign of walking.

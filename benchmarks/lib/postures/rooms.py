@@ -66,11 +66,11 @@ class FlatFigures(World):
 
 def flatten(points_m: F64, optical_from_map: F64, slope: float) -> F64:
     """Return points moved along their rays from the camera towards a plane through their mean."""
-    seen_m = apply(optical_from_map, points_m)
+    optical_m = apply(optical_from_map, points_m)
     normal = np.array([slope, 0.0, 1.0])
-    factor = (normal @ seen_m.mean(axis=0)) / (seen_m @ normal)
+    factor = (normal @ optical_m.mean(axis=0)) / (optical_m @ normal)
     factor += RELIEF * (1 - factor)
-    return apply(invert(optical_from_map), seen_m * factor[:, None])
+    return apply(invert(optical_from_map), optical_m * factor[:, None])
 
 
 @dataclass(frozen=True)
