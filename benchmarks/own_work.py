@@ -129,7 +129,7 @@ def only(kind: type[M], messages: Iterable[Message]) -> M:
 
 
 def main() -> None:
-    """Measure both alternately and write the table."""
+    """Measure both kinds of run alternately and write the table."""
     parser = options.parser(__doc__, "rounds", "quick")
     asked = parser.parse_args()
     rounds = 1 if asked.quick else asked.rounds

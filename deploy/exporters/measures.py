@@ -116,22 +116,22 @@ def samples(healths: Iterable[Health]) -> Iterator[Sample]:
 
 
 def _of_process(health: Health) -> Iterator[Sample]:
-    who = {"service": health.service, "instance": health.instance, "host": health.host}
+    labels = {"service": health.service, "instance": health.instance, "host": health.host}
     for state in get_args(State):
-        yield Sample("state", float(health.state == state), who | {"state": state})
+        yield Sample("state", float(health.state == state), labels | {"state": state})
     for prefix, direction in (("received_", "in"), ("sent_", "out")):
         for name, count in health.counters.items():
             if name.startswith(prefix):
                 topic = name.removeprefix(prefix)
-                yield Sample("messages", count, who | {"direction": direction, "topic": topic})
+                yield Sample("messages", count, labels | {"direction": direction, "topic": topic})
     for cause, count in losses(health.counters).items():
-        yield Sample("losses", count, who | {"cause": cause})
+        yield Sample("losses", count, labels | {"cause": cause})
     gauges = health.gauges
     for name, value in gauges.items():
         if name.startswith("age_"):
             topic = name.removeprefix("age_").removesuffix("_ms")
-            yield Sample("input_age", value / 1e3, who | {"topic": topic})
+            yield Sample("input_age", value / 1e3, labels | {"topic": topic})
     if "cpu_percent" in gauges:
-        yield Sample("cpu", gauges["cpu_percent"] / 100, who)
+        yield Sample("cpu", gauges["cpu_percent"] / 100, labels)
     if "memory_mb" in gauges:
-        yield Sample("memory", gauges["memory_mb"] * 2**20, who)
+        yield Sample("memory", gauges["memory_mb"] * 2**20, labels)

@@ -1,7 +1,7 @@
 """Rules that derive events of postures and gestures from skeletons.
 
 A fall ends lying and was fast: trunks of falling people exceed 1.3 m/s downward, trunks of people
-who sit or lie down do not [Bourke 2008].
+sitting or lying down do not [Bourke 2008].
 """
 
 import math

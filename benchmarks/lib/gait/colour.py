@@ -167,7 +167,7 @@ def by_model(found: SuccessRates) -> str:
 
 
 def by_sampling(found: SuccessRates) -> str:
-    """Return Table 3.5."""
+    """Return success by sampling, as in Table 3.5 of [Liu 2018]."""
     rows = [
         [name, f"{published:g}", *_two(found, WALKS, {"particles": 50, "sampling": name})]
         for name, published in SAMPLING.items()

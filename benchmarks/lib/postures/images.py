@@ -118,7 +118,7 @@ def play_messages(
 
 
 def _repeated(frames: Sequence[Detections], duration_s: float) -> Iterator[Detections]:
-    """Yield frames for a duration, at least once each; the stamps go on."""
+    """Yield frames in a loop for a duration, at least once each, with rising stamps."""
     step_ns = frames[1].stamp_ns - frames[0].stamp_ns
     for number in range(max(len(frames), round(duration_s * 1e9 / step_ns))):
         stamp_ns = frames[0].stamp_ns + number * step_ns

@@ -15,7 +15,7 @@ from services.tracker.cameras.clocks import CameraClocks
 JUMP_NS = 1_000_000_000  # minimum jump of a clock: frames with such stamps are held [ns]
 # minimum silence of the previous clock before a jump is accepted [ns]
 SILENT_NS = 1_000_000_000
-SILENT_INTERVALS = 3  # the same for slow cameras [longest interval between frames]
+SILENT_INTERVALS = 3  # minimum silence of slow cameras [longest interval between frames]
 SILENT_MAX_NS = 4_000_000_000  # maximum silence required [ns]
 CAMERAS_MAX = 8  # maximum number of cameras with held frames
 HELD_MAX = 64  # maximum number of held frames of a camera; the second oldest is dropped
