@@ -2,8 +2,8 @@
 
 Scenes of `benchmarks.gait_scenes` at 640x480, with detected boxes and keypoints and five points a
 person.
-Rates are by the processor's time, which hardly depends on other load. The colour layer is alone,
-with 100 particles in a box of 150x250 px.
+Rates are by the processor's time; other load on the host lowers all of them. The colour layer is
+alone, with 100 particles in a box of 150x250 px.
 """
 
 import json
