@@ -11,6 +11,8 @@ import numpy as np
 import onnxruntime
 import psutil
 
+from common.inference.processor import decisive_instructions
+
 
 def spread(values: Sequence[float], form: str = "{:.2f}") -> str:
     """Return the median, with minimum and maximum of several rounds, as text."""
@@ -40,7 +42,8 @@ def machine() -> str:
         "NumPy": np.__version__,
     }
     named = [f"{name} {version}" for name, version in versions.items()]
-    return ", ".join([model, f"{psutil.cpu_count()} cores", *named, COMMIT])
+    processor = [model, *sorted(decisive_instructions()), f"{psutil.cpu_count()} cores"]
+    return ", ".join([*processor, *named, COMMIT])
 
 
 def commit() -> str:

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.lib.table import write
+from common.inference.processor import decisive_instructions
 from scripts import table_age
 from tests import ROOT
 
@@ -128,13 +129,14 @@ def test_table_depends_on_what_its_benchmark_imports_and_starts(start: str, file
     assert file in table_age.paths(start)
 
 
-def test_written_table_names_its_dependencies(
+def test_written_table_names_its_dependencies_and_the_instructions_that_decide(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write(str(tmp_path / "own_work.py"), "Title", "Part.")
     text = (tmp_path / "own_work.md").read_text("utf-8")
     assert table_age.dependencies("benchmarks.own_work") in text
     assert table_age.MADE.search(text)
+    assert all(f", {name}, " in text for name in decisive_instructions())
     assert capsys.readouterr().out == f"{text}\n"
 
 
