@@ -24,6 +24,7 @@ from people4d.messages import CameraInfo
 from services.gait.estimator import GaitFrame
 
 ROOT = Path(__file__).resolve().parents[1]
+STARTS = ("benchmarks.lib.gait.cascade_times",)
 SCENES = {"one person": "judge_even", "three people": "judge_4"}
 AIMS = {"one person": 100, "three people": 35, "colour layer": 1500}  # [frames/s]
 FRAMES = 120  # Number of frames of a recording
