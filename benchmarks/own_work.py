@@ -16,6 +16,7 @@ import numpy as np
 from benchmarks.lib import options
 from benchmarks.lib.system.bare import FLOAT, INFERENCE, bare_ms
 from benchmarks.lib.system.live_camera import StoredDemo, frames_file
+from benchmarks.lib.system.tracker_cost import tracker_table
 from benchmarks.lib.table import markdown, spread, write
 from common.inference.engines import open_session
 from common.inference.session import Array, Session
@@ -170,6 +171,8 @@ def main() -> None:
             ("own work, networks between", "median (least to most)", "wanted"),
             [["part of a run of the float network", spread(share), f"at most {SHARE_MAX:.2f}"]],
         ),
+        "## Tracker's node by number of people",
+        tracker_table(rounds, asked.quick),
         dry=asked.quick,
     )
 

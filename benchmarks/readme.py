@@ -194,7 +194,7 @@ ROWS = (
     ),
     Row("YOLOv8n-pose from image to tracks, in one process", "peers", peers),
     Row("time per frame outside the networks, one thread", "own_work", own_work),
-    Row("tracker, by number of people", "tracker_cost", tracker_cost),
+    Row("tracker, by number of people", "own_work", tracker_cost),
     Row("a service killed; hung", "faults", faults),
 )
 

@@ -13,9 +13,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from msgspec.structs import replace
 
-from benchmarks.lib import options
 from benchmarks.lib.system.bare import FLOAT, bare_ms
-from benchmarks.lib.table import markdown, spread, write
+from benchmarks.lib.table import markdown, spread
 from common.geometry.transforms import LINK_FROM_OPTICAL, invert, transform_from
 from evaluation.methods import read_method
 from people4d import codec
@@ -35,6 +34,11 @@ SIZE_PX = (640, 480)
 PRESETS = ("best", "pose-strongsort-movenet")
 CAMERA = "camera_optical_frame"
 MAP_FROM_OPTICAL = transform_from((0.0, 0.0, 1.0), LINK_FROM_OPTICAL[:3, :3])
+
+HEADER = ("tracker", "people", "p50 ms", "p99 ms", "p50, part of a float run", "wanted")
+NOTE = f"""In {{rounds}} rounds of {{frames}} frames: from the bytes of embeddings and detections to
+the bytes of tracks, in time of the process. A float run is one of the detector's float network
+alone. {PEOPLE_MAX} people are the maximum of a frame; the rest is dropped and counted."""
 
 
 def observations(people: int, frames: int, seed: int) -> list[Observation]:
@@ -160,11 +164,9 @@ def copied(payload: bytes) -> bytes:
     return codec.encode(codec.decode(payload))
 
 
-def main() -> None:
-    """Measure all methods alternately and write the table."""
-    parser = options.parser(__doc__, "rounds", "quick")
-    asked = parser.parse_args()
-    rounds, frames = (1, QUICK_FRAMES) if asked.quick else (asked.rounds, FRAMES)
+def tracker_table(rounds: int, quick: bool) -> str:
+    """Return the table of all methods, measured in turns."""
+    frames = QUICK_FRAMES if quick else FRAMES
     found: dict[tuple[str, int], list[F64]] = defaultdict(list)
     bare = list[float]()
     for seed in range(rounds):
@@ -185,15 +187,5 @@ def main() -> None:
         limit = LIMITS_MS.get(people) if name == PRESETS[0] else None
         wanted = f"at most {limit:g} ms" if limit else ""
         rows.append([name, str(people), spread(p50), spread(p99), spread(share), wanted])
-    write(
-        __file__,
-        "The tracker's time in a frame",
-        f"One thread, {rounds} rounds of {frames} frames, median (least to most). From the bytes "
-        "of embeddings and detections to the bytes of tracks, in time of the process: what other "
-        "programs take does not count. A float run is one of the detector's float network alone. "
-        f"{PEOPLE_MAX} people are the maximum of a frame; the rest is dropped and counted.",
-        markdown(
-            ("tracker", "people", "p50 ms", "p99 ms", "p50, part of a float run", "wanted"), rows
-        ),
-        dry=asked.quick,
-    )
+    table = markdown(HEADER, rows)
+    return f"{NOTE.format(rounds=rounds, frames=frames)}\n\n{table}"
