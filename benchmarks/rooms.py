@@ -1,11 +1,10 @@
-"""False people in rendered rooms without people: `python -m benchmarks.rooms`.
+"""False people in rendered rooms without people: `python -m benchmarks objects --views NUMBER`.
 
 The seeds were never seen while constants were chosen.
 """
 
 from concurrent.futures import ProcessPoolExecutor
 
-from benchmarks.lib import options
 from benchmarks.lib.postures.objects import LIKE_MIN, SHORT_S
 from benchmarks.lib.postures.rooms import FRAMES, HEADER, VIEW_S, room_rows
 from benchmarks.lib.table import markdown, write
@@ -19,16 +18,9 @@ NOTE = (
 )
 
 
-def main() -> None:
-    """Play the rooms and write the table."""
-    parser = options.parser(__doc__, "jobs", "dry")
-    parser.add_argument("--views", type=int, default=60, help="of rooms of each kind")
-    asked = parser.parse_args()
-    with ProcessPoolExecutor(asked.jobs) as pool:
-        found = list(room_rows(asked.views, pool))
-    table = markdown(HEADER, found)
-    write(__file__, "False people in rooms", NOTE, table, dry=asked.dry, command="benchmarks.rooms")
-
-
-if __name__ == "__main__":
-    main()
+def write_rooms(views: int, jobs: int, dry: bool) -> None:
+    """Play the rooms and write their table."""
+    with ProcessPoolExecutor(jobs) as pool:
+        found = list(room_rows(views, pool))
+    table, command = markdown(HEADER, found), "benchmarks objects --views"
+    write(__file__, "False people in rooms", NOTE, table, dry=dry, command=command)
