@@ -24,6 +24,7 @@ from services.presets import PRESETS
 
 # Most modules are imported on use: compiled code takes a second to load.
 
+METHODS = ", ".join(name for name in PRESETS if not name.startswith("gait-"))
 
 if TYPE_CHECKING:
     from evaluation.recordings.recordings import EvaluationRecording
@@ -35,8 +36,7 @@ def evaluate(
         list[str],
         typer.Argument(
             metavar="PRESET...",
-            help=f"Methods: {', '.join(PRESETS)}, or TOML files of that form. Data sets have a "
-            "default one.",
+            help=f"Methods: {METHODS}, or TOML files of that form. Data sets have a default one.",
             show_default=False,
         ),
     ] = [],  # noqa: B006 (typer copies it)
@@ -102,7 +102,7 @@ def evaluate(
         _evaluate_dataset(*dataset, presets, set_, DatasetOutput(out, folder, jobs or cores()))
         return
     if not presets:
-        raise ConfigError("expected a preset, got none", f"Choose {', '.join(PRESETS)}.")
+        raise ConfigError("expected a preset, got none", f"Choose {METHODS}.")
     figures = figures and can_draw_figures()
     plan = EvaluationPlan(
         methods=tuple(read_methods(presets, set_)),

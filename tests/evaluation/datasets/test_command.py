@@ -53,7 +53,7 @@ def test_default_method_of_the_data_set(tmp_path: Path) -> None:
     ("arguments", "problem"),
     [
         (["image-sort"], "expected either --recordings or --dataset"),
-        (["--recordings", "lab:short_walk"], "expected a preset, got none"),
+        (["--recordings", "lab:short_walk"], "expected a preset, got none. Choose best, "),
         (["--dataset", "mot99", "."], "data set 'mot99' is unknown"),
         (["--dataset", "mot17", "/none/MOT17"], "/: expected none/MOT17, got "),
         (["--dataset", "mot17", ".", "--seeds", "1"], "--dataset takes no --seeds"),
@@ -64,3 +64,4 @@ def test_wrong_arguments(arguments: list[str], problem: str) -> None:
     status, _, errors = run(*arguments)
     assert status == 1
     assert problem in errors
+    assert "gait-spin" not in errors  # no method of tracking
