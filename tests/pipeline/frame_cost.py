@@ -25,19 +25,24 @@ import cv2
 from common.runtime.node import Node
 from evaluation.pipeline import pipeline, play
 from people4d.codec import decode, encode
-from people4d.messages import Message
+from people4d.messages import Message, TargetCommand
 from services.camera.config import CameraConfig
 from services.detector.config import DetectorConfig, OrientationConfig
+from services.events.build import build as build_events
+from services.events.config import EventsConfig
 from services.gait.build import build as build_gait
 from services.gait.config import GaitConfig
 from services.predictor.build import build as build_predictor
 from services.predictor.config import PredictorConfig
 from services.skeleton.build import build as build_skeleton
 from services.skeleton.config import SkeletonConfig
+from services.target.build import build as build_target
+from services.target.config import TargetConfig
 from tests import DEMO, ROOT
 
 BUDGETS = Path(__file__).with_name("budgets.json")
 WARM, COUNTED = 20, 10  # number of warm-up frames, and of counted frames
+FOLLOWED = 10  # warm-up frame after which the nearest person is followed
 TOLERANCE = 0.03  # share of a budget
 SHOWN = 5  # files that are named
 # Networks in float: of the same output on every processor
@@ -182,6 +187,8 @@ def make_nodes() -> dict[str, Node]:
         "predictor": build_predictor(PredictorConfig()),
         "skeleton": build_skeleton(SkeletonConfig()),
         "gait": build_gait(GaitConfig()),
+        "target": build_target(TargetConfig()),
+        "events": build_events(EventsConfig()),
     }
 
 
@@ -192,6 +199,8 @@ def measure() -> dict[str, Costs]:
         source=str(DEMO), playback="lockstep", start_delay_s=0.0, max_frames=frames
     )
     steps = [step.messages for step in play(camera, list(make_nodes().values()))]
+    follow = TargetCommand(stamp_ns=1, sequence=0, action="nearest")
+    steps[FOLLOWED] = [*steps[FOLLOWED], follow]
     costs = {}
     for name, node in make_nodes().items():
         inputs = [[one for one in step if isinstance(one, node.inputs)] for step in steps]
