@@ -1,12 +1,13 @@
 """people4d models benchmark."""
 
+import json
 import os
 import re
 import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, get_args
+from typing import Annotated, Any, get_args
 
 import numpy as np
 import typer
@@ -24,9 +25,11 @@ from services.detector.config import DetectorConfig
 from services.detector.models.registry import MODELS, find_factory
 
 IMAGE = (480, 640, 3)  # shape of the camera's image
-# The lines of a table of a TOML file, and its engine
-TABLE = re.compile(r"^(\[detector\][^\n]*\n)((?:(?!\[)[^\n]*\n?)*)", re.MULTILINE)
-ENGINE = re.compile(r"^engine\s*=.*$", re.MULTILINE)
+# Table [detector] of a TOML file, and the line of its engine
+TABLE = re.compile(r"^(\[detector\][^\n]*\n)((?:(?![ \t]*\[)[^\n]*\n?)*)", re.MULTILINE)
+ENGINE = re.compile(r"""^([ \t]*engine[ \t]*=[ \t]*)(?:"[^"\n]*"|'[^'\n]*')""", re.MULTILINE)
+ENGINE_VARIABLE = "PEOPLE4D_DETECTOR_ENGINE"  # it overrides the file
+WRITE_BITS = 0o222  # write bits of a file's mode
 ROUNDS = 5  # number of rounds, with alternating engines, so load affects all engines
 
 
@@ -42,6 +45,8 @@ def benchmark(
 ) -> None:
     """Measure the installed detection models with each engine; name the configured model's best."""
     file = config or config_file(os.environ)
+    if store:
+        check_replaceable(file)
     configured = load(DetectorConfig, "detector", file).model
     present = [model for model in known_models().values() if model.kind in MODELS and _here(model)]
     runs: dict[tuple[str, Engine], Callable[[], object]] = {}
@@ -52,6 +57,13 @@ def benchmark(
                 runs[model.name, engine] = _detection(model, engine, threads)
             except (ConfigError, ModelError) as error:
                 failed[f"{model.name}, {engine}"] = str(error)
+    for what, reason in failed.items():
+        console.print(f"{what}: {reason}", markup=False, style="dim")
+    if store and configured not in {name for name, _ in runs}:
+        raise ConfigError(
+            f"the configured model {configured} cannot be measured, so no engine is stored",
+            "Choose an installed detection model: people4d models.",
+        )
     times_ms: dict[tuple[str, Engine], list[float]] = {key: [] for key in runs}
     with progress() as report:
         for number in range(ROUNDS * len(runs)):
@@ -67,8 +79,8 @@ def benchmark(
     if store and engine:
         store_engine(file, engine)
         console.print(f"Stored in {file}.", markup=False)
-    for what, reason in failed.items():
-        console.print(f"{what}: {reason}", markup=False, style="dim")
+        if os.environ.get(ENGINE_VARIABLE):
+            console.print(f"{ENGINE_VARIABLE} overrides it.")
 
 
 def _here(model: ModelFile) -> bool:
@@ -120,26 +132,49 @@ def fastest_engine(
     return min(medians, key=medians.__getitem__, default=None)
 
 
-def store_engine(file: Path, engine: Engine) -> None:
-    """Write the detector's engine to a configuration file; its other lines stay.
-
-    ConfigError if the file cannot be read or written, or [detector] is written in another form.
-    """
-    line = f'engine = "{engine}"'
+def check_replaceable(file: Path) -> None:
+    """Check that an engine can be stored in a file; ConfigError for pipes and read-only files."""
     try:
-        text = f"{read_text(file).rstrip()}\n"
+        if not file.is_file():
+            raise ValueError("it is not a regular file")
+        # The mode too: root may write any file.
+        if not file.stat().st_mode & WRITE_BITS or not os.access(file, os.W_OK):
+            raise ValueError("it is read-only")
+    except (OSError, ValueError) as error:
+        hint = "Choose a writable file by --config."
+        raise ConfigError(f"the engine cannot be stored in {file}: {error}", hint) from error
+
+
+def store_engine(file: Path, engine: Engine) -> None:
+    """Write the detector's engine to a configuration file; its other lines and comments stay.
+
+    ConfigError as in `check_replaceable`, if the file cannot be read or written, or if its
+    [detector] is written in another form.
+    """
+    check_replaceable(file)
+    try:
+        text = read_text(file)
         before = parse_toml(text)
+        end = "\r\n" if "\r\n" in text else "\n"
+        if not text.endswith("\n"):
+            text += end
         if TABLE.search(text) is None:
-            text = f"{text}\n[detector]\n"
+            text += f"{end}[detector]{end}"
         found = TABLE.search(text)
         assert found
-        lines, count = ENGINE.subn(line, found[2], count=1)
-        body = lines if count else f"{line}\n{found[2]}"
+        body, count = ENGINE.subn(rf'\1"{engine}"', found[2], count=1)
+        if not count:
+            body = f'engine = "{engine}"{end}{body}'
         text = f"{text[: found.start(2)]}{body}{text[found.end(2) :]}"
         after = before | {"detector": {**before.get("detector", {}), "engine": engine}}
-        if parse_toml(text) != after:
+        if _comparable(parse_toml(text)) != _comparable(after):
             raise ValueError("its [detector] is no plain table")
         replace_file(file.resolve(), text.encode(), file.stat().st_mode & 0o777)
-    except (OSError, ValueError, TypeError) as error:
-        hint = f"Write it yourself, below [detector]: {line}"
+    except (OSError, ValueError, TypeError, RecursionError) as error:
+        hint = f'Write it yourself, below [detector]: engine = "{engine}"'
         raise ConfigError(f"the engine cannot be stored in {file}: {error}", hint) from error
+
+
+def _comparable(tables: dict[str, Any]) -> str:
+    """Return tables as text, since NaN differs from itself."""
+    return json.dumps(tables, sort_keys=True, default=repr)

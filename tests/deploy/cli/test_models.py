@@ -1,5 +1,6 @@
 """The commands of models: install, time, quantise."""
 
+import os
 from pathlib import Path
 
 import msgspec
@@ -114,10 +115,11 @@ def test_models_lists_which_files_are_present(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_detection_models_are_timed_with_each_engine_and_the_fastest_is_stored(
-    tmp_path: Path,
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file = tmp_path / "people4d.toml"
     file.write_text('[detector]\nmodel = "movenet-multipose"\n')
+    monkeypatch.setenv("PEOPLE4D_DETECTOR_ENGINE", "onnxruntime")
     status, output, errors = run(
         *("models", "benchmark", "--seconds", "0.1", "--config", str(file), "--store")
     )
@@ -130,6 +132,7 @@ def test_detection_models_are_timed_with_each_engine_and_the_fastest_is_stored(
     best = [row[1] for row in rows if row[-1] == "fastest"]
     assert best == [engine]
     assert f"model movenet-multipose: --set detector.engine={engine} Stored in" in words
+    assert words.endswith("PEOPLE4D_DETECTOR_ENGINE overrides it.")
     assert 'engine = "' in file.read_text()
     assert "Instructions that decide: " in words
 
@@ -153,30 +156,48 @@ def test_fastest_engine_is_of_the_configured_model() -> None:
 @pytest.mark.parametrize(
     ("before", "after"),
     [
-        ("", '\n\n[detector]\nengine = "openvino"\n'),
+        (b"", b'\n\n[detector]\nengine = "openvino"\n'),
         (
-            '[tracker]\ntracker = "sort3d"',
-            '[tracker]\ntracker = "sort3d"\n\n[detector]\nengine = "openvino"\n',
+            b'[tracker]\ntracker = "sort3d"',
+            b'[tracker]\ntracker = "sort3d"\n\n[detector]\nengine = "openvino"\n',
         ),
-        ("[detector]", '[detector]\nengine = "openvino"\n'),
+        (b"[detector]", b'[detector]\nengine = "openvino"\n'),
         (
-            '[detector]\n# text\nengine = "onnxruntime"  # slow\n\n[reid]\nengine = "none"\n',
-            '[detector]\n# text\nengine = "openvino"\n\n[reid]\nengine = "none"\n',
+            b'[detector]\n# text\nengine = "onnxruntime"  # slow\n\n[reid]\nengine = "none"\n',
+            b'[detector]\n# text\nengine = "openvino"  # slow\n\n[reid]\nengine = "none"\n',
+        ),
+        (
+            b"[detector]\r\n  engine='onnxruntime' # slow\r\n  [reid]\r\n  engine = 'none'\r\n\r\n",
+            b"[detector]\r\n  engine=\"openvino\" # slow\r\n  [reid]\r\n  engine = 'none'\r\n\r\n",
+        ),
+        (b"[detector]\r\nthreads = 2", b'[detector]\r\nengine = "openvino"\r\nthreads = 2\r\n'),
+        (b"[gait]\r\n", b'[gait]\r\n\r\n[detector]\r\nengine = "openvino"\r\n'),
+        (
+            b"[plugin]\nx = [nan, 2026-11-29]\n[detector]\n",
+            b'[plugin]\nx = [nan, 2026-11-29]\n[detector]\nengine = "openvino"\n',
         ),
     ],
 )
 def test_engine_is_stored_in_the_configuration_file(
-    tmp_path: Path, before: str, after: str
+    tmp_path: Path, before: bytes, after: bytes
 ) -> None:
     file = tmp_path / "people4d.toml"
-    file.write_text(before)
+    file.write_bytes(before)
     store_engine(file, "openvino")
-    assert file.read_text() == after
+    assert file.read_bytes() == after
     assert load(DetectorConfig, "detector", file, environment={}).engine == "openvino"
 
 
 @pytest.mark.parametrize(
-    "text", ["detector = {threads = 2}", "detector.threads = 2", " [detector]\nthreads = 2", "["]
+    "text",
+    [
+        "detector = {threads = 2}",
+        "detector.threads = 2",
+        " [detector]\nthreads = 2",
+        '[detector]\n"engine" = "onnxruntime"',
+        '[detector]\nkind = """\nengine = "onnxruntime"\n"""',
+        "[",
+    ],
 )
 def test_engine_is_not_stored_in_a_file_of_another_form(tmp_path: Path, text: str) -> None:
     file = tmp_path / "people4d.toml"
@@ -185,3 +206,38 @@ def test_engine_is_not_stored_in_a_file_of_another_form(tmp_path: Path, text: st
         store_engine(file, "openvino")
     assert caught.value.hint == 'Write it yourself, below [detector]: engine = "openvino"'
     assert file.read_text() == text
+
+
+def test_pipe_is_not_replaced_by_a_stored_engine(tmp_path: Path) -> None:
+    pipe = tmp_path / "people4d.toml"
+    os.mkfifo(pipe)
+    with pytest.raises(ConfigError, match="it is not a regular file"):
+        store_engine(pipe, "openvino")
+    status, output, errors = run("models", "benchmark", "--config", str(pipe), "--store")
+    assert (status, output) == (1, "")
+    assert "it is not a regular file" in errors
+    assert pipe.is_fifo()
+
+
+def test_read_only_file_is_not_replaced_by_a_stored_engine(tmp_path: Path) -> None:
+    file = tmp_path / "people4d.toml"
+    file.write_text("[detector]\n")
+    file.chmod(0o444)
+    with pytest.raises(ConfigError, match="it is read-only"):
+        store_engine(file, "openvino")
+    status, output, errors = run("models", "benchmark", "--config", str(file), "--store")
+    assert (status, output) == (1, "")
+    assert "it is read-only. Choose a writable file by --config." in errors
+    assert file.read_text() == "[detector]\n"
+
+
+def test_engine_of_a_model_that_cannot_be_measured_is_not_stored(own: Path, tmp_path: Path) -> None:
+    assert run("models", "add", str(pose(tmp_path / "a.onnx")))[0] == 0
+    (own / "a.onnx").write_bytes(b"x")
+    file = tmp_path / "people4d.toml"
+    file.write_text('[detector]\nmodel = "a"\n')
+    status, output, errors = run("models", "benchmark", "--config", str(file), "--store")
+    assert status == 1
+    assert "a, onnxruntime: " in output
+    assert "the configured model a cannot be measured, so no engine is stored" in errors
+    assert file.read_text() == '[detector]\nmodel = "a"\n'
