@@ -81,7 +81,7 @@ def read_method(preset: str, settings: Sequence[str] = ()) -> Method:
     return Method(
         name=Path(preset).stem if preset.endswith(".toml") else preset,
         camera=msgspec.structs.replace(record(CameraConfig, "camera"), source=""),
-        # Detections are the same with and without crops.
+        # Boxes and positions are the same with and without crops.
         detector=msgspec.structs.replace(record(DetectorConfig, "detector"), crops=True),
         reid=record(ReidConfig, "reid") if embeds else None,
         tracker=tracker,

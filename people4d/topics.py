@@ -77,7 +77,7 @@ class Topic:
     max_bytes: int = field(default=OTHER_MAX_BYTES, kw_only=True)
     # maximum number of keys; messages on more keys are dropped unread
     keys_max: int = field(default=KEYS_MAX, kw_only=True)
-    # True: stamps are of the clock of the message's camera, with several cameras
+    # True: `clock_of` is the message's camera; False: the robot's clock
     camera_clock: bool = field(default=False, kw_only=True)
 
     @property

@@ -250,8 +250,7 @@ class Tracks(Message, frozen=True, kw_only=True):
     tracker: Text  # name of the tracking method
     camera: Name  # camera whose frame caused this message
     tracks: tuple[Track, ...] = ()  # confirmed and lost tracks, and tentative ones if configured
-    # True: made without a frame, stamps of later frames may be earlier; without tracks: people are
-    # unknown
+    # True: without a frame, later frames may have earlier stamps; no tracks: people are unknown
     predicted: bool = False
 
 
