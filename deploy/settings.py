@@ -1,5 +1,6 @@
 """List of all settings, made from the configuration records and their comments."""
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple, get_args, get_type_hints
@@ -10,8 +11,12 @@ import services
 from common import registry
 from common.field_comments import field_comments
 from deploy.launcher.joined import config_record
+from services.detector.config import shipped_model, shipped_orientation
 
-REQUIRED = "required"  # default of a setting without a default
+# Defaults that are not a value of TOML: a setting must be given, may be left out, or is a table
+REQUIRED, ABSENT, TABLE = "required", "absent", "table"
+BY_PROCESSOR = "by the processor"
+SHIPPED = (shipped_model, shipped_orientation)  # functions of such defaults
 # Records that are not the configuration of a service, by the first part of their settings' names
 OTHERS = {
     "camera.options (recording)": "services.camera.recording:RecordingOptions",
@@ -30,7 +35,7 @@ OTHERS = {
 class Setting(NamedTuple):
     """One setting."""
 
-    name: str  # as in --set; "[]" marks a list of tables
+    name: str  # of a service or camera: as in --set; "[]" marks a list of tables
     default: str
     meaning: str  # with its unit
     record: type[msgspec.Struct]  # record of the field
@@ -49,14 +54,18 @@ def all_settings() -> dict[str, list[Setting]]:
 def _settings(
     record: type[msgspec.Struct], prefix: str, values: msgspec.Struct | None = None
 ) -> Iterator[Setting]:
-    """Yield the settings of a record; `values` replace the defaults of its fields."""
+    """Yield the settings of a record; `values` replace the defaults of its fields.
+
+    A table with a comment is a setting, followed by the settings in it.
+    """
     comments, hints = field_comments(record), get_type_hints(record)
     for field in msgspec.structs.fields(record):
-        name = f"{prefix}.{field.name}"
+        name, comment = f"{prefix}.{field.name}", comments[field.name]
         default = getattr(values, field.name) if values else _default(field)
         tables = _tables(hints[field.name])
-        if not tables:
-            yield Setting(name, _text(default), comments[field.name], record)
+        if comment or not tables:
+            by_processor = field.default_factory in SHIPPED
+            yield Setting(name, BY_PROCESSOR if by_processor else _text(default), comment, record)
         for table in tables:
             if isinstance(default, table):
                 yield from _settings(table, name, default)
@@ -65,9 +74,10 @@ def _settings(
 
 
 def _default(field: msgspec.structs.FieldInfo) -> Any:
+    """Return the default of a field; NODEFAULT if it is required."""
     if field.default_factory is not msgspec.NODEFAULT:
         return field.default_factory()
-    return REQUIRED if field.required else field.default
+    return field.default
 
 
 def _tables(hint: Any) -> list[type[msgspec.Struct]]:
@@ -78,9 +88,16 @@ def _tables(hint: Any) -> list[type[msgspec.Struct]]:
 
 
 def _text(value: Any) -> str:
-    """Return a default in the words of TOML; "absent" for None."""
+    """Return a default as a value of TOML, or in words if there is none."""
+    if value is msgspec.NODEFAULT:
+        return REQUIRED
     if value is None:
-        return "absent"
-    if isinstance(value, bool):
-        return str(value).lower()
-    return f"{list(value)}" if isinstance(value, tuple) else f"{value}" or '""'
+        return ABSENT
+    if isinstance(value, msgspec.Struct):
+        return TABLE
+    if isinstance(value, str | bool):
+        # A JSON string without escapes above ASCII is a TOML string.
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_text, value))}]"
+    return f"{value}"

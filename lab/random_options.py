@@ -29,10 +29,10 @@ class RandomScene(Config, frozen=True, kw_only=True, forbid_unknown_fields=True)
     furniture: bool = True  # True: desks, chairs, partitions, except in the square
     plain: bool = False  # True: without the errors of a low-cost camera
     depth_sensor: SensorName = "xtion"  # depth errors, see `lab.depth.config.SENSORS`
-    duration_s: Annotated[float, Meta(ge=1, le=600)] = 15.0  # [s]
-    fps: Annotated[float, Meta(ge=1, le=60)] = 10.0  # [Hz]
-    width: CameraSide = 640  # [px]
-    height: CameraSide = 480  # [px]
+    duration_s: Annotated[float, Meta(ge=1, le=600)] = 15.0  # [s] duration of the recording
+    fps: Annotated[float, Meta(ge=1, le=60)] = 10.0  # [Hz] frame rate
+    width: CameraSide = 640  # [px] width of images
+    height: CameraSide = 480  # [px] height of images
     # number of cameras; several: in the square, without furniture
     cameras: Annotated[int, Meta(ge=1, le=6)] = 1
     # ring: towards the centre; row: neighbours overlap slightly; apart: no overlap

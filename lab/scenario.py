@@ -33,9 +33,9 @@ class Waypoint(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A position on a person's path."""
 
     to: tuple[float, float]  # [m] x, y, frame: map
-    speed_mps: WalkingSpeed | None = None  # [m/s] speed to this position; None: the person's speed
+    speed_mps: WalkingSpeed | None = None  # [m/s] speed to this position; absent: the person's
     stop_s: NonNegative = 0.0  # [s] duration of the stop
-    face_deg: float | None = None  # [deg] yaw during the stop, 0 = +x; None: on arrival
+    face_deg: float | None = None  # [deg] yaw during the stop, 0 = +x; absent: on arrival
     sit: bool = False  # True: sits on a stool during the stop
     turn_head: bool = False  # True: turns the head during the stop
 
@@ -111,7 +111,7 @@ class PersonPlan(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
 class CapturePlan(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Motion-capture system."""
 
-    rate_hz: RateHz = 100.0  # [Hz]
+    rate_hz: RateHz = 100.0  # [Hz] rate of measured poses
     noise_m: Annotated[float, Meta(ge=0, le=1)] = 0.0  # [m] standard deviation of positions, white
     # [deg] standard deviation of yaw, white
     yaw_noise_deg: Annotated[float, Meta(ge=0, le=180)] = 0.0
@@ -122,7 +122,7 @@ class Scenario(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     name: str = ""  # name of the file
     about: str  # description in one sentence
-    duration_s: Annotated[float, Meta(ge=0.05, le=3600)]  # [s]
+    duration_s: Annotated[float, Meta(ge=0.05, le=3600)]  # [s] duration of the recording
     # seed of light, textures, noise and small differences between people
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
     # lab: 3.5 x 5.5 m, as in [THESIS]; hall: larger, darker; office: desks along an aisle, low

@@ -16,7 +16,8 @@ ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 FOLDER = "repository"
 SETTINGS = "settings/all.md"  # generated page
-MARKUP = re.compile(r"([|<>_*\[\]])")
+# Code between backticks, or a character of Markdown
+MARKUP = re.compile(r"(`[^`]*`)|([|<>_*\[\]])")
 LINK = re.compile(r"(\]\()([^)\s#]+)(#[^)\s]*)?(\))")
 
 
@@ -86,7 +87,7 @@ def settings_page() -> str:
     for heading, rows in all_settings().items():
         lines += ["", f"## {heading}", "", "| setting | default | meaning |", "| --- | --- | --- |"]
         for row in rows:
-            meaning = MARKUP.sub(r"\\\1", row.meaning)
+            meaning = MARKUP.sub(lambda m: m[1] or f"\\{m[2]}", row.meaning)
             lines.append(f"| `{row.name}` | `{row.default}` | {meaning} |")
     return "\n".join(lines) + "\n"
 

@@ -15,7 +15,7 @@ CameraSide = Annotated[int, Meta(ge=16, le=4096)]  # [px]
 class Drive(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Section of the robot's path, with smooth changes of speed and turn rate."""
 
-    for_s: Annotated[float, Meta(ge=0.05)]  # [s]
+    for_s: Annotated[float, Meta(ge=0.05)]  # [s] duration of the section
     speed_mps: Annotated[float, Meta(ge=-2, le=2)] = 0.0  # [m/s] forward
     turn_dps: Annotated[float, Meta(ge=-360, le=360)] = 0.0  # [deg/s] counter-clockwise
 
@@ -42,11 +42,11 @@ class CameraPlan(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
     roll_deg: Annotated[float, Meta(ge=-45, le=45)] = 0.0  # [deg] right side down
     # True: people keep a distance, as from a robot; False: the camera is above their heads
     avoided: bool = True
-    width: CameraSide = 640  # [px]
-    height: CameraSide = 480  # [px]
+    width: CameraSide = 640  # [px] width of images
+    height: CameraSide = 480  # [px] height of images
     # [px] focal length in both directions; D435i, colour image of 640x480
     focal_px: Annotated[float, Meta(ge=10, le=10000)] = 615.0
-    fps: Annotated[float, Meta(ge=1, le=120)] = 30.0  # [Hz]
+    fps: Annotated[float, Meta(ge=1, le=120)] = 30.0  # [Hz] frame rate
     phase_s: NonNegative = 0.0  # [s] time of the first frame, less than 1 / fps
     clock_offset_s: float = 0.0  # [s] initial clock minus true time
     clock_drift_ppm: Annotated[float, Meta(ge=-1000, le=1000)] = 0.0  # growth of the clock offset

@@ -46,11 +46,11 @@ class CameraConfig(Config, frozen=True, kw_only=True):
     # name in keys and messages; empty: as in the recording, else "camera". Frames and processes are
     # named after it, so it has at most 50 characters
     camera: Annotated[NameOrEmpty, Meta(max_length=50)] = ""
-    max_depth_m: Positive | None = None  # [m] maximum valid depth; None: of the source, else 5
+    max_depth_m: Positive | None = None  # [m] maximum valid depth; absent: of the source, else 5
     mount_xyz_m: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m] camera_link in mount_parent
     mount_rpy_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [rad] about fixed x, y, z
-    # [deg] clockwise turn that makes images upright, mount_* being of the upright camera; None: by
-    # the roll of its pose
+    # [deg] clockwise turn that makes images upright, mount_* being of the upright camera; absent:
+    # by the roll of its pose
     rotate: Literal[0, 90, 180, 270] | None = None
     # File of people4d calibrate; its pose replaces the pose from the source and mount_*
     transforms: str = ""

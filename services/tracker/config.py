@@ -75,7 +75,7 @@ class TrackerConfig(Config, frozen=True, kw_only=True):
     reorder_wait_s: NonNegative | None = None
     area: SiteAreaConfig = SiteAreaConfig()  # area of a site with several trackers
     # methods
-    sort3d: Sort3dConfig = Sort3dConfig()
-    strongsort3d: StrongSort3dConfig = StrongSort3dConfig()
+    sort3d: Sort3dConfig = Sort3dConfig()  # SORT-3D; section 4
+    strongsort3d: StrongSort3dConfig = StrongSort3dConfig()  # StrongSORT-3D; section 5
     image_sort: ImageSortConfig = ImageSortConfig()  # positions have the noise of strongsort3d
     options: dict[str, Any] = msgspec.field(default_factory=dict)  # options of a plug-in tracker

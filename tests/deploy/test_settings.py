@@ -11,12 +11,14 @@ from typer.testing import CliRunner
 
 from common.config import Config
 from common.field_comments import field_comments
+from common.io.files import parse_toml
 from deploy.cli import app
-from deploy.settings import all_settings
+from deploy.settings import ABSENT, BY_PROCESSOR, REQUIRED, TABLE, all_settings
 from scripts.site import settings_page
 from tests import ROOT
 
 PACKAGES = ("common", "services", "lab", "evaluation", "deploy")
+UNIT = re.compile(r"(\[[^]]*\])?")  # no meaning, or only a unit
 
 
 class Base(Config, frozen=True, kw_only=True):
@@ -65,8 +67,15 @@ def test_every_setting_has_a_meaning_on_the_page() -> None:
     page = settings_page()
     for rows in all_settings().values():
         for row in rows:
-            assert row.meaning, row
+            assert not UNIT.fullmatch(row.meaning), row
+            assert "None:" not in row.meaning, row
             assert f"| `{row.name}` | `{row.default}` | " in page
+
+
+def test_page_escapes_markup_outside_of_code() -> None:
+    page = settings_page()
+    assert r"\[s\] duration, at least twice `move_s` |" in page
+    assert r"mount\_\* being of the upright camera" in page
 
 
 def test_comment_is_at_the_end_of_the_field_or_above_it() -> None:
@@ -83,6 +92,32 @@ def test_default_is_of_the_enclosing_record() -> None:
     assert names["ros2_bridge.outputs.people.rate_max_hz"] == "0.0"
     assert names["gt_bridge.transforms[].parent"] == "required"
     assert names["camera.max_depth_m"] == "absent"
+
+
+def test_default_is_a_value_of_toml_or_a_known_word() -> None:
+    defaults = {s.name: s.default for rows in all_settings().values() for s in rows}
+    for name, default in defaults.items():
+        if default not in (REQUIRED, ABSENT, TABLE, BY_PROCESSOR):
+            parse_toml(f"{name.rpartition('.')[2]} = {default}")
+    assert defaults["tracker.tracker"] == '"strongsort3d"'
+    assert defaults["camera.source"] == '""'
+    assert defaults["camera.loop"] == "false"
+    assert defaults["ros2_bridge.publish"] == '["people", "markers"]'
+
+
+def test_default_that_depends_on_the_processor_is_not_the_one_of_this_processor() -> None:
+    defaults = {s.name: s.default for s in all_settings()["detector"]}
+    assert defaults["detector.model"] == "by the processor"
+    assert defaults["detector.orientation.network"] == "by the processor"
+
+
+def test_table_with_a_comment_is_listed_before_its_settings() -> None:
+    rows = [s[:3] for s in all_settings()["tracker"]]
+    at = [name for name, *_ in rows].index("tracker.strongsort3d.identity")
+    assert rows[at][1:] == ("table", "re-identify returning people; section 15")
+    assert rows[at + 1][0] == "tracker.strongsort3d.identity.enabled"
+    lists = {s.name: s.default for s in all_settings()["gt_bridge"]}
+    assert lists["gt_bridge.transforms"] == "[]"
 
 
 @pytest.mark.parametrize("name", ["tracker.sort3d", "tracker.sort3d.t_lost"])

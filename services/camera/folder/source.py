@@ -47,7 +47,7 @@ class FolderOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     sync_slop_s: NonNegative = 0.02
     depth_scale: NonNegative = 0.0  # depth units per metre; 0: 1000, of lists 5000, of float 1
     calibration: str = ""  # calibration file; empty: one of the usual names in the folder
-    # [px] u, v, see Registration; None: as in the calibration file
+    # [px] u, v, see Registration; absent: as in the calibration file
     depth_offset_px: tuple[float, float] | None = None
 
 

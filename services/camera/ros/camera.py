@@ -38,7 +38,7 @@ class RosbagOptions(Config, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     # (std_msgs) for the left wheel and one for the right
     wheel_topics: tuple[str, ...] = ()
     wheels: WheelConfig = WheelConfig()
-    depth_aligned: bool | None = None  # alignment; None: found by frames, sizes and calibration
+    depth_aligned: bool | None = None  # alignment; absent: found by frames, sizes, calibration
     depth_offset_px: tuple[float, float] = (0.0, 0.0)  # [px] u, v, see Registration
     calibration: str = ""  # calibration file used instead of CameraInfo
 
