@@ -1,7 +1,7 @@
 """BVH file of a walk: bones of constant length, and the rotation of each joint.
 
 Axes as in TRC: x ahead in the map, y up, z to its right; at rest the person faces x. Lengths are in
-centimetres. A joint in a gap is interpolated; a bone without positions has no length.
+centimetres. A joint in a gap is interpolated; a joint without positions is at its parent.
 """
 
 import warnings
@@ -74,7 +74,10 @@ def _rotations(points: Mapping[str, F64]) -> Iterator[Rotation]:
     turned = dict[str, Rotation]()  # relative to the map
     for name, (parent, _) in TREE.items():
         if not parent:
-            right = points["right_hip"] - points["left_hip"] + TINY_CM * RIGHT
+            right = points["right_hip"] - points["left_hip"]
+            if not right.any():  # a hip is unknown
+                right = points["right_shoulder"] - points["left_shoulder"]
+            right = right + TINY_CM * RIGHT
             ahead = np.cross(points["neck"] - points["hips"] + TINY_CM * UP, right)
             axes = np.stack([ahead, np.cross(right, ahead), right], axis=2)
             turned[name] = Rotation.from_matrix(axes / np.linalg.norm(axes, axis=1, keepdims=True))
@@ -95,21 +98,41 @@ def _shortest(rest: F64, vectors: F64) -> Rotation:
 
 
 def _positions_cm(motion: JointMotion) -> dict[str, F64]:
-    """Return the positions of all joints, Tx3, y up; an unknown joint is at its parent."""
+    """Return the positions of all joints, Tx3, y up.
+
+    The middle of a pair with one unknown joint is the known one. If both hips are unknown, the root
+    is halfway from shoulders to knees, or the mean of the known joints. Any other unknown joint is
+    at its parent.
+    """
     at = {
         name: _filled(100 * motion.joints_m[:, k][:, (0, 2, 1)] * (1.0, 1.0, -1.0))
         for k, name in enumerate(JOINTS)
     }
-    at["hips"] = at["torso"] = (at["left_hip"] + at["right_hip"]) / 2
-    at["neck"] = at["head"] = (at["left_shoulder"] + at["right_shoulder"]) / 2
-    at["ears"] = (at["left_ear"] + at["right_ear"]) / 2
+    known = [one for one in at.values() if np.isfinite(one).all()] or [np.zeros(3)]
+    ears, neck, hips, knees = (
+        _middle(at[f"left_{name}"], at[f"right_{name}"])
+        for name in ("ear", "shoulder", "hip", "knee")
+    )
+    at["ears"], at["neck"], at["head"] = ears, neck, neck
+    at["hips"] = _known_or(_known_or(hips, _middle(neck, knees)), np.mean(known, axis=0))
+    at["torso"] = at["hips"]
     for name, (parent, _) in TREE.items():
-        at[name] = np.where(np.isfinite(at[name]), at[name], at[parent] if parent else 0.0)
+        at[name] = _known_or(at[name], at[parent or name])
     return at
 
 
+def _middle(first: F64, second: F64) -> F64:
+    """Return the points halfway, or the known ones where the others are unknown."""
+    return (_known_or(first, second) + _known_or(second, first)) / 2
+
+
+def _known_or(points: F64, others: F64) -> F64:
+    """Return points, or others where they are unknown."""
+    return np.where(np.isfinite(points), points, others)
+
+
 def _filled(points: F64) -> F64:
-    """Return positions (Tx3) interpolated in gaps and constant at the ends."""
+    """Return positions (Tx3) interpolated in gaps and constant at the ends; NaN if unknown."""
     known = np.flatnonzero(np.isfinite(points).all(axis=1))
     if not len(known):
         return points
