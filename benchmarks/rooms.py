@@ -1,7 +1,4 @@
-"""False people in rendered rooms without people: `python -m benchmarks objects --views NUMBER`.
-
-The seeds were never seen while constants were chosen.
-"""
+"""False people in rendered rooms without people: `python -m benchmarks objects --views NUMBER`."""
 
 from concurrent.futures import ProcessPoolExecutor
 
@@ -22,5 +19,5 @@ def write_rooms(views: int, jobs: int, dry: bool) -> None:
     """Play the rooms and write their table."""
     with ProcessPoolExecutor(jobs) as pool:
         found = list(room_rows(views, pool))
-    table, command = markdown(HEADER, found), "benchmarks objects --views"
+    table, command = markdown(HEADER, found), f"benchmarks objects --views {views}"
     write(__file__, "False people in rooms", NOTE, table, dry=dry, command=command)

@@ -149,3 +149,11 @@ def test_module_that_starts_processes_names_them() -> None:
     for file in named:
         (started,) = re.findall(r"(?ms)^STARTS = (\(.*?\))$", file.read_text())
         assert all(map(table_age.file_of, ast.literal_eval(started))), file
+
+
+def test_command_with_an_option_and_its_number_is_read() -> None:
+    made = table_age.MADE.search(
+        "Made by `python -m benchmarks objects --views 60` on a processor, commit 5423e7f, 2026."
+    )
+    assert made is not None
+    assert (made["module"], made["name"], made["commit"]) == ("benchmarks", " objects", "5423e7f")

@@ -94,11 +94,15 @@ KINDS = {
 }
 
 
+def view_seeds(kind: RoomKind, views: int) -> range:
+    """Return the seeds of the views of a kind; a tenth of them, at least one, with figures."""
+    return range(views if kind.is_empty else max(1, views // 10))
+
+
 def room_rows(views: int, pool: Executor) -> Iterator[list[str]]:
-    """Yield a row for each kind of rooms, of a number of views; of figures a tenth of them."""
+    """Yield a row for each kind of rooms, of a number of views."""
     for name, kind in KINDS.items():
-        seeds = range(views if kind.is_empty else views // 10)
-        found = list(pool.map(play_view, repeat(name), seeds))
+        found = list(pool.map(play_view, repeat(name), view_seeds(kind, views)))
         figures = [figure for _, tracked in found for figure in tracked]
         persons = sum(figure.after_s is None for figure in figures)
         hours = len(found) * kind.duration_s / 3600
