@@ -115,8 +115,13 @@ def style_rows(styles: Mapping[tuple[str, str], Sequence[Tally]]) -> list[list[s
 
 
 def worst_style(styles: Mapping[tuple[str, str], Sequence[Tally]]) -> str:
-    """Return the style of the judging scenes with the largest share of missed and false steps."""
+    """Return the style of the test scenes with the largest share of missed and false steps.
+
+    Empty without a test scene.
+    """
     sums = {name: total(own) for (name, half), own in styles.items() if half == "judge"}
+    if not sums:
+        return ""
     name = max(
         sums, key=lambda key: (sums[key].invented - sums[key].found) / max(sums[key].true, 1)
     )
@@ -182,7 +187,8 @@ def main() -> None:
         INTRO,
         markdown(["figure", *columns], rows),
         *(
-            f"By style, {how}. {worst_style(found)}\n\n"
+            f"By style, {how}. {worst_style(found)}".strip()
+            + "\n\n"
             + markdown(["style", "half", "people", *BY_STYLE], style_rows(found))
             for how, found in styles.items()
         ),

@@ -1,10 +1,12 @@
-"""Comparison of points of tracked people with joints: pairs of people."""
+"""Comparison of points of tracked people with joints: pairs of people, worst style."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.gait_bodies import worst_style
 from benchmarks.lib.gait.bodies import JointTruth, tally
+from benchmarks.lib.gait.tally import Tally
 from people4d.messages import BodyPoint, GaitMeasures, PersonGait
 
 PEOPLE_X_M = (0.0, 0.4)
@@ -49,3 +51,17 @@ def test_hidden_person_is_not_compared_with_the_one_before_them() -> None:
     assert near.visible_measured == 2
     assert hidden.hidden == 1
     assert hidden.measured_hidden == 0
+
+
+def test_worst_style_has_the_largest_share_of_missed_and_false_steps() -> None:
+    """Slow: 10 - 9 + 2 = 3 of 10. Limping: 1 of 10. Scenes of the tuning split do not count."""
+    styles = {
+        ("slow", "judge"): [Tally(true=10, found=9, invented=2)],
+        ("limping", "judge"): [Tally(true=10, found=9)],
+        ("fast", "choose"): [Tally(true=10, found=1)],
+    }
+    assert worst_style(styles) == "Worst style of `judge`: slow, 9 of 10 steps, 2 false."
+
+
+def test_tuning_scenes_alone_have_no_worst_style() -> None:
+    assert worst_style({("fast", "choose"): [Tally(true=10, found=1)]}) == ""
