@@ -11,10 +11,11 @@ import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
 from benchmarks.lib.gait.event_peers import PeerLandings, peer_landings
-from benchmarks.lib.gait.limb_references import JOINT, references
 from benchmarks.lib.gait.tally import Tally
-from benchmarks.lib.gait.true_steps import (
+from benchmarks.lib.gait.truth import (
+    JOINT,
     even_truth,
+    references,
     steady_cadence,
     steps_by_ankles,
     true_asymmetry,

@@ -1,7 +1,7 @@
 """Points of a body against their ground truth, as in Figures 5.7 to 5.9 of the source.
 
 An error is the distance in space from the estimate to the middle of the head, hand or foot, defined
-by `limb_references`, in frames in which it is visible. A second error is the distance to its
+by `references`, in frames in which it is visible. A second error is the distance to its
 visible surface, on which points are marked by hand.
 """
 

@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.lib.gait.limb_references import references
+from benchmarks.lib.gait.truth import references
 from common.geometry.transforms import apply
 from common.io.images import decompress
 from common.io.recording import open_recording

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.lib.gait.true_steps import even_truth, steady_cadence
+from benchmarks.lib.gait.truth import even_truth, steady_cadence
 from lab.truth.motion_capture import Footfall
 
 
