@@ -23,7 +23,7 @@ GROUPS = {
     "speed": {
         "together": "services in one process and apart, beside the bare network; stages",
         "peers": "the pipeline beside other packages, from image to tracks",
-        "own_work": "time of a frame beside the networks, and of the tracker by number of people",
+        "own_work": "time of a frame outside the networks, and of the tracker by number of people",
         "load": "rate and latency by number of people, cameras and detectors",
     },
     "cameras": {"cameras": "four cameras in one tracker, and in two areas: hand-overs, faults"},

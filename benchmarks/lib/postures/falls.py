@@ -16,7 +16,7 @@ STARTS = ("benchmarks.lib.postures.peer_falls",)
 SCRIPT = Path(__file__).with_name("peer_falls.py")
 EARLY_S = 1.0  # maximum time from an event to the end of its fall [s]
 FOUND_S = 1.0  # maximum time from the end of a fall to its event [s]
-LATE_S = 3.0  # the same of a late event [s]
+LATE_S = 3.0  # maximum time from the end of a fall to a late event [s]
 HEADER = ("falls by", "within 1 s", "within 3 s", "false", "false a person-hour (95 %)")
 
 

@@ -299,7 +299,7 @@ def _parts(steps: Sequence[FootStep]) -> list[list[tuple[int, FootStep]]]:
 
 
 def walked_strides(steps: Sequence[FootStep]) -> list[tuple[FootStep, Stride]]:
-    """Return the strides without pauses, including short strides of turns."""
+    """Return the steps that end a stride, each with its stride."""
     return [(step, step.stride) for step in steps if step.stride]
 
 
