@@ -57,7 +57,6 @@ def age(table: Path) -> str:
         return f"commit {commit} is not known here"
     module, name = made["module"], (made["name"] or "").strip()
     start = f"{module}.{name}" if module == "benchmarks" else f"{module}.__main__"
-    start = start if file_of(start) else module
     changed = sorted(changed_files(commit, paths(start)))
     if not changed:
         return "made with uncommitted changes" if made["dirty"] else ""

@@ -58,14 +58,6 @@ def test_table_is_older_than_changed_code_only(
     assert bool(table_age.age(repository / "benchmarks" / "own.md")) == bool(expected)
 
 
-def test_table_of_a_module_beside_the_runner_ages_too(repository: Path) -> None:
-    table = repository / "benchmarks" / "own.md"
-    table.write_text(table.read_text().replace("benchmarks own", "benchmarks.own"))
-    assert not table_age.age(table)
-    (repository / "people4d" / "code.py").write_text(BEFORE.replace("return x", "return x + 1"))
-    assert table_age.age(table).startswith("1 files since")
-
-
 def test_code_that_is_not_imported_ages_no_table(repository: Path) -> None:
     (repository / "services" / "other.py").unlink()
     assert not table_age.age(repository / "benchmarks" / "own.md")
