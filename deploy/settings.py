@@ -35,7 +35,7 @@ OTHERS = {
 class Setting(NamedTuple):
     """One setting."""
 
-    name: str  # of a service or camera: as in --set; "[]" marks a list of tables
+    name: str  # path, for services and cameras as in --set; "[]" marks a list of tables
     default: str
     meaning: str  # with its unit
     record: type[msgspec.Struct]  # record of the field

@@ -50,7 +50,7 @@ class CameraConfig(Config, frozen=True, kw_only=True):
     mount_xyz_m: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m] camera_link in mount_parent
     mount_rpy_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [rad] about fixed x, y, z
     # [deg] clockwise turn that makes images upright, mount_* being of the upright camera; absent:
-    # by the roll of its pose
+    # from the roll of its pose
     rotate: Literal[0, 90, 180, 270] | None = None
     # File of people4d calibrate; its pose replaces the pose from the source and mount_*
     transforms: str = ""

@@ -66,7 +66,7 @@ class ReportNode(Node):
             if known or len(self._infos) < MAX_CAMERAS:
                 self._infos[message.camera] = message
         if isinstance(message, Tracks | Truth | StaticTransform):
-            self._trajectories.add_tracks(message)
+            self._trajectories.add_message(message)
         if isinstance(message, RgbdFrame | Detections | Tracks):
             for frame in self._join.add_message(message):
                 self._show(frame)

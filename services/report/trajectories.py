@@ -23,7 +23,7 @@ class TrajectoryStore:
         self._truth: dict[str, EvenSample[F64]] = {}
         self._cameras: dict[str, StaticTransform] = {}
 
-    def add_tracks(self, message: Tracks | Truth | StaticTransform) -> None:
+    def add_message(self, message: Tracks | Truth | StaticTransform) -> None:
         """Add the positions of a message."""
         if isinstance(message, Tracks):
             self.frame_id = message.frame_id
