@@ -14,16 +14,33 @@ from tests.network import Watcher
 pytestmark = MARKS
 
 
+def publish(stack: Stack, **fields: Any) -> None:
+    """Publish a state of the chosen person."""
+    header: dict[str, Any] = {"stamp_ns": time.time_ns(), "sequence": 0}
+    stack.bus.publish(Target(**header, frame_id="map", camera="front", **fields))
+
+
 def show(page: Page, stack: Stack, text: str, **fields: Any) -> None:
     """Publish a state of the chosen person until the page shows it."""
     state = page.locator("#target-state")
 
     def is_shown() -> bool:
-        header: dict[str, Any] = {"stamp_ns": time.time_ns(), "sequence": 0}
-        stack.bus.publish(Target(**header, frame_id="map", camera="front", **fields))
+        publish(stack, **fields)
         return state.text_content() == text
 
     until(is_shown, page)
+
+
+def click(page: Page, stack: Stack, name: str, **fields: Any) -> None:
+    """Publish a state, which is soon unknown without messages, until a button can be clicked."""
+    button = page.get_by_role("button", name=name)
+
+    def is_enabled() -> bool:
+        publish(stack, **fields)
+        return button.is_visible() and button.is_enabled()
+
+    until(is_enabled, page)
+    button.click()
 
 
 def test_click_follows_the_selected_person_and_another_one_stops(
@@ -34,12 +51,12 @@ def test_click_follows_the_selected_person_and_another_one_stops(
     expect(page.locator("#follow")).to_be_disabled()
     expect(page.locator("#unfollow")).to_be_hidden()
     page.keyboard.press("n")
-    page.get_by_role("button", name="Follow #1").click()
+    click(page, stack, "Follow #1", state="none")
     command = commands.wait(TargetCommand, lambda one: one.action == "id")
     assert (command.id, command.chooser) == (1, "dashboard")
     show(page, stack, "follows #1: locked", state="locked", id=1, stop=False)
     expect(page.locator("tr.target button")).to_have_text("#1")
-    page.get_by_role("button", name="Stop following").click()
+    click(page, stack, "Stop following", state="locked", id=1, stop=False)
     commands.wait(TargetCommand, lambda one: one.action == "none")
 
 
