@@ -29,7 +29,7 @@ from services.events.build import build as build_events
 from services.events.config import EventsConfig
 
 CHOOSING = range(1, 1000)
-TESTING = range(1200, 2000)  # earlier ones were seen while states were chosen
+TESTING = range(2000, 3000)  # earlier ones were seen while rules were chosen
 HEADER = ("true posture", "frames", *POSTURES, "no skeleton", "recall", "precision")
 GESTURES = {"raised_hand": ("raise", "wave"), "waved": ("wave",), "pointed": ("point",)}
 REAL = (
@@ -183,7 +183,7 @@ def summary(counts: Counts) -> list[str]:
 def main() -> None:
     """Run the scenes and write the table."""
     parser = options.parser(__doc__, "shared", "cache", "jobs", "dry")
-    parser.add_argument("--scenes", type=int, default=30, help="of daily life, 60 s each")
+    parser.add_argument("--scenes", type=int, default=300, help="of daily life, 60 s each")
     parser.add_argument("--falls", type=int, default=60, help="scenes with a fall, 14 s each")
     parser.add_argument(
         "--fit", action="store_true", help="print states fitted to seeds for choosing"

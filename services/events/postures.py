@@ -83,6 +83,8 @@ class PostureRules:
     def _check(
         self, person: _Person, skeleton: PersonSkeleton, now_s: float
     ) -> Iterator[tuple[str, dict[str, Any]]]:
+        if skeleton.state == "lost":  # its posture and its height are predictions
+            return
         person.heights.append((now_s, float(skeleton.positions_m[TORSO, 2].mean())))
         yield from self._check_posture(person, skeleton, now_s)
         if skeleton.posture not in POINTING:

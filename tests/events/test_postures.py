@@ -111,6 +111,28 @@ def test_gap_or_clock_step_during_a_fall_is_no_fall(second: float) -> None:
     assert kinds(events(node, [(2.9 + second, "lying", 0.2)])) == []
 
 
+def test_lost_track_that_goes_down_is_no_fall() -> None:
+    """A prediction sinks to the floor as fast as a fall, and says that it lies."""
+    node, found = started(), list[Message]()
+    for second, posture, height_m in change("lying", 0.5):
+        state = "confirmed" if posture == "standing" else "lost"
+        found += node.handle(skeletons(second, posture, height_m, state=state), 0)
+    assert found == []
+
+
+def test_person_lower_after_a_short_loss_is_no_fall() -> None:
+    """The prediction stays at 1 m for 0.9 s; the person lay down at 0.8 m/s meanwhile."""
+    node, found = started(), list[Message]()
+    for step in range(30):
+        second = 2.0 + step / 10
+        is_lost = 5 <= step < 14
+        posture: Posture = "standing" if step < 14 else "lying"
+        height_m = HEIGHTS_M[posture]
+        state = "lost" if is_lost else "confirmed"
+        found += node.handle(skeletons(second, posture, height_m, state=state), 0)
+    assert found == []
+
+
 def test_person_without_a_track_has_no_events() -> None:
     node = build(EventsConfig())
     assert events(node, change("lying", 0.5)) == []
