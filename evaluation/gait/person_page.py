@@ -6,12 +6,11 @@ from html import escape
 from pathlib import Path
 from string import Template
 
-from common.drawing.strokes import colour_of
 from common.drawing.topdown import Trajectories
 from evaluation.gait.parameters import GaitParameter, limping_side, recognisable_limp
 from services.gait.steps.steps import FEET, FootStep
 from services.report.page import page_style
-from services.report.svg import Line, draw_map, plot
+from services.report.svg import Line, map_figure, plot
 
 NOTE = (
     "The measures are for comparing people with themselves. They are not intended for medical use."
@@ -32,7 +31,7 @@ def person_page(
         note=escape(NOTE),
         table=_table(parameters),
         plots=_plots(steps),
-        map=draw_map(path, {person: colour_of(person)}),
+        map=map_figure(path),
         version=escape(importlib.metadata.version("people4d")),
     )
 

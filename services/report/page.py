@@ -8,11 +8,10 @@ from html import escape
 from pathlib import Path
 from string import Template
 
-from common.drawing.strokes import colour_of
 from common.drawing.topdown import Trajectories
 from services.report.series import RunSeries
 from services.report.statistics import END_TO_END, RunSummary
-from services.report.svg import Bar, Line, bars, draw_map, plot
+from services.report.svg import Bar, Line, bars, map_figure, plot
 from services.report.text import (
     facts,
     headline,
@@ -47,7 +46,7 @@ class RunPage:
             note=note + _limits(self.summary),
             figures="".join(_figures(self.summary)),
             videos="".join(_video(name, path) for name, path in self.videos.items()),
-            map=self._map() or "<p>No person was tracked.</p>",
+            map=map_figure(self.trajectories) or "<p>No person was tracked.</p>",
             plots=self._plots() or "<p>No frame was tracked.</p>",
             latency=self._latency() or "<p>Nothing was measured.</p>",
             table=_table(latency_table(self.summary)),
@@ -55,10 +54,6 @@ class RunPage:
             sheet=self._sheet(),
             version=escape(importlib.metadata.version("people4d")),
         )
-
-    def _map(self) -> str:
-        colours = {track_id: colour_of(track_id) for track_id in self.trajectories.tracks}
-        return draw_map(self.trajectories, colours)
 
     def _plots(self) -> str:
         frames = self.series.frames

@@ -1,24 +1,18 @@
 """Plots as SVG in the colours of the page's style, light and dark."""
 
+import base64
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 
-import numpy as np
+import cv2
 
-from common.drawing.strokes import Colour
-from common.drawing.topdown import Trajectories
-from people4d.messages import F64
-
-Pixel = Callable[[F64], tuple[float, float]]  # conversion from metres to pixels
+from common.drawing.topdown import Trajectories, draw_map
 
 WIDTH, HEIGHT = 640, 240
 LEFT, RIGHT, TOP, BOTTOM = 48, 12, 12, 34
-MAP_SIZE = 560
-MAP_MARGIN_M = 0.5
-MAP_LEAST_M = 3.0
-VIEW_M = 1.2  # [m] length of the wedge of a camera
+MAP_PX = 560  # [px] side of the map
 ROW = 26  # [px] height of a bar with its gap
 
 
@@ -108,65 +102,14 @@ def bars(rows: Sequence[Bar], unit: str, title: str) -> str:
     return _figure(parts, caption)
 
 
-def draw_map(trajectories: Trajectories, colours: dict[int, Colour]) -> str:
-    """Return the top view, x up and y left; empty if there is no content."""
-    paths = [*trajectories.tracks.values(), *trajectories.truth.values()]
-    cameras = [camera[None, :2, 3] for camera in trajectories.cameras]
-    if not paths and not cameras:
+def map_figure(trajectories: Trajectories) -> str:
+    """Return the map as a picture in a figure; empty if there is no content."""
+    if not (trajectories.tracks or trajectories.truth or trajectories.cameras):
         return ""
-    points = np.concatenate([*paths, *cameras])
-    low, high = points.min(axis=0) - MAP_MARGIN_M, points.max(axis=0) + MAP_MARGIN_M
-    extent = np.maximum(high - low, MAP_LEAST_M)
-    centre = (low + high) / 2
-    scale = MAP_SIZE / float(extent.max())
-    width, height = (float(extent[1]) * scale, float(extent[0]) * scale)
-
-    def pixel(point: F64) -> tuple[float, float]:
-        x, y = (point - centre) * scale
-        return width / 2 - float(y), height / 2 - float(x)
-
-    parts = [_svg(round(width), round(height), "Map of the trajectories")]
-    parts += _grid(centre, extent, pixel)
-    for camera in trajectories.cameras:
-        parts.append(_wedge(camera, pixel))
-    parts += [
-        f'<path class="truth" d="{_path(path, pixel)}"/>' for path in trajectories.truth.values()
-    ]
-    for track_id, path in trajectories.tracks.items():
-        colour = "rgb({},{},{})".format(*colours[track_id])
-        u, v = pixel(path[-1])
-        parts.append(
-            f'<path class="track" stroke="{colour}" d="{_path(path, pixel)}"/>'
-            f'<circle fill="{colour}" cx="{u:.1f}" cy="{v:.1f}" r="5"/>'
-            f'<text class="name" x="{u + 9:.1f}" y="{v + 4:.1f}">#{track_id}</text>'
-        )
-    truth = " Grey: ground truth." if trajectories.truth else ""
-    caption = f"Top view of {escape(trajectories.frame_id)} (x up, y left), 1 m grid.{truth}"
-    return _figure(parts, caption)
-
-
-def _grid(centre: F64, extent: F64, pixel: Pixel) -> list[str]:
-    low, high = centre - extent / 2, centre + extent / 2
-    step = max(1, round(float(extent.max()) / 12))
-    parts = []
-    for axis in (0, 1):
-        for metre in range(math.ceil(low[axis]), math.floor(high[axis]) + 1):
-            if metre % step == 0:
-                ends = np.stack([low, high])
-                ends[:, axis] = metre
-                parts.append(f'<path class="grid" d="{_path(ends, pixel)}"/>')
-    return parts
-
-
-def _wedge(camera: F64, pixel: Pixel) -> str:
-    here, forward = camera[:2, 3], camera[:2, 2]
-    length = float(np.linalg.norm(forward))
-    if length < 1e-3:  # straight up or down
-        return ""
-    forward = forward / length * VIEW_M
-    side = np.array([-forward[1], forward[0]]) * 0.52
-    corners = np.stack([here, here + forward + side, here + forward - side])
-    return f'<path class="camera" d="{_path(corners, pixel)}Z"/>'
+    image = cv2.cvtColor(draw_map(trajectories, MAP_PX, MAP_PX), cv2.COLOR_RGB2BGR)
+    png = base64.b64encode(cv2.imencode(".png", image)[1].tobytes()).decode()
+    shown = f'<img alt="Map of the trajectories" src="data:image/png;base64,{png}">'
+    return f"<figure>{shown}</figure>"
 
 
 def _series(line: Line, end_s: float, top: float) -> str:
@@ -181,10 +124,6 @@ def _series(line: Line, end_s: float, top: float) -> str:
         else:
             words.append(f"{'L' if k else 'M'}{x:.1f} {y:.1f}")
     return f'<path class="line {line.style}" d="{"".join(words)}"/>'
-
-
-def _path(points: F64, pixel: Pixel) -> str:
-    return "M" + "L".join(f"{u:.1f} {v:.1f}" for u, v in map(pixel, points))
 
 
 def _svg(width: int, height: int, title: str) -> str:
