@@ -103,12 +103,13 @@ ZONE = Zone(
     dwell_s=10.0,
     count=3,
 )
+HEAD: dict[str, Any] = {"stamp_ns": STAMP_NS, "trace": (SPAN,)}
+FRAME = HEAD | {"camera": "front"}
+
 FULL: tuple[Message, ...] = (
     CameraInfo(
-        stamp_ns=STAMP_NS,
+        **FRAME,
         sequence=0,
-        trace=(SPAN,),
-        camera="front",
         frame_id="front_optical_frame",
         width=640,
         height=480,
@@ -121,37 +122,30 @@ FULL: tuple[Message, ...] = (
         max_depth_m=4.0,
     ),
     RgbdFrame(
-        stamp_ns=STAMP_NS,
+        **FRAME,
         sequence=1,
-        trace=(SPAN,),
-        camera="front",
         rgb=RGB,
         depth_mm=DEPTH,
         lockstep=True,
     ),
-    CompressedRgbdFrame(
-        stamp_ns=STAMP_NS, sequence=2, trace=(SPAN,), camera="front", rgb_jpeg=JPEG, depth_png=PNG
-    ),
+    CompressedRgbdFrame(**FRAME, sequence=2, rgb_jpeg=JPEG, depth_png=PNG),
     StaticTransform(
-        stamp_ns=STAMP_NS,
+        **HEAD,
         sequence=3,
-        trace=(SPAN,),
         parent="map",
         child="front_optical_frame",
         matrix=np.eye(4),
     ),
     MovingTransform(
-        stamp_ns=STAMP_NS,
+        **HEAD,
         sequence=4,
-        trace=(SPAN,),
         parent="base_link",
         child="head",
         matrix=np.eye(4),
     ),
     Odometry(
-        stamp_ns=STAMP_NS,
+        **HEAD,
         sequence=4,
-        trace=(SPAN,),
         frame_id="odom",
         child_frame_id="base_link",
         x_m=1.5,
@@ -161,10 +155,8 @@ FULL: tuple[Message, ...] = (
         twist=np.array([0.5, 0.0, -0.1]),
     ),
     Detections(
-        stamp_ns=STAMP_NS,
+        **FRAME,
         sequence=5,
-        trace=(SPAN,),
-        camera="front",
         frame_id="front_optical_frame",
         model="movenet",
         width=640,
@@ -172,25 +164,20 @@ FULL: tuple[Message, ...] = (
         detections=(DETECTION,),
     ),
     Crops(
-        stamp_ns=STAMP_NS,
+        **FRAME,
         sequence=6,
-        trace=(SPAN,),
-        camera="front",
         crops=(Crop(detection=0, rgb=RGB, mask=RGB[..., 0], keypoints=KEYPOINTS),),
     ),
     Embeddings(
-        stamp_ns=STAMP_NS,
+        **FRAME,
         sequence=7,
-        trace=(SPAN,),
-        camera="front",
         model="histogram",
         detections=(0, 2),
         vectors=np.eye(2, 4, dtype=np.float32),
     ),
     AreaPeople(
-        stamp_ns=STAMP_NS,
+        **HEAD,
         sequence=7,
-        trace=(SPAN,),
         area="hall_a",
         number=1,
         run=2**52,
@@ -207,19 +194,16 @@ FULL: tuple[Message, ...] = (
         ),
     ),
     Tracks(
-        stamp_ns=STAMP_NS,
+        **HEAD,
         sequence=8,
-        trace=(SPAN,),
         frame_id="map",
         tracker="sort3d",
         camera="front",
         tracks=(TRACK,),
     ),
     ImageTracks(
-        stamp_ns=STAMP_NS,
+        **FRAME,
         sequence=8,
-        trace=(SPAN,),
-        camera="front",
         tracker="image_sort",
         width=640,
         height=480,
@@ -236,9 +220,8 @@ FULL: tuple[Message, ...] = (
         ),
     ),
     Gait(
-        stamp_ns=STAMP_NS,
+        **HEAD,
         sequence=8,
-        trace=(SPAN,),
         frame_id="map",
         camera="front",
         people=(
@@ -267,9 +250,8 @@ FULL: tuple[Message, ...] = (
         ),
     ),
     Predictions(
-        stamp_ns=STAMP_NS,
+        **HEAD,
         sequence=8,
-        trace=(SPAN,),
         frame_id="map",
         camera="front",
         horizons_s=(0.5, 1.0),
@@ -291,9 +273,8 @@ FULL: tuple[Message, ...] = (
         robot_m=np.array([[0.25, 0.0], [0.5, 0.0]]),
     ),
     Skeletons(
-        stamp_ns=STAMP_NS,
+        **HEAD,
         sequence=8,
-        trace=(SPAN,),
         frame_id="map",
         camera="front",
         people=(
@@ -309,9 +290,8 @@ FULL: tuple[Message, ...] = (
         ),
     ),
     Event(
-        stamp_ns=STAMP_NS,
+        **HEAD,
         sequence=4,
-        trace=(SPAN,),
         kind="left",
         id=7,
         zone="door",
@@ -329,9 +309,8 @@ FULL: tuple[Message, ...] = (
     Zones(stamp_ns=STAMP_NS, sequence=3, trace=(SPAN,), zones=(ZONE,), problem="too late"),
     ZoneEdit(stamp_ns=STAMP_NS, sequence=2, trace=(SPAN,), base=3, zones=(ZONE,)),
     Target(
-        stamp_ns=STAMP_NS,
+        **HEAD,
         sequence=5,
-        trace=(SPAN,),
         state="locked",
         frame_id="map",
         camera="front",
@@ -349,9 +328,8 @@ FULL: tuple[Message, ...] = (
     ),
     TargetCommand(stamp_ns=STAMP_NS, sequence=0, trace=(SPAN,), action="id", id=7, chooser="me"),
     Truth(
-        stamp_ns=STAMP_NS,
+        **HEAD,
         sequence=9,
-        trace=(SPAN,),
         frame_id="map",
         people=(
             TruthPerson(
@@ -360,9 +338,8 @@ FULL: tuple[Message, ...] = (
         ),
     ),
     Score(
-        stamp_ns=STAMP_NS,
+        **HEAD,
         sequence=10,
-        trace=(SPAN,),
         frame_id="map",
         camera="front",
         people=(
@@ -392,9 +369,8 @@ FULL: tuple[Message, ...] = (
         ),
     ),
     Health(
-        stamp_ns=STAMP_NS,
+        **HEAD,
         sequence=11,
-        trace=(SPAN,),
         service="tracker",
         instance="tracker-1",
         host="robot",
