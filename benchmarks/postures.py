@@ -12,7 +12,14 @@ import numpy as np
 
 from benchmarks.lib import options
 from benchmarks.lib.intervals import poisson_rate
-from benchmarks.lib.postures.falls import FOUND_S, FallScene, fall_rows, match_falls, rows_of
+from benchmarks.lib.postures.falls import (
+    FOUND_S,
+    FallScene,
+    fall_rows,
+    match_falls,
+    peer_falls,
+    rows_of,
+)
 from benchmarks.lib.postures.falls import HEADER as FALL_HEADER
 from benchmarks.lib.postures.fit import fit, labelled_frames
 from benchmarks.lib.postures.real import HEADER as REAL_HEADER
@@ -197,6 +204,8 @@ def main() -> None:
         frames = [one for make, seed in chosen for one in labelled_frames(make(seed))]
         print(*fit(frames), sep="\n")
         return
+    if asked.peers:
+        peer_falls(asked.peers, ())  # fails before the run if the package is absent
     counts = Counts()
     with ProcessPoolExecutor(asked.jobs) as pool:
         for found in pool.map(count_scene, chosen):
