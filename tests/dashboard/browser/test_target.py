@@ -4,6 +4,7 @@ import time
 from typing import Any
 
 from playwright.sync_api import Page, expect
+from playwright.sync_api import TimeoutError as PlaywrightTimeoutError
 
 from people4d.messages import Target, TargetCommand
 from tests.dashboard.browser.chromium import MARKS, until
@@ -12,6 +13,8 @@ from tests.dashboard.browser.stack import HOSTILE, Stack
 from tests.network import Watcher
 
 pytestmark = MARKS
+
+CLICK_MS = 500.0  # maximum wait for an enabled button between two messages [ms]
 
 
 def publish(stack: Stack, **fields: Any) -> None:
@@ -32,15 +35,18 @@ def show(page: Page, stack: Stack, text: str, **fields: Any) -> None:
 
 
 def click(page: Page, stack: Stack, name: str, **fields: Any) -> None:
-    """Publish a state, which is soon unknown without messages, until a button can be clicked."""
+    """Publish a state until a button is clicked; without messages the page disables it."""
     button = page.get_by_role("button", name=name)
 
-    def is_enabled() -> bool:
+    def is_clicked() -> bool:
         publish(stack, **fields)
-        return button.is_visible() and button.is_enabled()
+        try:
+            button.click(timeout=CLICK_MS)
+        except PlaywrightTimeoutError:
+            return False
+        return True
 
-    until(is_enabled, page)
-    button.click()
+    until(is_clicked, page)
 
 
 def test_click_follows_the_selected_person_and_another_one_stops(
