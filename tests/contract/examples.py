@@ -97,6 +97,16 @@ TALLY = Tally(
     yaw_rmse_rad=0.125,
     yaw_correlation=0.75,
 )
+NOTHING = Tally(
+    frames=0,
+    duration_s=0.0,
+    truths=0,
+    matched=0,
+    predicted=0,
+    outside=0,
+    false_alarms=0,
+    id_switches=0,
+)
 ZONE = Zone(
     name="door",
     corners_m=np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.5], [0.0, 1.5]]),
@@ -306,8 +316,8 @@ FULL: tuple[Message, ...] = (
         target_m=np.array([1.5, -2.0, 0.0]),
         reason="two people look alike",
     ),
-    Zones(stamp_ns=STAMP_NS, sequence=3, trace=(SPAN,), zones=(ZONE,), problem="too late"),
-    ZoneEdit(stamp_ns=STAMP_NS, sequence=2, trace=(SPAN,), base=3, zones=(ZONE,)),
+    Zones(**HEAD, sequence=3, zones=(ZONE,), problem="too late"),
+    ZoneEdit(**HEAD, sequence=2, base=3, zones=(ZONE,)),
     Target(
         **HEAD,
         sequence=5,
@@ -326,7 +336,7 @@ FULL: tuple[Message, ...] = (
         path_m=np.array([[3.25, 4.0]]),
         chooser="planner",
     ),
-    TargetCommand(stamp_ns=STAMP_NS, sequence=0, trace=(SPAN,), action="id", id=7, chooser="me"),
+    TargetCommand(**HEAD, sequence=0, action="id", id=7, chooser="me"),
     Truth(
         **HEAD,
         sequence=9,
@@ -382,8 +392,6 @@ FULL: tuple[Message, ...] = (
     ),
 )
 
-# Valid values on the wire for unknown data: nil, no people, arrays of length 0.
-
 
 def stripped(record: Any, *, inner: bool = False) -> Any:
     """Return a record with its required fields alone; `inner`: strip the records in it alone."""
@@ -395,17 +403,29 @@ def stripped(record: Any, *, inner: bool = False) -> Any:
     return type(record)(**{name: stripped(getattr(record, name)) for name in names})
 
 
+BY_NAME = {type(message).__name__: message for message in FULL}
+
+
+def changed(name: str, **fields: Any) -> Any:
+    """Return the message of a type with its required fields alone and some values."""
+    return msgspec.structs.replace(stripped(BY_NAME[name]), **fields)
+
+
+# Valid values on the wire for unknown data: nil, no people, arrays of length 0.
 SPARSE: tuple[Message, ...] = (
     *(stripped(message) for message in FULL if not isinstance(message, TargetCommand)),
     TargetCommand(stamp_ns=0, sequence=0, action="none"),
-    *(stripped(message, inner=True) for message in FULL),
-    Embeddings(
-        stamp_ns=0,
-        sequence=0,
-        camera="c",
-        model="m",
-        detections=(),
-        vectors=np.zeros((0, 512), np.float32),
+    changed("Detections", stamp_ns=-1, detections=()),
+    changed("AreaPeople", embedder=""),
+    changed("Health", host="", pid=0),
+    changed("Truth", people=(TruthPerson(id="", position_m=np.ones(3)),)),
+    changed(
+        "Score",
+        people=(PersonScore(id="", view="unknown"),),
+        recent=NOTHING,
+        total=NOTHING,
+        alignment=Alignment(applied=False),
     ),
+    *(stripped(message, inner=True) for message in FULL),
+    changed("Embeddings", detections=(), vectors=np.zeros((0, 512), np.float32)),
 )
-BY_NAME = {type(message).__name__: message for message in FULL}
