@@ -9,8 +9,8 @@ from string import Template
 from common.drawing.topdown import Trajectories
 from evaluation.gait.parameters import GaitParameter, limping_side, recognisable_limp
 from services.gait.steps.steps import FEET, FootStep
-from services.report.page import page_style
-from services.report.svg import Line, map_figure, plot
+from services.report.page import map_figure, page_style
+from services.report.svg import Line, plot
 
 NOTE = (
     "The measures are for comparing people with themselves. They are not intended for medical use."

@@ -8,10 +8,12 @@ from html import escape
 from pathlib import Path
 from string import Template
 
-from common.drawing.topdown import Trajectories
+import cv2
+
+from common.drawing.topdown import Trajectories, draw_map
 from services.report.series import RunSeries
 from services.report.statistics import END_TO_END, RunSummary
-from services.report.svg import Bar, Line, bars, map_figure, plot
+from services.report.svg import Bar, Line, bars, plot
 from services.report.text import (
     facts,
     headline,
@@ -21,6 +23,7 @@ from services.report.text import (
     slowest_stage,
 )
 
+MAP_PX = 560  # [px] side of the map
 VIDEO_MAX = 24 * 2**20  # [bytes] maximum size of an embedded video; others are separate files
 
 
@@ -90,6 +93,15 @@ class RunPage:
 def page_style() -> str:
     """Return the style sheet of pages with plots, light and dark."""
     return Path(__file__).with_name("page.css").read_text(encoding="utf-8")
+
+
+def map_figure(trajectories: Trajectories) -> str:
+    """Return the map as a picture in a figure; empty if there is no content."""
+    if not (trajectories.tracks or trajectories.truth or trajectories.cameras):
+        return ""
+    image = cv2.cvtColor(draw_map(trajectories, MAP_PX, MAP_PX), cv2.COLOR_RGB2BGR)
+    source = _data("image/png", cv2.imencode(".png", image)[1].tobytes())
+    return f'<figure><img alt="Map of the trajectories" src="{source}"></figure>'
 
 
 def _figures(summary: RunSummary) -> Iterator[str]:

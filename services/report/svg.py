@@ -1,18 +1,12 @@
 """Plots as SVG in the colours of the page's style, light and dark."""
 
-import base64
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 
-import cv2
-
-from common.drawing.topdown import Trajectories, draw_map
-
 WIDTH, HEIGHT = 640, 240
 LEFT, RIGHT, TOP, BOTTOM = 48, 12, 12, 34
-MAP_PX = 560  # [px] side of the map
 ROW = 26  # [px] height of a bar with its gap
 
 
@@ -100,16 +94,6 @@ def bars(rows: Sequence[Bar], unit: str, title: str) -> str:
         f"{escape(title)} [{escape(unit)}]: bar and figure: median; marks: 95th and 99th percentile"
     )
     return _figure(parts, caption)
-
-
-def map_figure(trajectories: Trajectories) -> str:
-    """Return the map as a picture in a figure; empty if there is no content."""
-    if not (trajectories.tracks or trajectories.truth or trajectories.cameras):
-        return ""
-    image = cv2.cvtColor(draw_map(trajectories, MAP_PX, MAP_PX), cv2.COLOR_RGB2BGR)
-    png = base64.b64encode(cv2.imencode(".png", image)[1].tobytes()).decode()
-    shown = f'<img alt="Map of the trajectories" src="data:image/png;base64,{png}">'
-    return f"<figure>{shown}</figure>"
 
 
 def _series(line: Line, end_s: float, top: float) -> str:

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from common.drawing.topdown import Trajectories, draw_map
-from services.report.page import RunPage
+from services.report.page import RunPage, map_figure
 from services.report.series import RunSeries
 from services.report.statistics import Percentiles, RunStatistics
-from services.report.svg import Bar, Line, bars, map_figure, plot
+from services.report.svg import Bar, Line, bars, plot
 
 
 class Elements(HTMLParser):
