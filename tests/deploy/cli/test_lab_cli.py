@@ -121,6 +121,8 @@ def test_existing_output_is_reported(tmp_path: Path) -> None:
 def test_stopped_rendering_says_how_to_continue(tmp_path: Path) -> None:
     """SIGTERM while frames are drawn; the same command then finishes the recording."""
     scenario = write_scenario(tmp_path, camera="exposure_s = 0.02")
+    # Seconds of drawing, so that it is not complete when a busy host runs this test next
+    scenario.write_text(scenario.read_text().replace("duration_s = 1.2", "duration_s = 4.0"))
     command = [sys.executable, "-m", "deploy.cli", "lab", "render", str(scenario)]
     command += ["--out", str(tmp_path), "--jobs", "1", "--samples", "1"]
     environment = os.environ | {"TERM": "dumb"}
