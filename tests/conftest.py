@@ -15,12 +15,14 @@ NAME_MAX = 100  # maximum length of a value in the name of a test
 SLOWER = ("processes", "network", "render", "slow")  # markers of tests that run first
 HUNG = "a process that the kernel stops for 2.25 s counts as hung"
 REPLACED = "a replica that the kernel stops for 1.2 s loses its frames to others"
+MISSED = "a recorder that the kernel stops for the time of a frame misses it"
 PAUSED = "a pause of the host of seconds ends tracks as an attack would"
 # Files whose failed tests are repeated, since a busy host decides about their result, and why
 SCHEDULED = {
     "tests/integration/test_faults.py": HUNG,
     "tests/integration/test_tracker_restart.py": HUNG,
     "tests/deploy/launcher/test_launcher.py": HUNG,
+    "tests/deploy/launcher/test_alone.py": MISSED,
     "tests/deploy/launcher/test_scale.py": REPLACED,
     "tests/integration/test_replicas.py": REPLACED,
     "tests/common/runtime/test_replicas.py": REPLACED,
