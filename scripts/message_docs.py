@@ -148,7 +148,7 @@ def generate() -> str:
         name_form=NAME_FORM,
         versions=", ".join(versions),
         topics=_topics(),
-        header=_table(Message),
+        header=_list(Message),
         messages="\n".join(_section(message, topic) for message, topic in topics.items()),
         parts="\n".join(_section(part) for part in parts),
     )
@@ -171,16 +171,15 @@ def _section(record: type[msgspec.Struct], topic: Topic | None = None) -> str:
     version = f", version {topic.message.VERSION}" if topic and topic.message.VERSION > 1 else ""
     where = f"Topic **{topic.name}**{version}.\n\n" if topic else ""
     summary = (record.__doc__ or "").partition("\n")[0]
-    return f"### {record.__name__}\n\n{summary}\n\n{where}{_table(record)}\n"
+    return f"### {record.__name__}\n\n{summary}\n\n{where}{_list(record)}\n"
 
 
-def _table(record: type[msgspec.Struct]) -> str:
-    rows = [
-        f"| `{f.name}` | {_type_and_default(f)} | "
-        f"{_escape(f.comment.removesuffix('; absent if unknown'))} |"
+def _list(record: type[msgspec.Struct]) -> str:
+    return "\n".join(
+        f"- `{f.name}` ({_type_and_default(f)}): "
+        f"{_escape(f.comment.removesuffix('; absent if unknown'))}"
         for f in fields_of(record)
-    ]
-    return "\n".join(["| field | type | meaning |", "|---|---|---|", *rows])
+    )
 
 
 def _type_and_default(field: FieldDocs) -> str:

@@ -63,7 +63,7 @@ def floor_text(found: CalibrationResult) -> str:
     adjustment = found.adjustment
     if adjustment.floor:
         names, sigma_cm = ", ".join(adjustment.floor_cameras), 100 * adjustment.floor.sigma_m
-        return f"The floor is that in the depth of {names}, ± {sigma_cm:.1f} cm."
+        return f"The floor is measured in the depth of {names}, ± {sigma_cm:.1f} cm."
     if found.floor_people:
         return "The floor is at people's feet: no depth of it was received (camera.compressed_hz)."
     return "No feet were in view: the floor is where usual statures put it."

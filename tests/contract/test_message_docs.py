@@ -36,7 +36,7 @@ def test_every_topic_and_message_is_documented() -> None:
         assert f"`{topic.key}`" in text
         assert f"### {topic.message.__name__}\n" in text
         for field in topic.message.__struct_fields__:
-            assert f"| `{field}` |" in text
+            assert f"\n- `{field}` (" in text
 
 
 class Undocumented(msgspec.Struct):

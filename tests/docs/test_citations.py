@@ -7,7 +7,7 @@ from pathlib import Path
 from tests import ROOT
 
 METHOD = (ROOT / "docs" / "method.md").read_text("utf-8")
-KEYS = set(re.findall(r"(?m)^\| \[([^\]]+)\] \|", METHOD))
+KEYS = set(re.findall(r"(?m)^- \[([^\]]+)\] ", METHOD))
 SECTIONS = set(re.findall(r"(?m)^## (\d+) ", METHOD))
 SECTION = re.compile(r"docs/method\.md,? sections? (\d+)(?:(?: and|,) (\d+))*")
 # A name with a year, or one of the keys without: [Bewley 2016], [Zhou 2019a], [PIC4SeR].

@@ -136,4 +136,4 @@ def test_every_stage_of_a_service_is_in_the_table() -> None:
 
 def test_every_stage_is_in_the_documentation() -> None:
     page = (ROOT / "docs" / "operation" / "latency.md").read_text("utf-8")
-    assert [name for name in STAGES if f"| `{name}` |" not in page] == []
+    assert [name for name in STAGES if f"\n- `{name}` (" not in page] == []

@@ -106,7 +106,7 @@ def test_floor_is_that_of_depth_images_that_come(tmp_path: Path) -> None:
     out = tmp_path / "poses.toml"
     code, said = run(source, "--out", out)
     assert code == 0, said
-    assert "The floor is that in the depth of a, b" in said
+    assert "The floor is measured in the depth of a, b" in said
     assert read_pose(out, "a")[2, 3] == pytest.approx(2.2, abs=0.01)
 
 

@@ -162,7 +162,7 @@ def test_parquet_holds_what_csv_holds(tmp_path: Path) -> None:
 
 def test_every_column_is_documented() -> None:
     _, tables = DOCS.read_text(encoding="utf-8").split("## Tables")
-    rows = re.findall(r"^\| `(\w+)` \| (.*?) \|$", tables, re.MULTILINE)
+    rows = re.findall(r"^- `(\w+)`: (.*)$", tables, re.MULTILINE)
     assert rows == [(column.name, column.meaning) for column in COLUMNS]
 
 
