@@ -35,7 +35,7 @@ SOURCES = (
     "status",
     "target",
 )
-TEMPLATE = Path(__file__).with_name("message_docs.template.md")
+TEMPLATE = Path(__file__).with_name("message_docs.template.txt")
 TARGET = Path(__file__).resolve().parents[1] / "docs" / "development" / "messages.md"
 
 WORDS = {int: "int", float: "float", str: "text", bool: "bool", bytes: "binary", Name: "name"}

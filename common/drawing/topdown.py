@@ -19,8 +19,8 @@ WEDGE_M = 0.6  # length of the wedge of a camera [m]
 class Trajectories:
     """Trajectories and cameras of a map, all in one frame, x forward (up), y left."""
 
-    tracks: Mapping[int, F64] = field(default_factory=dict)  # [m] Nx2 by track id
-    truth: Mapping[str, F64] = field(default_factory=dict)  # [m] Nx2 by person
+    tracks: Mapping[int, F64] = field(default_factory=dict)  # [m] paths (Nx2) by track id
+    truth: Mapping[str, F64] = field(default_factory=dict)  # [m] paths (Nx2) by person
     cameras: Sequence[F64] = ()  # 4x4, frame_from_optical
     frame_id: str = "map"
 

@@ -15,7 +15,7 @@ from people4d.errors import DecodeError, SourceError
 
 MAGIC = b"\x89MCAP0\r\n"
 MAX_HEADER_BYTES = 2**20  # maximum size of a header, channel or metadata record
-MAX_DESCRIPTION_BYTES = 16 * 2**20  # maximum total size of these records
+MAX_DESCRIPTION_BYTES = 16 * 2**20  # maximum total size of headers, channels and metadata
 # Maximum number of messages, a bound on the memory of the index: 90 hours at 30 Hz
 MAX_MESSAGES = 10_000_000
 MAX_CHANNELS = 4096

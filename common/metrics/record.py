@@ -22,8 +22,8 @@ class PeopleColumns:
 
     ids: tuple[Id, ...] = ()  # identities, each at most once
     boxes_xyxy_px: F64 | None = None  # [px] Nx4: left, top, right, bottom
-    positions_m: F64 | None = None  # [m] Nx3, z up, one frame for truth and hypotheses
-    velocities_mps: F64 | None = None  # [m/s] Nx3, same frame; NaN where unknown
+    positions_m: F64 | None = None  # [m] Nx3, z up, in the same frame for truth and hypotheses
+    velocities_mps: F64 | None = None  # [m/s] Nx3 in the frame of positions_m; NaN if unknown
     yaws_rad: F64 | None = None  # [rad] N, 0 = +x, counter-clockwise; NaN where unknown
 
     def __post_init__(self) -> None:

@@ -161,7 +161,7 @@ class Heartbeat:
     ) -> tuple[State | Literal["finished"], str]:
         """Return state and reason: the node's own, and problems that only the process knows."""
         now_s, stuck_s = time.monotonic(), self._activity.longest_busy_s()
-        # Both are called every time, since they compare with the previous counters.
+        # Called at each heartbeat: both methods compare with the counters of the previous one.
         missing = self._throughput.missing(counters, now_s)
         losing = self._throughput.losing(counters, now_s)
         if stuck_s > STALLED_AFTER_S:

@@ -38,10 +38,10 @@ def read_config(
     ConfigError if the file cannot be read or Zenoh refuses it.
 
     Args:
-        file: The file, or a folder of one for each mode; None for $PEOPLE4D_ZENOH, else the
-            shipped ones.
-        default: Mode: "peer", which $PEOPLE4D_MODE overrides, "router" or "client".
-        environment: Variables as in docs/launch/hosts.md; None for the process's own environment.
+        file: A file, or a folder with a file for each mode. None: $PEOPLE4D_ZENOH, or the shipped
+            folder if that is unset.
+        default: Mode "peer", "router" or "client"; $PEOPLE4D_MODE overrides "peer".
+        environment: Variables as in docs/launch/hosts.md. None: the environment of the process.
         role: Role of the service; empty: $PEOPLE4D_ROLE.
     """
     environment = os.environ if environment is None else environment

@@ -77,28 +77,28 @@ class Process:
     name: str  # instance, for example detector-1
     state: str  # STOPPED, STARTING, RUNNING, BACKOFF, STOPPING, EXITED, FATAL or UNKNOWN
     pid: int  # process number, 0 if it does not run
-    uptime_s: float  # seconds since its start, 0 if it does not run
-    exit_status: int  # last exit status; -1 for a signal
-    problem: str  # error of its start; empty if there is none
+    uptime_s: float  # [s] time since the start; 0 if the process does not run
+    exit_status: int  # last exit status; -1 after a signal
+    problem: str  # error at the start; empty if it succeeded
 
     @property
     def finished(self) -> bool:
-        """True if it exited with status 0."""
+        """True if the process exited with status 0."""
         return self.state == "EXITED" and self.exit_status == 0
 
     @property
     def ended_badly(self) -> bool:
-        """True if it exited with an error; supervisord may restart it."""
+        """True if the process exited with an error; supervisord may restart it."""
         return self.state == "EXITED" and self.exit_status != 0
 
     @property
     def gave_up(self) -> bool:
-        """True if supervisord has given up restarting it."""
+        """True if supervisord will not restart the failed process."""
         return self.state in ("FATAL", "UNKNOWN")
 
 
 def render(state: State, services: Sequence[Service]) -> str:
-    """Write supervisord's configuration of services in start order; it stops them in reverse."""
+    """Return supervisord's configuration: services start in order, and stop in reverse."""
     folder = _text(str(state.folder))
     parts = [HEAD.format(socket=_text(str(state.socket)), log=_text(str(state.log)), folder=folder)]
     for priority, service in enumerate(services, start=1):

@@ -24,7 +24,7 @@ from services.camera.config import CameraConfig
 from services.camera.source import Source, SourceFrame, SourceSetup
 
 SYSTEM_S = 5.0  # maximum wait for the system [s]
-POLL_S = 0.1  # period of that wait [s]
+POLL_S = 0.1  # period of checks while waiting [s]
 CLOSE_S = 5.0  # maximum wait for the end of the camera [s]
 
 

@@ -90,14 +90,14 @@ def cloth(figure: Figure, part: str, colour: str, material: Material) -> BodySur
 
 
 def loosened(piece: BodySurface, distance_m: F64, rounds: int) -> BodySurface:
-    """Return smooth cloth at V distances from a close-fitting piece, after rounds of smoothing."""
+    """Return a smooth garment at given distances (V) from a close-fitting one."""
     outward = normals(piece.vertices_m, piece.faces)
     loose = smoothed(piece.moved(outward * distance_m[:, None]), rounds)
     return no_closer(loose, piece, 0.7 * distance_m)
 
 
 def no_closer(loose: BodySurface, piece: BodySurface, distance_m: F64) -> BodySurface:
-    """Move loose cloth to V minimum distances from the close-fitting piece."""
+    """Move a loose garment outwards to minimum distances (V) from a close-fitting one."""
     outward = normals(piece.vertices_m, piece.faces)
     gap = np.einsum("vi,vi->v", loose.vertices_m - piece.vertices_m, outward)
     positions = loose.vertices_m + outward * np.maximum(distance_m - gap, 0.0)[:, None]

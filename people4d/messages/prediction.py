@@ -85,7 +85,7 @@ class Predictions(Message, frozen=True, kw_only=True):
     robot_m: Annotated[F64, Shape("H", 2), Magnitude(MAX_M)] | None = None
 
     def __post_init__(self) -> None:
-        """Check the fields, the order of the horizons, and that all are predicted."""
+        """Check the fields, the order of the horizons, and one prediction for each horizon."""
         super().__post_init__()
         if any(b <= a for a, b in zip(self.horizons_s, self.horizons_s[1:], strict=False)):
             raise ValueError(f"horizons_s: expected increasing, got {list(self.horizons_s)}")

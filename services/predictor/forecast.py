@@ -49,7 +49,7 @@ class PeopleState:
 class Forecast:
     """Future of N people at H horizons."""
 
-    velocities_mps: F64  # Nx2, at present
+    velocities_mps: F64  # Nx2, velocities at the stamp
     means_m: F64  # NxHx2
     covariances_m2: F64  # NxHx2x2
     motion: F64  # Nx3, probabilities of standing, going on and turning

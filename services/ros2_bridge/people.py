@@ -109,7 +109,7 @@ class PeopleOutputs:
 
 
 def _moved(message: Predictions, target_from_source: F64) -> Predictions:
-    """Return predictions in another frame, also with a vertical z axis."""
+    """Transform predictions to another frame. Both frames have a vertical z axis."""
     rotation, shift = target_from_source[:3, :3], target_from_source[:3, 3]
     plane = rotation[:2, :2]
     people = tuple(

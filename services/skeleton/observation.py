@@ -12,7 +12,7 @@ from services.skeleton.body import INSIDE_M, JOINT_COUNT
 CONFIDENCE_MIN = 0.1  # minimum confidence of a used keypoint
 ACROSS_PX = 2.0  # standard deviation of a keypoint in the image [px]
 ALONG_M = 0.04  # standard deviation of a joint along the line of sight, behind the surface [m]
-ALONG_PER_M = 0.003  # growth of that standard deviation with the squared distance [1/m]
+ALONG_PER_M = 0.003  # growth of the standard deviation with the squared distance [1/m]
 
 
 @dataclass

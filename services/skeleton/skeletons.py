@@ -57,7 +57,7 @@ LEARN_S = 10.0  # time constant of a person's usual pose [s]
 SIDES_GAIN = 8.0  # minimum decrease of squared distances for an exchange of sides
 STATURE_BONES = [2, 5, 6]  # torso, thigh and shank: rows of BONE_LENGTHS_M
 STATURE = 1.37  # stature in lengths of these bones, median of 12 simulated people
-STATURE_SIGMA = 0.04  # relative standard deviation of that ratio, between people and detectors
+STATURE_SIGMA = 0.04  # relative standard deviation of the ratio, between people and detectors
 MISFIT_MAX = 25.0  # maximum squared distance of a joint [variances]
 
 

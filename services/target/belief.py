@@ -33,7 +33,7 @@ class TrackBelief(msgspec.Struct):
     evidence: float = 0.0  # mean log ratio of the last crops since a chance of an exchange
     crops: int = 0  # number of these crops
     crop_ns: int = 0  # [ns] stamp of the last crop that counted
-    ratio: float = 0.0  # log ratio of that crop
+    ratio: float = 0.0  # log ratio of the crop
     contact: bool = False  # True: close to a track with which it may be exchanged
 
     def add_ratio(self, ratio: float) -> None:

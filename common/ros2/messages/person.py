@@ -67,7 +67,7 @@ class RosPeople:
         return RosPeople(stamp_ns, self.frame_id, tuple(moved))
 
     def transformed(self, target_from_source: F64, frame_id: str) -> "RosPeople":
-        """Return the people in another frame, also with a vertical z axis."""
+        """Transform people to another frame. Both frames have a vertical z axis."""
         rotation, turn_rad = target_from_source[:3, :3], yaw_of(target_from_source)
         both = np.kron(np.eye(2), rotation)
         turned = (

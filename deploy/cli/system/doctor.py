@@ -1,4 +1,4 @@
-"""people4d doctor."""
+"""Command `people4d doctor`: diagnostics of a running system, with remedies."""
 
 import os
 from pathlib import Path

@@ -83,7 +83,7 @@ class CameraAbsence:
             )
 
     def reasons(self, now_ns: int) -> list[str]:
-        """Return a status message for each camera that is silent or covered unlike others."""
+        """Return a status message for each silent or covered camera, if other cameras work."""
         ages_ns = {
             name: age_ns
             for name, camera in self._cameras.items()

@@ -19,7 +19,7 @@ from services.tracker.cameras.drift import CameraDrift
 TOLERANCE_NS = 350_000_000
 HALF_WINDOW_NS = 5_000_000_000  # half of the window of the minimum delay [ns]
 DELAY_MAX_NS = 900_000_000  # maximum plausible difference of two delays [ns]
-RISE_NS = 250_000_000  # rise of the minimum delay that shows a clock set back [ns]
+RISE_NS = 250_000_000  # minimum rise of the least delay after a clock was set back [ns]
 RISEN_MAX = 10  # consecutive frames with such a rise, after which the minimum restarts
 TRACE_MAX_NS = 2_000_000_000  # maximum sum of the stages in a trace [ns]
 ACTIVE_NS = 3_000_000_000  # maximum silence of an active camera [ns]

@@ -2,7 +2,6 @@
 
 import csv
 import importlib.util
-import re
 import sys
 from pathlib import Path
 
@@ -10,16 +9,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from common.io.people_table import COLUMNS, NAMES
+from common.io.people_table import NAMES
 from common.io.recording import RecordingWriter
 from deploy.cli import app
 from people4d.messages import Message, PersonSkeleton, Skeletons
 from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.sources.registry import open_truth
-from tests import ROOT
 from tests.gt_bridge.scene import MS, person, track, tracks, truth
-
-DOCS = ROOT / "docs" / "cameras" / "truth.md"
 
 
 def record(folder: Path, *messages: Message) -> Path:
@@ -158,12 +154,6 @@ def test_parquet_holds_what_csv_holds(tmp_path: Path) -> None:
     assert table.schema.field("x_m").metadata == {b"meaning": b"[m] position: torso"}
     for got, want in zip(table.to_pylist(), rows_of(tmp_path / "x.csv"), strict=True):
         assert {k: "" if v is None else str(v) for k, v in got.items()} == want
-
-
-def test_every_column_is_documented() -> None:
-    _, tables = DOCS.read_text(encoding="utf-8").split("## Tables")
-    rows = re.findall(r"^- `(\w+)`: (.*)$", tables, re.MULTILINE)
-    assert rows == [(column.name, column.meaning) for column in COLUMNS]
 
 
 def test_table_of_damaged_truth_is_not_left_by_half(tmp_path: Path) -> None:
