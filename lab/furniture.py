@@ -13,6 +13,7 @@ SIZES_M: dict[FurnitureKind, tuple[float, float]] = {
     "partition": (1.2, 0.05),
     "cabinet": (0.8, 0.42),
 }
+FOOTREST_M = 0.06  # height of the footrests of a wheelchair [m]
 
 
 class FurniturePlan(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -1,11 +1,13 @@
 """Random scenes from one seed: room, cameras and people of a given density."""
 
 import math
+from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
+from msgspec.structs import replace
 
-from lab.bodies.cast import cast_names
+from lab.bodies.cast import cast_names, child_names
 from lab.bodies.outfits import Outfit
 from lab.camera.layouts import lay_out
 from lab.camera.plan import CameraPlan, ImagePlan
@@ -15,7 +17,8 @@ from lab.random_options import NAME, RandomScene, read_options
 from lab.scenario import MAX_PEOPLE, WALKABLE_M, PersonPlan, Scenario
 from people4d.errors import ConfigError
 
-KEY = 0x5CE4E  # key of the random numbers
+KEY, CHILD_KEY = 0x5CE4E, 0xC411D  # keys of the random numbers
+CHILD_MPS = 0.8  # maximum speed of a child [m/s]
 BESIDE_M = 0.45  # minimum distance of a stop from furniture [m]
 CAMERA_M = 0.7  # minimum distance of a camera from furniture [m]
 XTION_FOCAL = 0.835  # ratio of focal length to image width
@@ -96,7 +99,18 @@ def _people(
         starts.append(random_start(rng, floor, starts))
         person = _person(options, rng, number, starts[-1])
         people.append(random_plan(rng, floor, person))
-    return tuple(people)
+    return tuple(_varied(options, people))
+
+
+def _varied(options: RandomScene, people: list[PersonPlan]) -> Iterator[PersonPlan]:
+    """Yield people, the first of them as children and the next in wheelchairs."""
+    rng = np.random.default_rng([options.seed, CHILD_KEY])
+    for number, person in enumerate(people):
+        if number < options.children:
+            body, speed_mps = str(rng.choice(child_names())), min(person.speed_mps, CHILD_MPS)
+            yield replace(person, body=body, outfit="own", speed_mps=speed_mps)
+        else:
+            yield replace(person, wheelchair=number < options.children + options.wheelchairs)
 
 
 def _person(

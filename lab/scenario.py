@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from msgspec import Meta
 
 from common.config import Config
-from lab.bodies.cast import cast_names
+from lab.bodies.cast import child_names, load_cast
 from lab.bodies.outfits import Outfit
 from lab.camera.plan import CameraPlan, RateHz
 from lab.furniture import FurniturePlan
@@ -96,12 +96,16 @@ class PersonPlan(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
     size: Annotated[float, Meta(ge=0.8, le=1.2)] = 1.0  # stature relative to the cast
     gestures: tuple[Gesture, ...] = ()  # in order
     acts: tuple[Act, ...] = ()  # in order, while the person stands
+    wheelchair: bool = False  # True: sits in a wheelchair all the time
 
     def __post_init__(self) -> None:
-        """Check the name of the body."""
+        """Check the name of the body, and that a person in a wheelchair stays in it."""
         super().__post_init__()
-        if self.body not in cast_names():
-            raise ValueError(f"body: expected one of {', '.join(cast_names())}, got {self.body!r}")
+        if self.body not in load_cast():
+            raise ValueError(f"body: expected one of {', '.join(load_cast())}, got {self.body!r}")
+        sits = self.acts or any(waypoint.sit for waypoint in self.path)
+        if self.wheelchair and (sits or self.body in child_names()):
+            raise ValueError("wheelchair: expected an adult without acts and stools")
 
     def positions(self) -> tuple[tuple[float, float], ...]:
         """Return the planned positions: x and y in metres, frame: map."""

@@ -11,7 +11,7 @@ from lab.bodies.skeleton import BodyPose
 from lab.camera.base_path import BasePath
 from lab.camera.plan import CameraPlan
 from lab.drawing.mesh import Mesh
-from lab.drawing.pieces import furnished
+from lab.drawing.pieces import furnished, moved, wheelchair
 from lab.drawing.rooms import Room, room_mesh
 from lab.furniture import discs_of
 from lab.motion.motion import PersonMotion, simulate
@@ -136,6 +136,15 @@ class World:
             # Soles sink below the floor by up to a millimetre; they are not drawn below it.
             np.maximum(mesh.vertices_m[:, 2], 0.0, out=mesh.vertices_m[:, 2])
         return meshes
+
+    def surfaces(self, t_s: float) -> tuple[Mesh, ...]:
+        """Return everything in the room at a time: bodies and wheelchairs."""
+        return (*self.meshes(t_s), *self._wheelchairs(t_s))
+
+    def _wheelchairs(self, t_s: float) -> list[Mesh]:
+        pairs = zip(self.scenario.people, self.motions, strict=True)
+        paths = [motion.path(t_s)[0] for person, motion in pairs if person.wheelchair]
+        return [moved(wheelchair(), (x, y), np.degrees(yaw)) for x, y, yaw in paths]
 
     def map_from_optical(self, t_s: float) -> F64:
         """Return the pose of the camera's optical frame, 4x4."""

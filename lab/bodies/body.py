@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from lab.bodies.cast import CastMember, cast_names, load_cast
+from lab.bodies.cast import CastMember, load_cast
 from lab.bodies.face import make_eyes, make_glasses, paint_face
 from lab.bodies.figure import Figure, load_figure, scaled
 from lab.bodies.garments import (
@@ -53,7 +53,7 @@ def load_body(
     """
     person = load_cast().get(name)
     if person is None:
-        raise ConfigError(f"unknown person {name}", f"There are {', '.join(cast_names())}.")
+        raise ConfigError(f"unknown person {name}", f"There are {', '.join(load_cast())}.")
     figure = scaled(load_figure(person.figure), size)
     return SkinnedBody(name, figure, dress(figure, dress_up(person, outfit, seed, number), seed))
 

@@ -55,6 +55,7 @@ class CastMember(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
     about: str  # description in a few words
     figure: str  # name of the baked body
+    age_years: int | None = None  # age of a child; None: an adult or a teenager
     skin: Colour
     eyes: Colour = "#4a3524"
     glasses: bool = False
@@ -72,8 +73,13 @@ def load_cast() -> dict[str, CastMember]:
 
 
 def cast_names() -> list[str]:
-    """Return the names of the cast, the values of `body` in a scenario."""
-    return list(load_cast())
+    """Return the names of the cast without young children, from which random scenes draw."""
+    return [name for name, person in load_cast().items() if person.age_years is None]
+
+
+def child_names() -> list[str]:
+    """Return the names of the young children of the cast."""
+    return [name for name, person in load_cast().items() if person.age_years is not None]
 
 
 def linear(colour: str) -> F64:

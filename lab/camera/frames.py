@@ -58,7 +58,7 @@ class FrameRenderer:
         # The stamp is the middle of the exposure.
         times_s = [t_s + ((k + 0.5) / count - 0.5) * open_s for k in range(count)]
         instants = [
-            Instant(self.world.meshes(time_s), self.world.optical_from_map(time_s))
+            Instant(self.world.surfaces(time_s), self.world.optical_from_map(time_s))
             for time_s in times_s
         ]
         settings = self._drift.at(t_s)
@@ -78,7 +78,7 @@ class FrameRenderer:
         world, lag_s = self.world, self.world.scenario.camera.depth_lag_s
         t_s, stamp_s = world.frame_s(index) - lag_s, world.stamp_ns(index) / 1e9
         if self._settings.errors and self._config.sees_surfaces:
-            meshes, pose = [world.room.mesh, *world.meshes(t_s)], world.optical_from_map(t_s)
+            meshes, pose = [world.room.mesh, *world.surfaces(t_s)], world.optical_from_map(t_s)
             threads = self._settings.threads
             surfaces = draw_surfaces(meshes, pose, world.info, self._config, threads)
             return self._sensor.measure(
@@ -92,7 +92,7 @@ class FrameRenderer:
 
     def _view_at(self, t_s: float) -> DepthView:
         world = self.world
-        meshes = [world.room.mesh, *world.meshes(t_s)]
+        meshes = [world.room.mesh, *world.surfaces(t_s)]
         pose, threads = world.optical_from_map(t_s), self._settings.threads
         return draw_depth(meshes, pose, world.info, self._config.baseline_m, threads)
 

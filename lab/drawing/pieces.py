@@ -3,14 +3,16 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
+from lab.drawing import furniture as built_in
 from lab.drawing.furniture import BLACK, STEEL
 from lab.drawing.mesh import Material, Mesh, join
 from lab.drawing.rooms import Room
-from lab.drawing.solids import Finish, box, srgb
-from lab.furniture import SIZES_M, FurnitureKind, FurniturePlan
+from lab.drawing.solids import Finish, box, cylinder, srgb
+from lab.furniture import FOOTREST_M, SIZES_M, FurnitureKind, FurniturePlan
 
 PALE = Finish(Material.WOOD, srgb(214, 208, 196))
 GREY = Finish(Material.FABRIC, srgb(104, 108, 114))
@@ -22,15 +24,46 @@ def furnished(room: Room, furniture: Sequence[FurniturePlan]) -> Room:
     """Return a room with additional pieces of furniture."""
     if not furniture:
         return room
-    pieces = [_put(join(KINDS[piece.kind]()), piece) for piece in furniture]
+    pieces = [moved(join(KINDS[piece.kind]()), piece.at, piece.yaw_deg) for piece in furniture]
     return replace(room, mesh=join([room.mesh, *pieces]))
 
 
-def _put(mesh: Mesh, piece: FurniturePlan) -> Mesh:
-    cos, sin = math.cos(math.radians(piece.yaw_deg)), math.sin(math.radians(piece.yaw_deg))
+def moved(mesh: Mesh, at_m: Sequence[float], yaw_deg: float) -> Mesh:
+    """Return a mesh at a position on the floor, turned about the vertical."""
+    cos, sin = math.cos(math.radians(yaw_deg)), math.sin(math.radians(yaw_deg))
     turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    shift = np.array([*piece.at, 0.0])
+    shift = np.array([*at_m, 0.0])
     return replace(mesh, vertices_m=mesh.vertices_m @ turn.T + shift, normals=mesh.normals @ turn.T)
+
+
+@cache
+def wheelchair() -> Mesh:
+    """Return a wheelchair at the origin that faces +x, with its axle below the hips."""
+    seat_m = built_in.SEAT_M + FOOTREST_M
+    parts = box((-0.18, -0.22, seat_m - 0.05), (0.28, 0.22, seat_m), BLACK)
+    parts += box((-0.22, -0.22, seat_m), (-0.17, 0.22, seat_m + 0.42), BLACK)
+    for side in (-1.0, 1.0):
+        parts += _wheel(-0.04, side * 0.29, 0.3) + _wheel(0.34, side * 0.22, 0.08)
+        for low, high in (
+            ((-0.2, 0.23, seat_m + 0.2), (0.2, 0.27, seat_m + 0.23)),  # armrest
+            ((-0.32, 0.2, seat_m + 0.4), (-0.2, 0.23, seat_m + 0.43)),  # handle
+            ((0.28, 0.18, FOOTREST_M), (0.31, 0.21, seat_m)),
+            ((0.28, 0.04, FOOTREST_M - 0.02), (0.58, 0.21, FOOTREST_M)),
+        ):
+            (x0, y0, z0), (x1, y1, z1) = low, high
+            near, far = sorted((side * y0, side * y1))
+            parts += box((x0, near, z0), (x1, far, z1), STEEL)
+    return join(parts)
+
+
+def _wheel(x_m: float, y_m: float, radius_m: float) -> list[Mesh]:
+    """Return an upright wheel on the floor that rolls along x."""
+    lying = cylinder((x_m, radius_m, y_m - 0.015), radius_m, 0.03, BLACK)
+    order = [0, 2, 1]
+    return [
+        replace(part, vertices_m=part.vertices_m[:, order], normals=part.normals[:, order])
+        for part in lying
+    ]
 
 
 def _desk() -> list[Mesh]:

@@ -124,7 +124,7 @@ def body_extents(mesh: Mesh, optical_from_map: F64, info: CameraInfo) -> Extent:
 class Instant:
     """The scene at one instant."""
 
-    people: Sequence[Mesh]  # meshes of the people; the room belongs to the renderer
+    people: Sequence[Mesh]  # people and objects; the room belongs to the renderer
     optical_from_map: F64  # transform into the camera, 4x4
 
 
@@ -234,7 +234,8 @@ class Renderer:
             self.samples * COARSE,
         )
         light = base.light if base else self._lighting(instant.people, raster)
-        people = self._covered(mesh, raster)
+        faces = sum(len(one.faces) for one in instant.people)
+        people = self._covered((raster.triangle >= 0) & (raster.triangle < faces))
         wanted = people | base.people if base else np.ones_like(people)
         if base:
             image[:] = base.image
@@ -245,10 +246,9 @@ class Renderer:
         )
         return Shaded(image, people, light)
 
-    def _covered(self, mesh: Mesh, raster: Raster) -> npt.NDArray[np.bool_]:
-        owners = np.append(mesh.owner > 0, False)[raster.triangle]
+    def _covered(self, samples: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
         height, width, side = self.info.height, self.info.width, self.samples
-        return np.asarray(owners.reshape(height, side, width, side).any(axis=(1, 3)))
+        return np.asarray(samples.reshape(height, side, width, side).any(axis=(1, 3)))
 
     def _samples_from_map(self, optical_from_map: F64) -> F64:
         camera = camera_matrix(self.info)

@@ -16,6 +16,7 @@ from lab.motion.crowd import CrowdPaths, Disc, PositionFunction, Surroundings, s
 from lab.motion.footfalls import Individual, StepPlan
 from lab.motion.kinematics import pose_arrays
 from lab.motion.walker import STEP_S, Walker
+from lab.motion.wheelchair import roll
 from lab.scenario import PersonPlan
 from people4d.messages import F64
 
@@ -113,7 +114,10 @@ def _motion(paths: CrowdPaths, index: int, person: Individual) -> PersonMotion:
     )
     speed = np.hypot(np.gradient(x, STEP_S), np.gradient(y, STEP_S))
     path = WalkPath(paths.times_s, x, y, yaw, speed, np.gradient(yaw, STEP_S))
-    pelvis_m, rotations, steps = pose_arrays(
-        person, path, paths.seated[index], paths.looking[index]
+    looking = paths.looking[index]
+    pelvis_m, rotations, steps = (
+        roll(person, path, looking)
+        if person.plan.wheelchair
+        else pose_arrays(person, path, paths.seated[index], looking)
     )
     return PersonMotion(path, pelvis_m, rotations, steps)

@@ -33,6 +33,8 @@ def frame_arrays(world: World, index: int, people: Sequence[PersonView], view: D
         "bbox": np.array([p.box_xyxy_px for p in people], np.float32).reshape(-1, 4),
         "vis": np.array([p.visible_share for p in people], np.float32),
         "masks": view.owners,
+        "stature": np.array([body.skeleton.stature_m for body in world.bodies], np.float32),
+        "wheelchair": np.array([p.wheelchair for p in world.scenario.people], np.bool_),
     }
 
 
@@ -52,6 +54,8 @@ def save_frames(path: Path, info: CameraInfo, frames: Sequence[Arrays]) -> None:
     - bbox: NxKx4, box of the unoccluded body, xyxy in pixels
     - vis: NxK, unoccluded share of the body's pixels
     - masks: NxHxW, 0: no person, k: person k, counted from 1
+    - stature: NxK, with shoes, m
+    - wheelchair: NxK, True: in a wheelchair
     """
     lens = np.array([info.fx, info.fy, info.cx, info.cy])
     stacked = {name: np.stack([frame[name] for frame in frames]) for name in frames[0]}

@@ -9,7 +9,7 @@ class Shape(NamedTuple):
     Args:
         stature_m: Without shoes, in metres; anny's height parameter follows from it.
         gender: 0 = male, 1 = female.
-        age: 1/3 = child, 2/3 = young adult, 1 = old.
+        age: 0 = 1 year, 1/3 = 10 years, 2/3 = 25 years, 1 = old.
         muscle: 0.5 = average.
         weight: 0.5 = average.
         proportions: 0 = broad shoulders and long legs, 1 = anny's ideal.
@@ -36,4 +36,8 @@ PEOPLE = {
     "joy": Shape(1.70, 1.0, 0.74, 0.48, 0.82, 0.50),
     "twin_a": Shape(1.78, 0.0, 0.64, 0.48, 0.46, 0.76),
     "twin_b": Shape(1.77, 0.0, 0.65, 0.50, 0.49, 0.76),
+    # Median statures at 3, 5 and 8 years [WHO 2006]
+    "kim": Shape(0.96, 1.0, 0.074, 0.50, 0.50, 0.50),
+    "leo": Shape(1.10, 0.0, 0.148, 0.50, 0.50, 0.50),
+    "mia": Shape(1.27, 1.0, 0.259, 0.50, 0.48, 0.50),
 }

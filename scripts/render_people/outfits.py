@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from lab.bodies.body import SkinnedBody, dress
-from lab.bodies.cast import CastMember, load_cast
+from lab.bodies.cast import CastMember, cast_names, load_cast
 from lab.bodies.figure import load_figure
 from lab.bodies.skeleton import BodyPose
 from lab.drawing.mesh import I32, Material, Mesh, Pattern
@@ -94,8 +94,8 @@ def shirt_colour(texture_m: F32, outfit: Outfit) -> F64:
 
 def draw_cut(rng: Rng) -> CastMember:
     """Draw a figure with hair and clothes of a random cut."""
-    cast = list(load_cast().values())
-    base = cast[rng.integers(len(cast))]
+    names = cast_names()
+    base = load_cast()[names[rng.integers(len(names))]]
     sleeves: Literal["long", "short"] = "long" if rng.random() < 0.6 else "short"
     return msgspec.structs.replace(
         base,

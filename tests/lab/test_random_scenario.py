@@ -6,8 +6,9 @@ import msgspec
 import pytest
 
 from evaluation.recordings.recordings import plan_recordings
+from lab.bodies.cast import child_names
 from lab.catalogue import load_scenario
-from lab.random_scenario import random_scenario
+from lab.random_scenario import CHILD_MPS, random_scenario
 from lab.scenario import WALKABLE_M
 from people4d.errors import ConfigError
 
@@ -40,6 +41,16 @@ def test_scenes_vary_in_camera_light_clothes_and_furniture() -> None:
         *("desk", "chair", "partition", "cabinet")
     }
     assert all(scene.camera.fps == 10 for scene in scenes)
+
+
+def test_first_people_are_children_and_the_next_in_wheelchairs() -> None:
+    usual = random_scenario("random?people=5", 3)
+    scene = random_scenario("random?people=5&children=2&wheelchairs=1", 3)
+    assert [p.body in child_names() for p in scene.people] == [True, True, False, False, False]
+    assert [p.wheelchair for p in scene.people] == [False, False, True, False, False]
+    assert all(person.speed_mps <= CHILD_MPS for person in scene.people[:2])
+    assert scene.people[3:] == usual.people[3:]
+    assert [p.path for p in scene.people] == [p.path for p in usual.people]
 
 
 def test_plain_scene_has_no_weaknesses_of_a_camera() -> None:

@@ -66,6 +66,14 @@ def refusal(folder: Path, text: str) -> str:
         ),
         (PERSON + PERSON, "people[1]: expected to start at least 0.5 m from people[0]"),
         ('people = []\nroom = "attic"', "room: invalid enum value 'attic'"),
+        (
+            '[[people]]\nbody = "kim"\nstart = [3.0, 0.0]\nwheelchair = true',
+            "wheelchair: expected an adult without acts and stools",
+        ),
+        (
+            PERSON + "wheelchair = true\npath = [{ to = [3, 1], sit = true }]",
+            "wheelchair: expected an adult without acts and stools",
+        ),
         ("people = []\nseed = -1", "seed: expected `int` >= 0, got -1"),
         ("people = []\n[camera]\nfps = 0.0", "camera.fps: expected `float` >= 1.0, got 0.0"),
         ("people = []\n[camera]\nyaw_deg = nan", "camera.yaw_deg: expected a finite number"),

@@ -35,7 +35,7 @@ Seed = Annotated[
 
 def list_() -> None:
     """List the scenarios and the simulated people."""
-    from lab.bodies.cast import cast_names  # noqa: PLC0415
+    from lab.bodies.cast import load_cast  # noqa: PLC0415
 
     columns = ("scenario", ">people", ">length", "room", "camera", "about")
     table = plain_table(*columns)
@@ -51,7 +51,7 @@ def list_() -> None:
             scenario.about,
         )
     console.print(table)
-    console.print(f"\n[bold]people[/]  {', '.join(cast_names())}")
+    console.print(f"\n[bold]people[/]  {', '.join(load_cast())}")
     console.print("\nPreview one: people4d lab preview SCENARIO")
     console.print("Run the pipeline on it: people4d up --source lab:SCENARIO")
 

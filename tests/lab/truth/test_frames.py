@@ -135,6 +135,9 @@ def test_file_holds_the_visible_truth(tmp_path: Path) -> None:
         np.testing.assert_allclose(file["t"], [0, 1.4])
         assert file["masks"].shape == (2, 480, 640)
         assert file["masks"].dtype == np.uint8
+        assert file["wheelchair"].tolist() == [[False, False]] * 2
+        statures_m = [body.skeleton.stature_m for body in of.bodies]
+        np.testing.assert_allclose(file["stature"], [statures_m] * 2, rtol=1e-6)
         shapes = {"pos": (3,), "vel": (3,), "yaw": (), "path_yaw": (), "kp3d": (17, 3)}
         shapes |= {"kp2d": (17, 2), "kpvis": (17,), "bbox": (4,), "vis": ()}
         assert {name: file[name].shape for name in shapes} == {
