@@ -37,7 +37,7 @@ class Setting(NamedTuple):
 
     name: str  # path, for services and cameras as in --set; "[]" marks a list of tables
     default: str
-    meaning: str  # with its unit
+    meaning: str  # caption with the unit
     record: type[msgspec.Struct]  # record of the field
 
 

@@ -156,15 +156,15 @@ def generate() -> str:
 
 def _topics() -> str:
     rows = [
-        f"| {t.name} | `{t.key}` | [{t.message.__name__}](#{t.message.__name__.lower()}) | "
+        f"| [{t.name}](#{t.message.__name__.lower()}) | `{t.key}` | "
         f"{f'{t.rate_hz:g} Hz' if t.rate_hz else 'once'} | {t.delivery}, {t.depth} | "
         f"{', '.join(sorted(t.producers))} | "
         f"{'yes' if {'*', 'planner'} & set(t.readers.split()) else '-'} |"
         for t in TOPICS
     ]
-    head = "| topic | key below the prefix | message | rate | delivery, depth | from | planner |"
+    head = "| topic | key below the prefix | rate | delivery, depth | from | planner |"
     legend = [f"- *{name}*: {meaning}." for name, meaning in DELIVERY.items()]
-    return "\n".join([head, "|---|---|---|---|---|---|---|", *rows, "", *legend])
+    return "\n".join([head, "|---|---|---|---|---|---|", *rows, "", *legend])
 
 
 def _section(record: type[msgspec.Struct], topic: Topic | None = None) -> str:
@@ -184,7 +184,8 @@ def _list(record: type[msgspec.Struct]) -> str:
 
 def _type_and_default(field: FieldDocs) -> str:
     """Return the type, and the value of an absent field."""
-    default = "" if field.presence == "required" else f", default {field.presence}"
+    optional = {"required": "", "nil": ", optional", "empty": ", optional"}
+    default = optional.get(field.presence, f", default {field.presence}")
     kind = field.kind.removesuffix(" or nil") if field.presence == "nil" else field.kind
     return (kind if kind[0] == "[" else _escape(kind)) + default
 

@@ -34,7 +34,7 @@ class MeasuredFloor:
 
     up: F64  # 3, unit length
     middle_m: F64  # 3, the most certain point of the floor
-    sigma_m: float  # standard deviation of the height of the point
+    sigma_m: float  # standard deviation of the height of middle_m
     sigma_rad: float  # standard deviation of the direction up
 
     @property

@@ -11,7 +11,7 @@ from common.geometry.transforms import deproject
 from people4d.messages import F64, U16, CameraInfo, Detection, Detections
 from people4d.messages.base import MAX_CAMERAS
 
-FRAMES_MAX = 60_000  # frames of one camera: 33 minutes at 30 Hz
+FRAMES_MAX = 60_000  # maximum number of frames of a camera: 33 minutes at 30 Hz
 SHOULDERS, HIPS, ANKLES = [5, 6], [11, 12], [15, 16]  # COCO
 # Maximum number of contradictions after a restart of a camera or its detector
 CONTRADICTIONS_MAX = 10
@@ -24,7 +24,7 @@ LIMB_CONFIDENCE_MIN = 0.6  # minimum confidence of limbs, above guesses of hidde
 
 @dataclass(frozen=True, slots=True)
 class ObservedPerson:
-    """One person in one frame; optical frame of the camera."""
+    """One person in one image, in the optical frame of the camera."""
 
     position_m: F64  # 3, torso
     low_ray: F64 | None  # 3, towards the middle of the ankles, or of the hips; None: not found

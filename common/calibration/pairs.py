@@ -13,7 +13,7 @@ from common.calibration.tracklets import STEP_S
 from people4d.messages import F64
 
 OVERLAP_STEPS = 15  # minimum overlap of two paths that propose a pose
-EXTENT_M = 0.6  # minimum extent of these paths [m]
+EXTENT_M = 0.6  # minimum extent of paths that propose a pose [m]
 RMS_MAX_M = 0.15  # maximum RMS distance of these paths at the proposed pose [m]
 PROPOSALS_MAX = 240  # maximum number of scored proposals
 GATE_M, HEIGHT_GATE_M = 0.3, 0.3  # maximum distance of two positions of one person [m]

@@ -24,7 +24,7 @@ class Diagnostic(msgspec.Struct, frozen=True, kw_only=True):
     level: Level = "ok"  # severity; "warning": people are published, with limits
     what: str  # finding, one sentence
     hint: str = ""  # remedy, one sentence; empty if none is needed
-    about: tuple[str, ...] = ()  # processes whose state this explains
+    about: tuple[str, ...] = ()  # processes whose state the finding explains
 
 
 def ok(check: str, what: str) -> Diagnostic:
@@ -77,7 +77,7 @@ class Evidence:
     # robot, service and process of all liveliness tokens, of all robots
     present: list[tuple[str, str, str]] = field(default_factory=list)
     infos: dict[str, CameraInfo] = field(default_factory=dict)  # calibrations by camera
-    # transforms by their child
+    # transforms by child frame
     transforms: dict[str, StaticTransform] = field(default_factory=dict)
     detections: list[Detections] = field(default_factory=list)  # detections by camera
     tracks: list[Tracks] = field(default_factory=list)  # people messages

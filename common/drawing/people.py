@@ -28,7 +28,7 @@ class CameraView:
     """Projection from the frame of the tracks into the image."""
 
     info: CameraInfo
-    optical_from_map: F64  # 4x4, from the frame of the tracks
+    optical_from_map: F64  # 4x4, optical frame from the frame of the tracks
 
     def pixels(self, points_m: F64) -> F64 | None:
         """Return the pixels (Nx2) of points (Nx3), None if one is behind the camera."""

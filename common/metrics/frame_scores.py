@@ -20,9 +20,9 @@ class IdSwitch:
 
     person: Id
     before: Id  # track of the last match
-    after: Id  # track of this match
-    last_frame: int  # index of the last frame with the track before
-    frame: int  # index of the first frame with the track after
+    after: Id  # track of the new match
+    last_frame: int  # index of the last frame with the previous track
+    frame: int  # index of the first frame with the new track
 
 
 @dataclass(frozen=True)

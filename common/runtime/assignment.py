@@ -63,7 +63,7 @@ class PendingMessage:
     key: str  # full key of the message
     payload: bytes | Message  # encoded message; decoded if published by this process
     received_ns: int  # wall clock of arrival
-    header: MessageHeader  # fields that determine its replica
+    header: MessageHeader  # fields of the message that determine its replica
 
 
 def assigned_replica(replicas: Sequence[str], camera: str, sequence: int) -> str | None:

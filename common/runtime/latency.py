@@ -20,7 +20,7 @@ class TraceSegment:
     service: str  # service of the work, or receiver of the message
     process: str  # process of the stage, "<instance>@<host>"
     stage: str  # one of `common.transport.trace.STAGES`, or a service's own
-    start_ns: int  # [ns] beginning
+    start_ns: int  # [ns] start of the stage
     end_ns: int  # [ns] end; before `start_ns` if the offset of the clocks is wrong
     # [ns] bound of the clock error in the duration: 0 on one host; None: clocks were not compared
     error_ns: float | None = 0.0

@@ -39,8 +39,8 @@ class TimeExchange:
     """One query and its reply, as in docs/method.md section 24 [Mills 2010]."""
 
     query_sent_ns: int  # [ns] own clock
-    query_received_ns: int  # time of reception by the other's clock
-    reply_sent_ns: int  # time of sending by the other's clock
+    query_received_ns: int  # time of reception on the other clock
+    reply_sent_ns: int  # time of sending on the other clock
     reply_received_ns: int  # [ns] own clock
 
     @property

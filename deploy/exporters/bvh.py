@@ -71,7 +71,7 @@ def _joint(name: str, indent: str, points: Mapping[str, F64]) -> Iterator[str]:
 
 def _rotations(points: Mapping[str, F64]) -> Iterator[Rotation]:
     """Yield the rotations of all joints with children, relative to their parents."""
-    turned = dict[str, Rotation]()  # relative to the map
+    turned = dict[str, Rotation]()  # rotations from the map, by joint
     for name, (parent, _) in TREE.items():
         if not parent:
             right = points["right_hip"] - points["left_hip"]

@@ -107,7 +107,7 @@ class HangDetector:
         return ""
 
     def was_heard(self, process: Process) -> bool:
-        """Check for a heartbeat of this process, not of a predecessor of its name."""
+        """Check that a heartbeat is from the current process and not from an earlier one."""
         return (process.name, process.pid) in self._heard
 
     def _is_silent(self, process: Process, now_s: float) -> bool:

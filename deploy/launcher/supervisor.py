@@ -222,7 +222,7 @@ class Supervisor:
             self._call("supervisor.signalProcess", program, "KILL")
 
     def rescale(self, services: Sequence[Service]) -> tuple[list[str], list[str]]:
-        """Apply other numbers of processes: surplus processes are stopped, new ones not started.
+        """Change the numbers of processes: stop surplus processes, add others without a start.
 
         Returns:
             Names of the new and of the stopped processes.

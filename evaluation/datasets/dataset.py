@@ -67,7 +67,7 @@ class Dataset(ABC):
 
     @abstractmethod
     def sequences(self, folder: Path) -> Sequence[str]:
-        """Return the sequences in a folder, their split first, for example train/MOT17-02-DPM.
+        """Return the names of sequences in a folder with their split, such as train/MOT17-02-DPM.
 
         SourceError if a file is missing, see `require`.
         """

@@ -27,7 +27,7 @@ class DisplacementErrors(Counts):
 
     paths: int
     ade_m: float  # mean error of a path
-    fde_m: float  # error at its end
+    fde_m: float  # mean error at the end of a path
     constant_ade_m: float
     constant_fde_m: float
 

@@ -22,7 +22,7 @@ from services.camera.sources import kind_of, open_source
 SWITCHES_MAX = 5  # maximum number of switches of a run with an image
 AROUND = 6  # number of frames before the last and after the first match
 BODY_M = 2.3  # [m] side of the square around the person
-SIDE_PX = 210  # [px] side of its image
+SIDE_PX = 210  # [px] side of the image of the square
 NEAR_M = 0.2  # [m] minimum depth of a shown person
 
 

@@ -49,8 +49,8 @@ class CameraConfig(Config, frozen=True, kw_only=True):
     max_depth_m: Positive | None = None  # [m] maximum valid depth; absent: of the source, else 5
     mount_xyz_m: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m] camera_link in mount_parent
     mount_rpy_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [rad] about fixed x, y, z
-    # [deg] clockwise turn that makes images upright, mount_* being of the upright camera; absent:
-    # from the roll of its pose
+    # [deg] clockwise rotation to upright images, then mount_* is the pose of the upright camera;
+    # absent: by the roll of the pose
     rotate: Literal[0, 90, 180, 270] | None = None
     # File of people4d calibrate; its pose replaces the pose from the source and mount_*
     transforms: str = ""

@@ -19,7 +19,7 @@ class DashboardConfig(Config, frozen=True, kw_only=True):
     operator_token: str = ""
     planner_token: str = ""  # see operator_token
     certificate: str = ""  # PEM file of the certificate; with its key the page is served by https
-    certificate_key: str = ""  # PEM file of its key
+    certificate_key: str = ""  # PEM file of the certificate's key
     # True: programs may read people as JSON, see docs/operation/json.md
     people_json: bool = False
     privacy: bool = False  # True: no images or depth leave the process

@@ -12,10 +12,10 @@ NEAR_MS = 2000.0  # maximum age of a packet at the shown time [ms]
 class Packet:
     """Encoded parts that are sent together to all viewers."""
 
-    at_ms: float  # wall clock of its creation [ms]
+    at_ms: float  # time of creation by the wall clock [ms]
     key: str  # key; a newer packet replaces a waiting one of the same key
     parts: tuple[tuple[str, bytes], ...]  # kind and bytes of each part
-    stamp_ns: int = 0  # stamp of its frame; 0: without a frame
+    stamp_ns: int = 0  # stamp of the frame; 0: without a frame
 
     @property
     def follows(self) -> bool:

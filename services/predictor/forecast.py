@@ -34,7 +34,7 @@ class PeopleState:
     ids: Integers  # N identities
     positions_m: F64  # Nx2
     velocities_mps: F64  # Nx2
-    covariances_m2: F64  # Nx2x2, of positions
+    covariances_m2: F64  # Nx2x2, covariances of positions
     sigma_mps: F64  # N, standard deviation of a velocity, per axis
     yaws_rad: F64  # N, NaN if unknown
 

@@ -13,7 +13,7 @@ from services.predictor.motion import Integers
 
 WALKING_MPS = 0.3  # minimum speed of a walking person [m/s]
 WALKING_M = 1.5  # maximum distance of two people walking together [m]
-WALKING_DIFFER_MPS = 0.35  # maximum difference of their velocities [m/s]
+WALKING_DIFFER_MPS = 0.35  # maximum difference of the velocities of a pair [m/s]
 SPACE_M = 0.7  # distance from a standing person to the centre of the space in front [m]
 SPACE_APART_M = 0.8  # maximum distance of the centres of a common space [m]
 STANDING_M = 2.5  # maximum distance of two people with a common space [m]

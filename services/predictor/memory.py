@@ -36,7 +36,7 @@ class Situation:
     standing: Flags  # N
     displacements_m: F64  # NxHx2, mean of the motion models
     measured_m: F64  # NxHx2, displacements from measured position and velocity
-    covariances_m2: F64  # NxHx2x2, of the motion models
+    covariances_m2: F64  # NxHx2x2, covariances of the motion models
 
 
 class ForecastMemory:

@@ -27,7 +27,7 @@ class AreaTracks(Message, frozen=True, kw_only=True):
     """Tracks of one area, inside the process."""
 
     area: Name  # name of the area
-    tracks: Tracks  # published by its tracker
+    tracks: Tracks  # message of the area's tracker
 
     @property
     def camera(self) -> str:

@@ -18,7 +18,7 @@ from services.skeleton.posture import CONFIDENCE_MIN
 from services.skeleton.skeletons import People
 
 HEAD = 7  # number of joints of face and shoulders, the first ones
-WEIGHT_MIN = 1.0  # minimum sum of the confidences of these joints
+WEIGHT_MIN = 1.0  # minimum sum of the confidences of the joints
 SMOOTH_S = 1.0  # time constant of the position of the head [s]
 # Minimum extent of the positions of a head that moves [m]: smoothed sway of people gives 8 mm
 # sideways in 20 s [Winter 1995], a robot seen by the default detector 6 mm at most
@@ -45,7 +45,7 @@ class _Evidence:
     high: F64
     still_s: float = 0.0  # duration without a displacement
     flat_m2: float = 0.0  # mean squared distance from the plane
-    flat_s: float = 0.0  # duration of these readings
+    flat_s: float = 0.0  # duration of the readings
 
 
 class ObjectFilter:

@@ -31,7 +31,7 @@ class TrackBelief(msgspec.Struct):
     matched_ns: int  # [ns] last match
     prior: float = 0.0
     evidence: float = 0.0  # mean log ratio of the last crops since a chance of an exchange
-    crops: int = 0  # number of these crops
+    crops: int = 0  # number of crops that counted
     crop_ns: int = 0  # [ns] stamp of the last crop that counted
     ratio: float = 0.0  # log ratio of the crop
     contact: bool = False  # True: close to a track with which it may be exchanged

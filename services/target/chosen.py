@@ -41,7 +41,7 @@ class Memory(msgspec.Struct):
     """State that outlives the process."""
 
     chooser: str = ""
-    command: TargetCommand | None = None  # choice without its person so far
+    command: TargetCommand | None = None  # choice whose person is not found yet
     command_ns: int | None = None  # [ns] stamp of the first frame after the choice
     is_chosen: bool = False  # True: a person is chosen
     name: str = ""  # name of an enrolled person; empty: not enrolled
@@ -50,7 +50,7 @@ class Memory(msgspec.Struct):
     frame_id: str = ""
     stamp_ns: int | None = None  # [ns] last frame
     locked_ns: int | None = None  # [ns] last frame with a lock; None after a clock reset
-    locked_m: tuple[float, float] = (0.0, 0.0)  # [m] position at that time
+    locked_m: tuple[float, float] = (0.0, 0.0)  # [m] position in the last frame with a lock
     tracks: dict[int, TrackBelief] = {}
     appearance: Appearance = msgspec.field(default_factory=Appearance)
     height: TorsoHeight = msgspec.field(default_factory=TorsoHeight)

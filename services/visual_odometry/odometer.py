@@ -81,8 +81,8 @@ class Odometer:
     ) -> None:
         self._config, self._camera, self._mount = config, camera, mount
         self._counters = counters
-        self._keyframes: list[Keyframe] = []  # the current one is last
-        self._state: MotionState | None = None  # relative to the current keyframe
+        self._keyframes: list[Keyframe] = []  # keyframes, the current one last
+        self._state: MotionState | None = None  # motion since the current keyframe
         # Last pixels of the current keyframe's landmarks, and reduced image
         self._last: tuple[F32, F32] | None = None
         self.pose = start  # last pose of the base

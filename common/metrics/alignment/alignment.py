@@ -40,7 +40,7 @@ class SpaceAlignment:
 
     matrix: F64  # [m] 4x4, tracks' frame from truth's frame
     rmse_before_m: float  # [m] horizontal error before the motion
-    rmse_after_m: float  # [m] horizontal error after it
+    rmse_after_m: float  # [m] horizontal error after the motion
     samples: int
 
 

@@ -1,4 +1,4 @@
-"""people4d anonymise."""
+"""Command `people4d anonymise`."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""people4d csv."""
+"""Command `people4d csv`."""
 
 import csv as csv_files
 import importlib

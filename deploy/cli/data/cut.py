@@ -1,4 +1,4 @@
-"""people4d cut."""
+"""Command `people4d cut`."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""people4d events."""
+"""Command `people4d events`."""
 
 import csv
 import sqlite3

@@ -1,4 +1,4 @@
-"""people4d info."""
+"""Command `people4d info`."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""people4d models add."""
+"""Command `people4d models add`."""
 
 import shutil
 import statistics

@@ -1,4 +1,4 @@
-"""people4d models benchmark."""
+"""Command `people4d models benchmark`."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""people4d models."""
+"""Command `people4d models`."""
 
 from pathlib import Path
 from typing import Annotated, Literal

@@ -1,4 +1,4 @@
-"""people4d models quantize."""
+"""Command `people4d models quantize`."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""people4d record."""
+"""Command `people4d record`."""
 
 import time
 from collections import Counter

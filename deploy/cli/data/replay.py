@@ -1,4 +1,4 @@
-"""people4d replay."""
+"""Command `people4d replay`."""
 
 import time
 from collections.abc import Iterable, Iterator

@@ -1,4 +1,4 @@
-"""people4d annotate."""
+"""Command `people4d annotate`."""
 
 import os
 import threading

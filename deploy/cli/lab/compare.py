@@ -1,4 +1,4 @@
-"""people4d compare."""
+"""Command `people4d compare`."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""people4d evaluate."""
+"""Command `people4d evaluate`."""
 
 import shlex
 import sys

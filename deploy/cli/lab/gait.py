@@ -1,4 +1,4 @@
-"""people4d gait."""
+"""Command `people4d gait`."""
 
 import re
 from pathlib import Path

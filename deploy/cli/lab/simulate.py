@@ -1,4 +1,4 @@
-"""people4d lab."""
+"""Command `people4d lab`."""
 
 from functools import partial
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""people4d tune."""
+"""Command `people4d tune`."""
 
 import shlex
 import sys

@@ -1,4 +1,4 @@
-"""people4d calibrate."""
+"""Command `people4d calibrate`."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor

@@ -1,4 +1,4 @@
-"""people4d enrol and people4d forget."""
+"""Commands `people4d enrol` and `people4d forget`."""
 
 import time
 from typing import Annotated, Any, Literal

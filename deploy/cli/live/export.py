@@ -1,4 +1,4 @@
-"""people4d export."""
+"""Command `people4d export`."""
 
 import os
 import socket

@@ -1,4 +1,4 @@
-"""people4d follow."""
+"""Command `people4d follow`."""
 
 import math
 import time

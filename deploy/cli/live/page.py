@@ -1,4 +1,4 @@
-"""people4d open."""
+"""Command `people4d open`."""
 
 import webbrowser
 from typing import Annotated

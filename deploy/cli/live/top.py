@@ -1,4 +1,4 @@
-"""people4d top."""
+"""Command `people4d top`."""
 
 import os
 import socket

@@ -1,4 +1,4 @@
-"""people4d trace."""
+"""Command `people4d trace`."""
 
 import json
 import time

@@ -1,4 +1,4 @@
-"""people4d view."""
+"""Command `people4d view`."""
 
 import signal
 import time

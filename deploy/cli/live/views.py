@@ -1,4 +1,4 @@
-"""people4d listen and people4d score."""
+"""Commands `people4d listen` and `people4d score`."""
 
 import math
 import time

@@ -1,4 +1,4 @@
-"""people4d cameras."""
+"""Command `people4d cameras`."""
 
 import msgspec
 

@@ -1,4 +1,4 @@
-"""people4d down, scale, health and run."""
+"""Commands `people4d down`, `scale`, `health` and `run`."""
 
 import os
 import socket

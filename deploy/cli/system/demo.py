@@ -1,4 +1,4 @@
-"""people4d demo."""
+"""Command `people4d demo`."""
 
 from pathlib import Path
 from typing import Annotated, Literal

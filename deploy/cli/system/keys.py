@@ -1,4 +1,4 @@
-"""people4d keys."""
+"""Command `people4d keys`."""
 
 import importlib
 from collections.abc import Sequence

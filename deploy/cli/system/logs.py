@@ -1,4 +1,4 @@
-"""people4d logs."""
+"""Command `people4d logs`."""
 
 import time
 from collections.abc import Iterator, Sequence

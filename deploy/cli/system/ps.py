@@ -1,4 +1,4 @@
-"""people4d ps."""
+"""Command `people4d ps`."""
 
 import time
 from collections import Counter

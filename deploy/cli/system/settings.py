@@ -1,4 +1,4 @@
-"""people4d settings."""
+"""Command `people4d settings`."""
 
 from typing import Annotated
 

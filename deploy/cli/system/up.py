@@ -1,4 +1,4 @@
-"""people4d up."""
+"""Command `people4d up`."""
 
 import os
 from pathlib import Path

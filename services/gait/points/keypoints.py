@@ -31,7 +31,7 @@ HAND_REACH = 0.5  # Offset from the wrist to the middle of the hand [forearms]
 # Minimum mean confidence of ankles of trusted keypoints: 0.23 to 0.40 of real people whose steps
 # keypoints lose, 0.49 to 0.71 of simulated people whose steps they find
 TRUST_MIN = 0.45
-TRUST_FRAMES = 50  # Number of frames of this mean
+TRUST_FRAMES = 50  # Number of frames in the mean
 FOOT_REACH = 0.12  # Offset from the ankle to the middle of the foot [shanks]
 FOOT_AHEAD_M = 0.07  # Offset from the ankle ahead to the middle of the foot [m]
 UNDIRECTED_NOISE = 1.5  # Factor of the noise without the direction of the limb

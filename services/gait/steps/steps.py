@@ -45,7 +45,7 @@ class PointTrajectory:
 
     times_s: F64  # N, rising
     points_m: F64  # Nx3, in a fixed frame, z up
-    covariances_m2: F64  # Nx3x3, of the points
+    covariances_m2: F64  # Nx3x3, covariances of the points
 
 
 @dataclass(frozen=True)

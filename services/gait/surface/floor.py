@@ -22,7 +22,7 @@ class FloorPlane:
     """A plane in the optical frame."""
 
     up: F64  # 3, unit length
-    camera_m: float  # height of the camera above it
+    camera_m: float  # height of the camera above the floor
 
     def heights_m(self, points_m: F64) -> F64:
         """Return the heights of points, ...x3, above the floor."""

@@ -11,7 +11,7 @@ from services.tracker.interface import GalleryEntry
 class KnownPeople:
     """People that a tracker can recognise."""
 
-    embedder: str  # name of the model of their views
+    embedder: str  # name of the model of the views
     entries: Mapping[int, GalleryEntry]  # people by identity
 
 

@@ -25,8 +25,7 @@ TRACE_MAX_NS = 2_000_000_000  # maximum sum of the stages in a trace [ns]
 ACTIVE_NS = 3_000_000_000  # maximum silence of an active camera [ns]
 INTERVALS = 9  # stored intervals between frames of a camera
 REFERENCE_NS = 30_000_000_000  # silence of the reference after which another replaces it [ns]
-# Minimum error of stamps that is corrected [s], and in standard deviations: first correction, later
-# ones
+# Minimum corrected error of stamps [s] and [standard deviations]: first and later corrections
 FIRST_MIN_S, FIRST_SIGMAS = 0.015, 3.0
 LATER_MIN_S, LATER_SIGMAS = 0.005, 1.0
 

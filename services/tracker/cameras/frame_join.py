@@ -13,7 +13,7 @@ from services.tracker.config import TrackerConfig
 ACTIVE_NS = 1_000_000_000  # maximum silence of an active camera [ns]
 TIMEOUTS_MAX = 3  # number of consecutive timeouts after which frames do not wait for embeddings
 EARLY_MAX = 64  # maximum number of stored embeddings without detections
-EARLY_MAX_BYTES = 16 * 2**20  # maximum total size of these embeddings [bytes]
+EARLY_MAX_BYTES = 16 * 2**20  # maximum total size of waiting embeddings [bytes]
 FIRST_PERIOD_NS = 50_000_000  # assumed period before the second frame [ns]
 PERIOD_MIN_NS, PERIOD_MAX_NS = 10_000_000, 500_000_000  # limits of the period [ns]
 PERIODS = 15  # number of periods in the running median

@@ -16,9 +16,9 @@ ANGLE_MAX_RAD = 1.5  # [rad] maximum angle to the optical axis of a point in a p
 class Turn(NamedTuple):
     """Rotation of a camera."""
 
-    rad: float  # [rad] about the vertical, to the left, counter-clockwise seen from above
+    rad: float  # [rad] rotation to the left: counter-clockwise, seen from above
     sigma_rad: float = 0.0  # [rad] standard deviation of `rad`
-    up_rad: float = 0.0  # [rad] upwards
+    up_rad: float = 0.0  # [rad] upward rotation
 
 
 class Lens(NamedTuple):
@@ -33,8 +33,8 @@ class Lens(NamedTuple):
 class CameraDirection(NamedTuple):
     """Direction of an optical axis."""
 
-    yaw_rad: float  # [rad] turn to the left
-    pitch_rad: float  # [rad] upwards
+    yaw_rad: float  # [rad] rotation to the left
+    pitch_rad: float  # [rad] upward rotation
     variance_rad2: float  # [rad^2] variance of the yaw
 
 

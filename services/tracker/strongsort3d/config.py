@@ -55,7 +55,7 @@ class StrongSort3dConfig(Config, frozen=True, kw_only=True):
     # "measured": R is the covariance of the detection if there is one, independent of depth and
     # score; "constant": sigma_measurement_m; section 3
     noise: Literal["constant", "measured"] = "measured"
-    # beyond section 5, each with its own switch
+    # policies beyond section 5, with a switch for each
     visibility: bool = True  # keep occluded tracks, end tracks at empty positions; section 13
     identity: IdentityConfig = IdentityConfig()  # re-identify returning people; section 15
     standing_model: bool = True  # estimate standing and walking people by two models; section 16
