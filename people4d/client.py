@@ -16,7 +16,7 @@ from people4d.topics import BY_MESSAGE
 M = TypeVar("M", bound=Message)
 
 POLL_S = 0.2  # maximum uninterrupted wait, for Ctrl-C [s]
-SILENCE_S = 5.0  # silence after which `subscribe` logs the robots and services found [s]
+SILENCE_S = 5.0  # maximum silence before `subscribe` logs robots and services found [s]
 LOG = logging.getLogger("people4d")
 
 

@@ -16,7 +16,7 @@ from people4d.topics import IMAGE_MAX_BYTES, KEYS_MAX
 
 CLOSE_S = 2.0
 REPORT_S = 0.1  # minimum period of the reports of messages on too many keys [s]
-KEY_FORGOTTEN_S = 10.0  # silence after which a key may be replaced [s]
+KEY_FORGOTTEN_S = 10.0  # minimum silence of a key before its replacement [s]
 
 
 class KeyLimit:

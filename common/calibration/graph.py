@@ -9,7 +9,7 @@ from common.calibration.level_paths import LevelPaths
 from common.calibration.pairs import LevelPose, PairResult
 
 MATCHED_MIN = 40  # minimum number of matched positions that link two cameras: 4 s
-AMBIGUOUS = 0.75  # minimum share of the best score at which a distinct pose is equally good
+AMBIGUOUS = 0.75  # minimum ratio of the score of an equally good pose to the best score
 # Maximum difference of a pair from the other poses [m, rad, s]
 LOOP_M, LOOP_RAD, LOOP_S = 0.5, 0.2, 0.25
 

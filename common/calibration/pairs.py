@@ -17,7 +17,7 @@ EXTENT_M = 0.6  # minimum extent of paths that propose a pose [m]
 RMS_MAX_M = 0.15  # maximum RMS distance of these paths at the proposed pose [m]
 PROPOSALS_MAX = 240  # maximum number of scored proposals
 GATE_M, HEIGHT_GATE_M = 0.3, 0.3  # maximum distance of two positions of one person [m]
-APART_M = 0.7  # distance beyond which a person is missing in the other camera [m]
+APART_M = 0.7  # minimum distance of a person that is missing in the other camera [m]
 MISSING_WEIGHT = 0.5
 # Minimum difference of two distinct poses [m, rad, s]
 DISTINCT_M, DISTINCT_RAD, DISTINCT_S = 0.5, 0.25, 0.35

@@ -11,7 +11,7 @@ from common.text import listed
 
 NEEDED = ("camera", "detector", "tracker")
 SITE = "site"  # service that runs under its own robot name, without the others
-MOST = 0.5  # minimum share of faulty frames that is a problem
+MOST = 0.5  # minimum share of faulty frames in a problem
 SAME_RELEASE = "Run the same people4d release on all machines."
 
 

@@ -12,7 +12,7 @@ from common.geometry.transforms import invert, transform_from
 from people4d.messages import F64
 
 HISTORY_S = 5.0  # length of the history [s]
-GAP_S = 0.5  # interval between two samples above which interpolation is uncertain [s]
+GAP_S = 0.5  # maximum interval between two samples for certain interpolation [s]
 PREDICT_S = 0.5  # maximum duration of extrapolation at constant velocity, then rest [s]
 SPEED_MAX_MPS = 5.0  # maximum plausible speed; a faster motion is a reset of the origin [m/s]
 ANGULAR_SPEED_MAX_RADPS = 12.0  # maximum plausible angular speed [rad/s]

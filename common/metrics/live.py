@@ -21,7 +21,7 @@ from people4d.messages import F64, Alignment, PersonScore, Score, Tally, Tracks,
 
 MAX_WAITING = 64  # maximum number of Tracks messages that wait for truth: two seconds of a camera
 RESTART_NS = 10**9  # [ns] minimum step back of the stamps that begins a new playback
-MAX_IDENTITIES = 100_000  # number of identities after which counting restarts: bounds memory
+MAX_IDENTITIES = 100_000  # maximum number of counted identities, a bound on memory
 
 RECENT_NS = 10 * 10**9
 MAX_RECENT = 1024  # maximum number of recent frames: 10 s at 100 Hz

@@ -20,7 +20,7 @@ from people4d.topics import BY_MESSAGE, Topic
 # Pause between subscribing and joining: messages must not be assigned to this replica earlier [s]
 SETTLE_S = 0.2
 CHECK_PERIOD_S = 0.1  # period of the checks for silent replicas [s]
-STUCK_S = 1.0  # minimum time with one message after which a replica withdraws [s]
+STUCK_S = 1.0  # minimum time with one message before a replica withdraws [s]
 # Minimum multiple of the longest recent duration after which a replica withdraws
 STUCK_FACTOR = 2.0
 LONGEST_DECAY = 0.95  # decay of the longest duration per message

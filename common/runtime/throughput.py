@@ -5,10 +5,10 @@ from collections.abc import Mapping, Sequence
 
 from people4d.topics import BY_NAME, Topic
 
-QUIET_S = 3.0  # silence after which a stream is missing [s]
+QUIET_S = 3.0  # maximum silence of a stream [s]
 WINDOW_S = 3.0  # period of the losses [s]
-LOST_RATIO = 0.1  # minimum share of lost messages that is reported
-LOST_MIN = 3  # minimum number of lost messages that is reported
+LOST_RATIO = 0.1  # minimum reported share of lost messages
+LOST_MIN = 3  # minimum reported number of lost messages
 
 # Counters of progress; all others count drops or other events by their cause.
 PROGRESS = {

@@ -20,7 +20,7 @@ from services.presets import PRESETS
 CONNECT_S = 3.0
 NETWORK = "Network"  # panel of the help
 
-SILENCE_S = 2.0  # silence after which the present robots and services are printed [s]
+SILENCE_S = 2.0  # maximum silence before present robots and services are printed [s]
 
 
 def _running_robot(context: typer.Context, value: str) -> str:

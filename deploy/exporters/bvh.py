@@ -16,7 +16,7 @@ from people4d.messages import F64
 from people4d.messages.skeleton import JOINTS
 
 ORDER: Final = "ZXY"  # Order of the intrinsic rotations
-TINY_CM = 1e-6  # Length by which unknown bones keep a direction [cm]
+TINY_CM = 1e-6  # Length of unknown bones, which need a direction [cm]
 UP, DOWN, LEFT, RIGHT, HERE = np.array([(0, 1, 0), (0, -1, 0), (0, 0, -1), (0, 0, 1), (0, 0, 0)])
 # Parent and direction at rest, depth first. `torso` and `head` turn the bones above their parents.
 TREE = {

@@ -19,7 +19,7 @@ from services.events.rules import distance_inside
 
 PERIOD_S = 1.0  # minimum time between messages of people [s]
 EXPIRE_S = 15  # time without messages after which Home Assistant shows "unavailable" [s]
-KEEP_ALIVE_S = 20  # interval of pings, after which the broker reports this client offline [s]
+KEEP_ALIVE_S = 20  # interval of pings to the broker [s]
 DISCOVERY = "homeassistant"
 log = logging.getLogger("people4d")
 

@@ -19,9 +19,9 @@ from people4d.errors import People4dError
 
 POLL_S = 0.1
 STOP_TIMEOUT_S = 120.0
-STOP_S = 5.0  # time after which a process that does not stop is killed [s]
+STOP_S = 5.0  # maximum time to stop before a process is killed [s]
 LONGEST_GRACE_S = 10.0  # maximum stop grace period of a service without files [s]
-QUIET_S = 2.0  # silence after which all frames are processed [s]
+QUIET_S = 2.0  # minimum silence once all frames are processed [s]
 # Counters of messages from frames. Health and predictions continue after the last frame.
 FROM_FRAMES = ("received_frames", "received_detections", "received_crops", "received_embeddings")
 TAIL_LINES = 12

@@ -21,7 +21,7 @@ from services.gt_bridge.config import GtBridgeConfig
 from services.gt_bridge.sources.registry import open_truth
 
 VISIBLE_MIN = 0.35  # minimum visible share of a person to be tracked
-LOST_NS = 2_000_000_000  # [ns] maximum gap of motion capture that is interpolated
+LOST_NS = 2_000_000_000  # [ns] maximum interpolated gap of motion capture
 UNBOUNDED = 2**40  # number of messages in a buffer
 
 

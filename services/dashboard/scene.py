@@ -29,7 +29,7 @@ from people4d.messages import (
 from services.dashboard.images import depth_cloud, encode_image
 from services.dashboard.selection import CAMERAS_MAX, Key
 
-OBJECT_MIN = 0.9  # minimum probability of an object that is shown
+OBJECT_MIN = 0.9  # minimum probability of a displayed object
 
 
 def person_of(track: Track, camera_m: F64 | None) -> dict[str, Any]:

@@ -33,7 +33,7 @@ from services.events.rules import EventRules
 from services.events.webhook import Webhook
 from services.events.zones import read_zones, write_zones
 
-CLOCK_JUMP_NS = 1_000_000_000  # minimum step back of the stamps that is a clock reset [ns]
+CLOCK_JUMP_NS = 1_000_000_000  # minimum backward step of the stamps in a clock reset [ns]
 ZONES = "zones.json"
 # Deleted with the identities of the tracker when the system restarts
 RUN = "events-run.checkpoint"

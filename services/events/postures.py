@@ -17,12 +17,12 @@ from people4d.messages import F64, PersonSkeleton, Skeletons
 
 TORSO = [5, 6, 11, 12]  # shoulders and hips
 GAP_MAX_NS = 1_000_000_000  # maximum interval between two skeletons of a person [ns]
-HISTORY_S = 1.4  # duration before lying in which a fall is looked for [s]
+HISTORY_S = 1.4  # maximum time from a fall to lying [s]
 WINDOW_S = 0.3  # interval of the downward speed [s]
 FALL_MPS, FALL_SIGMA_MPS = 1.1, 0.12  # downward speed of a fall with probability 0.5; its spread
 FALL_PROBABILITY = 0.5  # minimum probability of a fall
 HOLD_S = 0.4  # minimum duration of a raised or pointing arm [s]
-RAISED, LOWERED = 0.9, 0.5  # probabilities above and below which a hand is raised and lowered
+RAISED, LOWERED = 0.9, 0.5  # minimum probability of a raised hand, maximum of a lowered one
 SWINGS, SWING_M = 3, 0.2  # reversals of a waving hand, and their minimum distance [m]
 STRAIGHT = math.cos(math.radians(30))  # minimum cosine of the bend of a pointing arm's elbow
 HANGING, STEEP = -0.75, 0.5  # range of the upward part of a pointing arm

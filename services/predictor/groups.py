@@ -19,7 +19,10 @@ SPACE_APART_M = 0.8  # maximum distance of the centres of a common space [m]
 STANDING_M = 2.5  # maximum distance of two people with a common space [m]
 STANDING_UNKNOWN_M = 0.8  # maximum distance of standing people if a yaw is unknown [m]
 LASTS_S = 1.5  # time constant of the score of a pair [s]
-JOIN_SCORE, LEAVE_SCORE = 0.6, 0.3  # scores above which a pair joins, below which it separates
+JOIN_SCORE, LEAVE_SCORE = (
+    0.6,
+    0.3,
+)  # minimum score of a joining pair, maximum score of a separating pair
 
 
 class GroupFinder:

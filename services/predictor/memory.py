@@ -21,7 +21,7 @@ SCALE = (1.3, 1.0)  # initial scale of standard deviations: walking, standing
 SCALE_GAIN_FIRST, SCALE_GAIN = 0.5, 0.03  # first and minimum gain of the logarithm of a scale
 CHI2_2DOF_90 = 4.6052
 FAR = 36.0  # maximum squared distance of a similar situation, in standard deviations
-ERROR_MIN_M = 0.005  # error below which weights are constant [m]
+ERROR_MIN_M = 0.005  # error added to each error in the weights [m]
 SCALE_STEP = 0.3  # maximum change of the logarithm of a scale by one message
 SCALE_RANGE = (-2.5, 2.0)  # range of the logarithm of a scale
 

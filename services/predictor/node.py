@@ -26,8 +26,8 @@ from services.predictor.config import PredictorConfig
 from services.predictor.forecast import Forecast, Forecaster, PeopleState
 from services.predictor.robot import FINE_S, encounters, path_ahead
 
-SILENT_NS = 3_000_000_000  # silence of a camera after which another camera's clock is used [ns]
-CLOCK_JUMP_NS = 1_000_000_000  # minimum step back of the stamps that is a clock reset [ns]
+SILENT_NS = 3_000_000_000  # maximum silence of the camera whose clock is used [ns]
+CLOCK_JUMP_NS = 1_000_000_000  # minimum backward step of the stamps in a clock reset [ns]
 ROBOT_AGE_NS = 500_000_000  # maximum age of odometry for the path of the robot [ns]
 DISTANCE_MAX_M = 1e5  # maximum distance of a predicted person from the origin [m]
 SPEED_MAX_MPS = 12.0  # maximum speed of a predicted person: the fastest sprinters [m/s]

@@ -10,7 +10,7 @@ from people4d.messages import F64, Track, Tracks
 # Constants of hri_msgs/EngagementLevel
 UNKNOWN, DISENGAGED, ENGAGING, ENGAGED, DISENGAGING = range(5)
 FACING_RAD = math.radians(25)  # maximum angle between a facing person's yaw and the robot [rad]
-HOLD_S = 3.0  # duration of facing or not after which a person is engaged or disengaged [s]
+HOLD_S = 3.0  # minimum duration of facing or not before the engagement changes [s]
 NEAR_M = 4.0  # maximum distance of an engaged person [m]
 
 

@@ -21,7 +21,7 @@ IMAGES_MAX = 16  # maximum number of detections that wait for their tracks
 PEOPLE_MAX = 64  # maximum number of people with separate topics: each has thirteen publishers
 
 BONES_MAX = 100  # maximum number of frames of the mean lengths of bones
-BONE_M = 0.02  # change of a length after which the URDF is published again [m]
+BONE_M = 0.02  # minimum change of a length before the URDF is republished [m]
 
 Image = tuple[str, int]  # camera and stamp
 

@@ -42,7 +42,7 @@ STAMP_MAX_NS = 2**31 * 10**9  # builtin_interfaces/Time has 31 bits of seconds
 GROUPS_NS = 1_000_000_000  # maximum age of predicted groups [ns]
 PENDING_MAX = 16  # maximum number of messages that wait for transforms
 INSTANCES_MAX = 1024  # maximum number of processes in diagnostics
-HEALTH_NS = 3_000_000_000  # age of the last heartbeat at which a process is stale [ns]
+HEALTH_NS = 3_000_000_000  # maximum age of the last heartbeat of an active process [ns]
 
 
 @dataclass(frozen=True)

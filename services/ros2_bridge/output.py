@@ -8,7 +8,7 @@ from common.ros2.transport import DEFAULT, Qos, Ros2Transport
 from common.ros2.types import Fields
 from services.ros2_bridge.config import OutputConfig
 
-EARLY = 0.1  # maximum share of a period by which a message may be early, since stamps jitter
+EARLY = 0.1  # maximum earliness of a message, as a share of the period, since stamps jitter
 
 
 class Ros2Output:

@@ -43,8 +43,8 @@ NODE_COUNTERS = (
 )
 FRAMES_MAX = 64  # maximum number of detections waiting for their tracks
 CHILD_M = 1.45  # stature that few adults do not reach [m]
-CLOCK_JUMP_NS = 1_000_000_000  # minimum step back of the stamps that is a clock reset [ns]
-GAP_MAX_S = 1.0  # maximum interval between two frames; after it skeletons restart [s]
+CLOCK_JUMP_NS = 1_000_000_000  # minimum backward step of the stamps in a clock reset [ns]
+GAP_MAX_S = 1.0  # maximum interval between two frames of a continued skeleton [s]
 
 
 class SkeletonNode(Node):

@@ -44,12 +44,12 @@ FIRST, SECOND, KIND = (
 )
 SHAPES_MAX = 1000  # maximum number of stored body shapes
 AWAY_MAX_M = 0.6  # maximum distance of a torso from its track; beyond, the skeleton restarts [m]
-CONFIDENT = 0.5  # confidence above which the noise of a keypoint is constant
+CONFIDENT = 0.5  # minimum confidence of a keypoint with constant noise
 ACROSS_M = 0.028  # standard deviation of a visible joint across the line of sight [m]
 HIDDEN_ACROSS_M = 0.08  # standard deviation of a hidden joint across the line of sight [m]
-SURFACES_M = 0.3  # range within which any other surface is equally likely [m]
-OUTLIER_SIGMAS = 3.0  # distance above which the weight of a keypoint falls [standard deviations]
-POSE_S = 0.2  # duration in which a hidden joint returns to its usual pose [s]
+SURFACES_M = 0.3  # width of the uniform density of other surfaces [m]
+OUTLIER_SIGMAS = 3.0  # maximum distance of a keypoint with full weight [standard deviations]
+POSE_S = 0.2  # interval of independent observations of the usual pose [s]
 UNUSUAL_M = 0.6  # standard deviation of the usual pose without standing, or with a reading [m]
 BONE_M = 0.03  # standard deviation of the length of a bone between frames [m]
 BONE_FRAMES = 10.0  # number of correlated measurements of a bone

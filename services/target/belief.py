@@ -15,13 +15,13 @@ import msgspec
 
 PRIOR_MAX = 0.9975  # maximum prior probability of a track
 EXCHANGE_HZ = 5.0  # rate at which two tracks at one place exchange their people [1/s]
-EXCHANGE_M = 0.35  # distance at which this rate has fallen by a factor of e [m]
-CONTACT_M = 0.7  # distance of two tracks below which earlier crops are forgotten [m]
-UNMATCHED_NS = 300_000_000  # gap of a track that is no missed detection [ns]
-UNMATCHED_S = 5.0  # gap after which a track goes on with another person by 1 - 1/e [s]
+EXCHANGE_M = 0.35  # distance that divides the rate of exchanges by e [m]
+CONTACT_M = 0.7  # maximum distance of two tracks that may exchange their people [m]
+UNMATCHED_NS = 300_000_000  # minimum gap of a track in which it may change to another person [ns]
+UNMATCHED_S = 5.0  # time constant of the change of an unmatched track to another person [s]
 ARRIVAL = 0.5  # probability that a new track is the absent person
-ARRIVAL_NAMED = 0.2  # the same of an enrolled person that was not locked yet
-CROPS = 10  # number of crops of the mean
+ARRIVAL_NAMED = 0.2  # probability that a new track is an enrolled person, before the first lock
+CROPS = 10  # number of crops in the mean
 
 
 class TrackBelief(msgspec.Struct):

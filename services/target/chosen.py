@@ -25,13 +25,13 @@ from services.target.enrolment import Enrolled
 from services.target.height import TorsoHeight
 from services.target.observe import TargetCandidate, TargetFrame
 
-CROP_NS = 80_000_000  # minimum interval between two crops that count [ns]
-CROPS_MIN = 2  # minimum number of crops of a track that is locked by appearance
-VETO_RATIO = -1.0  # log ratio of a crop below which its track is not locked
+CROP_NS = 80_000_000  # minimum interval between two weighted crops [ns]
+CROPS_MIN = 2  # minimum number of crops for a lock by appearance
+VETO_RATIO = -1.0  # minimum log ratio of the last crop for a lock
 CERTAIN = 0.97  # minimum probability of a track from which views are learnt
 VISIBLE_NS = 150_000_000  # maximum time since the last match of a visible person [ns]
 OCCLUDED_NS = 2_000_000_000  # maximum duration of an occlusion [ns]
-GAP_NS = 1_000_000_000  # interval between frames after which all tracks are ambiguous [ns]
+GAP_NS = 1_000_000_000  # minimum interval between frames that makes all tracks ambiguous [ns]
 CHOICE_NS = 5_000_000_000  # maximum wait for a person that was chosen [ns]
 RAISED_HAND_NS = 30_000_000_000  # maximum wait for a raised hand [ns]
 REACH_M = 1.0  # reach of the person beyond its maximum speed, errors of positions included [m]

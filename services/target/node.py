@@ -36,8 +36,8 @@ from services.target.observe import observe_people
 
 TRANSFORMS = StaticTransform | MovingTransform | Odometry
 FRAMES_MAX = 64  # maximum number of frames of detections that wait for their tracks
-SILENT_NS = 1_000_000_000  # minimum time without tracks after which commands are answered [ns]
-CLOCK_JUMP_NS = 1_000_000_000  # minimum step back of the stamps that is a clock reset [ns]
+SILENT_NS = 1_000_000_000  # minimum time without tracks before commands are answered [ns]
+CLOCK_JUMP_NS = 1_000_000_000  # minimum backward step of the stamps in a clock reset [ns]
 PREDICTION_NS = 1_000_000_000  # maximum age of a predicted path [ns]
 # Header of an answer before any tracks
 NO_TRACKS = Tracks(stamp_ns=0, sequence=0, camera="none", frame_id="map", tracker="")

@@ -22,7 +22,7 @@ from services.tracker.interface import (
 )
 
 PEOPLE_MAX = 128  # maximum number of detections of a frame; matching takes cubic time
-POSE_SIGMA_MIN_M = 0.01  # standard deviation of a pose below which it is neglected [m]
+POSE_SIGMA_MIN_M = 0.01  # minimum standard deviation of a pose that counts [m]
 RANGE_MAX_M = 100.0  # maximum accepted distance of a position from the camera [m]
 LENGTH_MIN = 1e-6  # minimum length of a usable embedding
 VELOCITY_MAX_MPS = 15.0  # maximum speed of a person [m/s]

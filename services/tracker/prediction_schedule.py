@@ -11,7 +11,7 @@ from services.tracker.cameras.frame_join import PendingFrame
 
 QUIET_NS = 200_000_000  # minimum silence of detections before predictions are published [ns]
 PERIOD_NS = 100_000_000  # interval of predictions [ns]
-SLOW_FACTOR = 3  # number of usual frame intervals after which detections count as stopped
+SLOW_FACTOR = 3  # minimum silence of stopped detections [frame intervals]
 
 
 class DuePrediction(NamedTuple):

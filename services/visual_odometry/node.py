@@ -32,7 +32,7 @@ OWN_COUNTERS = (
 OWN_MAX = 256  # maximum number of remembered own messages
 SILENT_FRAMES = 5  # minimum number of frames without odometry before the reason is reported
 PEOPLE_AGE_S = 0.4  # maximum age of detections used as regions of people [s]
-CLOCK_JUMP_S = 1.0  # minimum step back of the clock that is a reset; smaller: a stale frame [s]
+CLOCK_JUMP_S = 1.0  # minimum backward step of the stamps in a clock reset [s]
 CAUSES = {
     "no_texture": "the image has no texture",
     "no_depth": "the texture in the image has no depth",

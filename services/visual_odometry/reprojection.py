@@ -19,7 +19,7 @@ Indices = npt.NDArray[np.intp]
 
 ALL = np.arange(6)  # entries of a twist
 PLANAR = np.array([0, 1, 5])  # entries of a twist on a floor
-BEHIND = 1e-3  # ratio of depth to depth in the keyframe, below which a point is behind
+BEHIND = 1e-3  # minimum ratio of the depth to the depth in the keyframe
 
 
 @dataclass(frozen=True)

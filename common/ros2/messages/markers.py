@@ -18,7 +18,7 @@ ARROW, CUBE, CYLINDER, LINES, TEXT = 0, 1, 3, 4, 9
 
 ELLIPSE_SIGMAS = 2.146  # half axes of a 90 % ellipse, in standard deviations
 GOLDEN = 0.618033988749895  # step of the hue between ids
-LIFETIME_NS = 500_000_000  # time after which a marker disappears [ns]
+LIFETIME_NS = 500_000_000  # lifetime of a marker [ns]
 FLOOR_M = 0.01  # thickness and height of markers on the floor [m]
 
 

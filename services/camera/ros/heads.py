@@ -16,8 +16,8 @@ from services.camera.ros.topics import COMPRESSED, IMAGE, Topics, sdk_stream
 
 # Number of first images and calibrations. The most common one is used, since drivers change them
 HEADS = 9
-MAX_BAD_HEADS = 30  # number of corrupt images after which a topic is unusable: one second
-STAMPED_HEADS = 30  # number of messages without a stamp after which stamps count as unset
+MAX_BAD_HEADS = 30  # maximum number of corrupt images of a usable topic: one second
+STAMPED_HEADS = 30  # maximum number of messages examined for a stamp
 MILLIMETRE = 0.001  # [m]
 SIMULATED_NS = 10 * 10**9  # [ns] first stamps below this come from a simulated clock
 

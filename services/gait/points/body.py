@@ -30,7 +30,7 @@ BOTTOM = 0.94  # Maximum row of the end of a leg that the image does not cut off
 # Distance along the body from the end of a limb (fingertips, toes, top of the head) to the middle
 # of its point [m]
 LENGTHS_M: Mapping[str, float] = MappingProxyType({"head": 0.17, "hand": 0.09, "foot": 0.10})
-WINDOW_M = 0.06  # Radius over which a position is averaged [m]
+WINDOW_M = 0.06  # Radius of the average of a position [m]
 
 
 @dataclass(frozen=True)

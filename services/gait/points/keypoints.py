@@ -26,7 +26,7 @@ JOINTS: Mapping[str, tuple[int, int]] = MappingProxyType(
 KEYPOINT_SIGMA_M = 0.04  # Standard deviation of a keypoint, at right angles to the ray [m]
 KEYPOINT_CONFIDENCE_MIN = 0.4  # Minimum confidence of a keypoint
 ANKLE_CONFIDENCE_MIN = 0.1  # Minimum confidence of the keypoint of an ankle near its foot
-START_CONFIDENCE = 0.5  # Minimum confidence of a keypoint or extremity at which a lost point starts
+START_CONFIDENCE = 0.5  # Minimum confidence of a keypoint or extremity that starts a lost point
 HAND_REACH = 0.5  # Offset from the wrist to the middle of the hand [forearms]
 # Minimum mean confidence of ankles of trusted keypoints: 0.23 to 0.40 of real people whose steps
 # keypoints lose, 0.49 to 0.71 of simulated people whose steps they find

@@ -31,7 +31,9 @@ ADAPTATION = 0.03  # Adaptation of the reference distance by each measured frame
 ADAPTATION_MAX_M = 0.10  # Maximum total adaptation [m]
 CONTRADICTION2 = 16.0  # Maximum squared Mahalanobis distance of motion from the body's prior
 UNUSUAL2 = 2.0  # Squared distance above which the prior of a followed limb widens
-DAMPING_S = 0.05  # Time constant with which an occluded point adopts the velocity of the head [s]
+DAMPING_S = (
+    0.05  # Time constant of an occluded point's velocity towards the velocity of the head [s]
+)
 # Factor of a predicted point's standard deviation, and addition [m] to it, for model errors
 SPREAD, SPREAD_M = 1.5, 0.06
 

@@ -8,7 +8,7 @@ from common.compiled import compiled
 from common.geometry.transforms import deproject
 from people4d.messages import F32, F64, U16, CameraInfo
 
-HEIGHT_M = 0.035  # Height above the floor up to which pixels belong to it [m]
+HEIGHT_M = 0.035  # Maximum height of pixels of the floor [m]
 NOISE_PER_M2 = 0.0025  # Half of the depth noise by the distance squared [m/m^2]
 TILT_MAX_DEG = 40.0  # Maximum tilt of the camera [deg]
 PERIOD = 10  # Number of frames between detections

@@ -30,7 +30,7 @@ SEED_WINDOW_M = 0.25
 REACH_M = 1.0  # Maximum distance of a part of a person from the track's depth [m]
 # Maximum gap in depth to a part occluded at its joint, such as the farther leg [m]; published: 0
 JOIN_M = 0.4
-JOIN_PX = 4  # Maximum distance in the image of such a part from the body [px]
+JOIN_PX = 4  # Maximum distance in the image of a joined part from the body [px]
 PIXELS_MIN = 30  # Minimum number of pixels of a body and of a joined part
 STACKED_M = 0.6  # Maximum difference in depth of a large part: a carried object is nearer [m]
 

@@ -26,7 +26,7 @@ REACH_M, REACH_MPS = 1.5, 3.0
 # minimum number of consecutive messages
 SAME_M, ALONE_M, SAME_MESSAGES = 0.5, 1.0, 4
 NO_VIEWS = 3.0  # distance if a person has no views; above any cosine distance
-MATCHES_ALIKE = 15  # difference in matches below which the lower identity counts as older
+MATCHES_ALIKE = 15  # maximum difference in matches of equally old identities
 COUNTERS = ("identities_taken_over", "identities_joined", "identities_yielded")
 
 

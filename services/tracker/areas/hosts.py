@@ -19,9 +19,9 @@ from people4d.messages import (
 from people4d.topics import BY_MESSAGE, ForeignTopic
 
 KINDS = (Detections, Embeddings, CameraInfo, StaticTransform, MovingTransform, Odometry)
-FORGOTTEN_S = 10.0  # silence after which another host may take over a camera name [s]
+FORGOTTEN_S = 10.0  # minimum silence before another host may use a camera name [s]
 NAMES_MAX = 1024  # maximum number of stored names of cameras and frames
-SILENT_S = 3.0  # time without detections after which a host is reported [s]
+SILENT_S = 3.0  # maximum time without detections of an active host [s]
 
 
 class CameraHosts:

@@ -12,7 +12,7 @@ from services.tracker.areas.config import SiteAreaConfig
 from services.tracker.interface import GalleryEntry, IdCounter
 
 CONFLICT_NS = 5_000_000_000  # time for which areas of one name or number are refused [ns]
-SILENCE_NS = 3_000_000_000  # time without a message of a neighbour after which it is reported [ns]
+SILENCE_NS = 3_000_000_000  # maximum time without a message of an active neighbour [ns]
 # Difference of a neighbour's clock above which it is reported [ns]. Hand-over works regardless,
 # since a message holds times since the last match
 CLOCK_TOLERANCE_NS = 1_000_000_000

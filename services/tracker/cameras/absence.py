@@ -17,7 +17,7 @@ from services.tracker.interface import Observation
 
 # Time [ns] and number of frames after which a camera is silent
 SILENT_NS, SILENT_FRAMES = 3_000_000_000, 10
-FORGOTTEN_NS = 600_000_000_000  # silence after which a camera is no longer reported [ns]
+FORGOTTEN_NS = 600_000_000_000  # maximum silence of a reported camera [ns]
 SAMPLE_NS, WINDOW_NS = 200_000_000, 10_000_000_000  # interval and window of samples [ns]
 NEAR_M, FAR_M = 0.8, 5.0  # range of depth in which detections are expected [m]
 INSIDE = 0.8  # central part of the image's width in which detections are expected

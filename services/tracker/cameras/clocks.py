@@ -20,11 +20,11 @@ TOLERANCE_NS = 350_000_000
 HALF_WINDOW_NS = 5_000_000_000  # half of the window of the minimum delay [ns]
 DELAY_MAX_NS = 900_000_000  # maximum plausible difference of two delays [ns]
 RISE_NS = 250_000_000  # minimum rise of the least delay after a clock was set back [ns]
-RISEN_MAX = 10  # consecutive frames with such a rise, after which the minimum restarts
+RISEN_MAX = 10  # maximum number of consecutive frames with a rise before the minimum restarts
 TRACE_MAX_NS = 2_000_000_000  # maximum sum of the stages in a trace [ns]
 ACTIVE_NS = 3_000_000_000  # maximum silence of an active camera [ns]
 INTERVALS = 9  # stored intervals between frames of a camera
-REFERENCE_NS = 30_000_000_000  # silence of the reference after which another replaces it [ns]
+REFERENCE_NS = 30_000_000_000  # maximum silence of the reference camera [ns]
 # Minimum corrected error of stamps [s] and [standard deviations]: first and later corrections
 FIRST_MIN_S, FIRST_SIGMAS = 0.015, 3.0
 LATER_MIN_S, LATER_SIGMAS = 0.005, 1.0

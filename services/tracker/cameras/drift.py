@@ -24,12 +24,12 @@ SAMPLES_MIN = 60  # minimum number of samples of a camera for a fit
 TOGETHER_NS = 150_000_000  # maximum interval between two compared frames [ns]
 WINDOW_NS = 20_000_000_000  # window of the samples [ns]
 SAMPLE_NS = 200_000_000  # interval of the samples of a pair [ns]
-FRAMES_MAX = 16  # stored frames of each camera, for late frames of others
+FRAMES_MAX = 16  # number of stored frames of each camera, for late frames of other cameras
 STAMPS_NS = 2_000_000_000  # interval of the fits of errors of stamps [ns]
 FIT_NS = 5_000_000_000  # interval of the fits of movements [ns]
 # Maximum distance of positions of one person, minimum distance of two people [m]
 SAME_M, ALONE_M = 1.0, 1.5
-MOVED_M = 0.12  # minimum RMS displacement of people that is reported [m]
+MOVED_M = 0.12  # minimum reported RMS displacement of people [m]
 EXPLAINED = 0.3  # share of the cost of all differences that the fit of one camera explains
 SCALE_M = 0.2  # scale of differences in the robust cost [m]
 ITERATIONS = 6  # iterations of the reweighted fit

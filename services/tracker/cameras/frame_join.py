@@ -11,7 +11,7 @@ from services.tracker.cameras.stamp_guard import JUMP_NS
 from services.tracker.config import TrackerConfig
 
 ACTIVE_NS = 1_000_000_000  # maximum silence of an active camera [ns]
-TIMEOUTS_MAX = 3  # number of consecutive timeouts after which frames do not wait for embeddings
+TIMEOUTS_MAX = 3  # maximum number of consecutive timeouts before frames stop waiting for embeddings
 EARLY_MAX = 64  # maximum number of stored embeddings without detections
 EARLY_MAX_BYTES = 16 * 2**20  # maximum total size of waiting embeddings [bytes]
 FIRST_PERIOD_NS = 50_000_000  # assumed period before the second frame [ns]

@@ -20,7 +20,7 @@ SIGMA_RAD = 0.35  # standard deviation of a measurement if unknown [rad]
 SIGMA_MAX_RAD = 0.5  # maximum standard deviation; larger ones raise the outlier probability [rad]
 REVERSED, OUTLIERS = 0.005, 0.003  # probabilities of the opposite angle, and of any other angle
 CORRELATION_S = 0.2  # correlation time of errors: frames at shorter intervals count less [s]
-SHARE_MIN = 0.5  # probability within 60 deg below which a yaw is unknown
+SHARE_MIN = 0.5  # minimum probability within 60 deg of a known yaw
 BINS = 48  # number of angles
 STEP_RAD = 2 * math.pi / BINS
 ANGLES = STEP_RAD * np.arange(BINS, dtype=np.float64)

@@ -19,7 +19,7 @@ from services.tracker.strongsort3d.policies import (
     Match,
 )
 
-ABSENT_NS = 1_000_000_000  # minimum time without frames after which positions are ambiguous [ns]
+ABSENT_NS = 1_000_000_000  # minimum time without frames that makes positions ambiguous [ns]
 AMBIGUITY_RATIO = 0.5  # maximum ratio of the distances to the detection and to its rivals
 DISTANCE_PROBABILITY = 0.5  # probability of a match in round 2, by distance alone
 

@@ -30,7 +30,7 @@ EMPTY_S = 1.0  # maximum time in view without a match [s]
 EMPTY_AT_EDGE_S = 0.2  # maximum time in view at the image border of a fixed camera [s]
 HIDDEN_SIGMA_MAX_M = 1.0  # maximum standard deviation of the position of an unmatched track [m]
 INTERVAL_MAX_NS = 200_000_000  # maximum counted interval between two frames [ns]
-DEPTH_COVERED_MAX = 0.35  # covered share of a box above which its depth is unreliable
+DEPTH_COVERED_MAX = 0.35  # maximum covered share of a box with reliable depth
 DEPTH_SIGMA_M = 1.0  # standard deviation of an unreliable depth, along the ray [m]
 SIDES = np.array([-1.0, 1.0])
 

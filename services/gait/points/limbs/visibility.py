@@ -26,7 +26,7 @@ SHANK = 0.246  # Length from knee to ankle [statures] [Winter 2009]
 # Shank that points away from the camera: maximum share of its length in the image, and minimum
 # depth of the surface at the ankle behind the surface at the knee [m]
 AWAY_SHARE, AWAY_M = 0.5, 0.1
-SIGMAS_MAX = 20.0**0.5  # Maximum deviation that counts [standard deviations]
+SIGMAS_MAX = 20.0**0.5  # Limit of a deviation [standard deviations]
 DISTINCT_END = 0.7  # Minimum strength of the end of a limb that may have any pose
 
 
