@@ -25,6 +25,7 @@ class RandomScene(Config, frozen=True, kw_only=True, forbid_unknown_fields=True)
     # number of people who are children of 3 to 8 years, and in wheelchairs
     children: Annotated[int, Meta(ge=0, le=MAX_PEOPLE)] = 0
     wheelchairs: Annotated[int, Meta(ge=0, le=MAX_PEOPLE)] = 0
+    objects: Annotated[int, Meta(ge=0, le=20)] = 0  # number of objects that look like people
     room: RoomName = "office"  # see scenario.room
     # robot: 1 to 1.2 m high; head: 1.5 to 1.8 m; ceiling: 2.2 m, tilted down and to a side
     view: Literal["robot", "head", "ceiling", "any"] = "any"

@@ -1,8 +1,8 @@
 """Random scenes from one seed: room, cameras and people of a given density."""
 
 import math
-from collections.abc import Iterator
-from typing import Literal
+from collections.abc import Iterator, Sequence
+from typing import Literal, get_args
 
 import numpy as np
 from msgspec.structs import replace
@@ -11,13 +11,14 @@ from lab.bodies.cast import cast_names, child_names
 from lab.bodies.outfits import Outfit
 from lab.camera.layouts import lay_out
 from lab.camera.plan import CameraPlan, ImagePlan
-from lab.furniture import FurniturePlan
+from lab.furniture import FurniturePlan, ObjectKind, ObjectPlan
 from lab.motion.random_paths import FreeFloor, Position, random_plan, random_start
 from lab.random_options import NAME, RandomScene, read_options
 from lab.scenario import MAX_PEOPLE, WALKABLE_M, PersonPlan, Scenario
 from people4d.errors import ConfigError
 
-KEY, CHILD_KEY = 0x5CE4E, 0xC411D  # keys of the random numbers
+KEY, CHILD_KEY, OBJECT_KEY = 0x5CE4E, 0xC411D, 0x0B7EC  # keys of the random numbers
+OBJECTS = get_args(ObjectKind)
 CHILD_MPS = 0.8  # maximum speed of a child [m/s]
 BESIDE_M = 0.45  # minimum distance of a stop from furniture [m]
 CAMERA_M = 0.7  # minimum distance of a camera from furniture [m]
@@ -59,7 +60,8 @@ def _single(options: RandomScene, rng: np.random.Generator) -> Scenario:
         return not any(piece.holds(*position, BESIDE_M) for piece in furniture)
 
     floor = FreeFloor(low, high, is_free)
-    people = _people(options, rng, floor)
+    objects = _objects(options, floor, camera)
+    people = _people(options, rng, _around(floor, objects))
     count = len(people)
     return Scenario(
         name=options.name,
@@ -69,13 +71,16 @@ def _single(options: RandomScene, rng: np.random.Generator) -> Scenario:
         room=options.room,
         camera=camera,
         furniture=furniture,
+        objects=objects,
         people=people,
     )
 
 
 def _several(options: RandomScene, rng: np.random.Generator) -> Scenario:
     cameras, floor = lay_out(options, _model(options, rng), rng)
-    people = _people(options, rng, FreeFloor(*floor, lambda _: True))
+    free = FreeFloor(*floor, lambda _: True)
+    objects = _objects(options, free, cameras[0])
+    people = _people(options, rng, _around(free, objects))
     return Scenario(
         name=options.name,
         about=f"{options.cameras} cameras, {len(people)} people.",
@@ -84,8 +89,38 @@ def _several(options: RandomScene, rng: np.random.Generator) -> Scenario:
         room="square",
         camera=cameras[0],
         cameras=cameras[1:],
+        objects=objects,
         people=people,
     )
+
+
+def _objects(options: RandomScene, floor: FreeFloor, camera: CameraPlan) -> tuple[ObjectPlan, ...]:
+    """Return objects on free floor at a distance from each other, which face a camera roughly."""
+    rng = np.random.default_rng([options.seed, OBJECT_KEY])
+    objects: list[ObjectPlan] = []
+    for _ in range(options.objects):
+        at = _around(floor, objects).position(rng)
+        to_camera = math.atan2(camera.at[1] - at[1], camera.at[0] - at[0])
+        kind: ObjectKind = OBJECTS[int(rng.integers(len(OBJECTS)))]
+        objects.append(
+            ObjectPlan(
+                kind=kind,
+                at=at,
+                yaw_deg=math.degrees(to_camera) + float(rng.uniform(-40, 40)),
+                body=str(rng.choice(cast_names())),
+            )
+        )
+    return tuple(objects)
+
+
+def _around(floor: FreeFloor, objects: Sequence[ObjectPlan]) -> FreeFloor:
+    """Return the floor without objects and their surroundings."""
+
+    def is_free(position: Position) -> bool:
+        near = any(thing.holds(*position, BESIDE_M) for thing in objects)
+        return not near and floor.is_free(position)
+
+    return FreeFloor(floor.low_m, floor.high_m, is_free)
 
 
 def _people(

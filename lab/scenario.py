@@ -10,7 +10,7 @@ from common.config import Config
 from lab.bodies.cast import child_names, load_cast
 from lab.bodies.outfits import Outfit
 from lab.camera.plan import CameraPlan, RateHz
-from lab.furniture import FurniturePlan
+from lab.furniture import FurniturePlan, ObjectPlan, Piece
 from people4d.messages.base import NonNegative
 
 RoomName = Literal["lab", "hall", "office", "square"]
@@ -133,6 +133,7 @@ class Scenario(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
     # ceiling; square: 24 x 26 m
     room: RoomName = "lab"
     furniture: tuple[FurniturePlan, ...] = ()  # pieces of furniture, which people avoid
+    objects: tuple[ObjectPlan, ...] = ()  # objects that look like people, which people avoid
     camera: CameraPlan = CameraPlan()
     # further cameras, each with its own name, rate and clock
     cameras: Annotated[tuple[CameraPlan, ...], Meta(max_length=MAX_CAMERAS - 1)] = ()
@@ -145,6 +146,10 @@ class Scenario(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
         names = [plan.name for plan in (self.camera, *self.cameras)]
         if len(set(names)) < len(names):
             raise ValueError(f"cameras: expected different names, got {', '.join(names)}")
+        for k, thing in enumerate(self.objects):
+            if thing.body not in load_cast():
+                cast = ", ".join(load_cast())
+                raise ValueError(f"objects[{k}].body: expected one of {cast}, got {thing.body!r}")
         if sum(bool(plan.drive) for plan in (self.camera, *self.cameras)) > 1:
             raise ValueError("cameras: expected at most one driving camera, got more")
         (left, low), (right, high) = WALKABLE_M[self.room]
@@ -155,7 +160,7 @@ class Scenario(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
                         f"people[{k}]: expected positions with x {left} to {right} and y {low} to "
                         f"{high}, where the {self.room} is free, got [{x}, {y}]"
                     )
-                if any(piece.holds(x, y, BESIDE_M) for piece in self.furniture):
+                if any(piece.holds(x, y, BESIDE_M) for piece in self.pieces):
                     raise ValueError(
                         f"people[{k}]: expected positions at least {BESIDE_M} m from furniture, "
                         f"got [{x}, {y}]"
@@ -166,3 +171,8 @@ class Scenario(Config, frozen=True, kw_only=True, forbid_unknown_fields=True):
                     f"people[{k}]: expected to start at least {APART_M} m from people[{j}], "
                     f"got {list(other.start)}"
                 )
+
+    @property
+    def pieces(self) -> tuple[Piece, ...]:
+        """Furniture and objects."""
+        return (*self.furniture, *self.objects)

@@ -14,6 +14,7 @@ from lab.drawing.mesh import Mesh
 from lab.drawing.pieces import furnished, moved, wheelchair
 from lab.drawing.rooms import Room, room_mesh
 from lab.furniture import discs_of
+from lab.lookalikes import Lookalike
 from lab.motion.motion import PersonMotion, simulate
 from lab.scenario import WALKABLE_M, Scenario
 from people4d.errors import ConfigError
@@ -85,8 +86,14 @@ class World:
             self.seed,
             obstacle=self.path.position if scenario.camera.avoided else None,
             area_m=np.array(WALKABLE_M[scenario.room]),
-            discs=[disc for piece in scenario.furniture for disc in discs_of(piece)],
+            discs=[disc for piece in scenario.pieces for disc in discs_of(piece)],
         )
+
+    @cached_property
+    def objects(self) -> tuple[Lookalike, ...]:
+        """Objects that look like people, in the order of the scenario."""
+        plans, duration_s = self.scenario.objects, self.scenario.duration_s
+        return tuple(Lookalike(plan, self.seed, k, duration_s) for k, plan in enumerate(plans))
 
     @cached_property
     def path(self) -> BasePath:
@@ -138,8 +145,9 @@ class World:
         return meshes
 
     def surfaces(self, t_s: float) -> tuple[Mesh, ...]:
-        """Return everything in the room at a time: bodies and wheelchairs."""
-        return (*self.meshes(t_s), *self._wheelchairs(t_s))
+        """Return everything in the room at a time: bodies, wheelchairs and objects."""
+        objects = [one.mesh(t_s) for one in self.objects]
+        return (*self.meshes(t_s), *self._wheelchairs(t_s), *objects)
 
     def _wheelchairs(self, t_s: float) -> list[Mesh]:
         pairs = zip(self.scenario.people, self.motions, strict=True)

@@ -31,6 +31,7 @@ class Material(IntEnum):
     CARPET = 17
     CONCRETE = 18
     METAL = 19
+    MIRROR = 20
 
 
 class Pattern(IntEnum):

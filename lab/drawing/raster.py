@@ -48,7 +48,9 @@ def homogeneous(points_m: F64, pixels_from_points: F64) -> F64:
     return np.ascontiguousarray(points_m @ matrix[:, :3].T + matrix[:, 3])
 
 
-def rasterise(corners: F64, faces: I32, size: tuple[int, int], threads: int = 1) -> Raster:
+def rasterise(
+    corners: F64, faces: I32, size: tuple[int, int], threads: int = 1, limit: F32 | None = None
+) -> Raster:
     """Draw both sides of triangles; the first of equally near faces wins.
 
     Args:
@@ -56,11 +58,13 @@ def rasterise(corners: F64, faces: I32, size: tuple[int, int], threads: int = 1)
         faces: Fx3 indices of corners.
         size: Height and width of the image.
         threads: Number of threads.
+        limit: Maximum inverse depth of visible surfaces, HxW [1/m]; None: at NEAR_M.
     """
+    most = np.full(size, 1.0 / NEAR_M, np.float32) if limit is None else limit
     inverse_depth = np.zeros(size, np.float32)
     triangle = np.full(size, -1, np.int32)
     in_bands(
-        lambda first, last: _draw(corners, faces, first, last, inverse_depth, triangle),
+        lambda first, last: _draw(corners, faces, most, first, last, inverse_depth, triangle),
         size[0],
         threads,
     )
@@ -82,11 +86,16 @@ def barycentrics(corners: F64, i: int, j: int, k: int, u: float, v: float) -> tu
 
 @compiled
 def _draw(
-    corners: F64, faces: I32, first: int, last: int, inverse_depth: F32, triangle: I32
+    corners: F64,
+    faces: I32,
+    limit: F32,
+    first: int,
+    last: int,
+    inverse_depth: F32,
+    triangle: I32,
 ) -> None:
     """Draw all faces into the rows from `first` to `last`, exclusive."""
     width = inverse_depth.shape[1]
-    farthest = 1.0 / NEAR_M
     us = np.empty(len(corners))
     vs = np.empty(len(corners))
     for i in range(len(corners)):
@@ -133,7 +142,7 @@ def _draw(
                 wa, wb, wc = ax * u + a_row, bx * u + b_row, cx * u + c_row
                 if wa >= 0.0 and wb >= 0.0 and wc >= 0.0:
                     inverse = np.float32((wa + wb + wc) * scale)
-                    if inverse_depth[v, u] < inverse < farthest:
+                    if inverse_depth[v, u] < inverse < limit[v, u]:
                         inverse_depth[v, u] = inverse
                         triangle[v, u] = t
 

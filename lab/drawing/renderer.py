@@ -14,6 +14,7 @@ from lab.depth.infrared import returned
 from lab.drawing.ambient import COARSE, bounce_light, corner_light, direct_light
 from lab.drawing.colour import develop, grain
 from lab.drawing.mesh import Mesh, join
+from lab.drawing.mirrors import REFLECTANCE, mirror_views, rasterise_image
 from lab.drawing.raster import Raster, at_once, homogeneous, in_bands, rasterise
 from lab.drawing.rooms import Room
 from lab.drawing.shading import SampleArrays, SceneArrays, SceneLighting, shade_rows
@@ -91,12 +92,12 @@ def _stereo(
     scene: Mesh, optical_from_map: F64, info: CameraInfo, baseline_m: float, threads: int
 ) -> tuple[Raster, Raster]:
     """Rasterise a scene for the left and the right imager."""
-    corners = homogeneous(scene.vertices_m, camera_matrix(info) @ optical_from_map[:3])
-    views = (corners, corners - (info.fx * baseline_m, 0.0, 0.0))
-    size = (info.height, info.width)
     # One thread per view is faster than two threads per view in turn: triangles are set up once.
     left, right = at_once(
-        [partial(rasterise, view, scene.faces, size, max(threads // 2, 1)) for view in views],
+        [
+            partial(rasterise_image, scene, optical_from_map, info, shift_px, max(threads // 2, 1))
+            for shift_px in (0.0, info.fx * baseline_m)
+        ],
         threads,
     )
     return left, right
@@ -202,17 +203,20 @@ class Renderer:
         """Return the radiance of each pixel, HxWx3, linear."""
         return self._draw(instant).image
 
-    def _draw(self, instant: Instant, base: Shaded | None = None) -> Shaded:
+    def _draw(
+        self, instant: Instant, base: Shaded | None = None, limit: F32 | None = None
+    ) -> Shaded:
         """Return the radiance of each pixel.
 
         Args:
             instant: Scene at one instant.
             base: Another instant in the same view, whose room and light are used; or None.
+            limit: Part of the image in a mirror, see `mirror_views`; None: the scene itself.
         """
         mesh = join([*instant.people, self.room.mesh])
         corners = homogeneous(mesh.vertices_m, self._samples_from_map(instant.optical_from_map))
         size = (self.info.height * self.samples, self.info.width * self.samples)
-        raster = rasterise(corners, mesh.faces, size, self.threads)
+        raster = rasterise(corners, mesh.faces, size, self.threads, limit)
         image = np.empty((self.info.height, self.info.width, 3), np.float32)
         eye = invert(instant.optical_from_map)[:3, 3]
         scene = SceneArrays(
@@ -235,7 +239,8 @@ class Renderer:
         )
         light = base.light if base else self._lighting(instant.people, raster)
         faces = sum(len(one.faces) for one in instant.people)
-        people = self._covered((raster.triangle >= 0) & (raster.triangle < faces))
+        drawn = self._pixels((raster.triangle >= 0) & (raster.triangle < faces))
+        people = np.asarray(drawn.any(axis=(1, 3)))
         wanted = people | base.people if base else np.ones_like(people)
         if base:
             image[:] = base.image
@@ -244,11 +249,16 @@ class Renderer:
             self.info.height,
             self.threads,
         )
+        for reflection, inside in mirror_views(mesh, raster) if limit is None else ():
+            reflected = Instant(instant.people, instant.optical_from_map @ reflection)
+            share = self._pixels(inside > 0).mean(axis=(1, 3))[..., None]
+            image += share * (REFLECTANCE * self._draw(reflected, limit=inside).image - image)
         return Shaded(image, people, light)
 
-    def _covered(self, samples: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    def _pixels(self, samples: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        """Return the samples of each pixel, HxSxWxS."""
         height, width, side = self.info.height, self.info.width, self.samples
-        return np.asarray(samples.reshape(height, side, width, side).any(axis=(1, 3)))
+        return np.asarray(samples.reshape(height, side, width, side))
 
     def _samples_from_map(self, optical_from_map: F64) -> F64:
         camera = camera_matrix(self.info)

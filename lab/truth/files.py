@@ -1,5 +1,6 @@
 """Files with the truth of all frames, joined from files with some frames each."""
 
+import math
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lab.drawing.renderer import DepthView
+from lab.drawing.renderer import DepthView, body_extents
 from lab.truth.frames import PersonView
 from lab.world import World
 from people4d.errors import SourceError
@@ -35,6 +36,20 @@ def frame_arrays(world: World, index: int, people: Sequence[PersonView], view: D
         "masks": view.owners,
         "stature": np.array([body.skeleton.stature_m for body in world.bodies], np.float32),
         "wheelchair": np.array([p.wheelchair for p in world.scenario.people], np.bool_),
+        **_object_arrays(world, index),
+    }
+
+
+def _object_arrays(world: World, index: int) -> Arrays:
+    """Return the arrays of M objects for one frame."""
+    t_s, plans = world.frame_s(index), world.scenario.objects
+    meshes, pose = [one.mesh(t_s) for one in world.objects], world.optical_from_map(t_s)
+    boxes = [body_extents(mesh, pose, world.info).box_xyxy_px for mesh in meshes]
+    poses = [(*plan.at, math.radians(plan.yaw_deg)) for plan in plans]
+    return {
+        "object_kind": np.array([plan.kind for plan in plans], "U9"),
+        "object_pose": np.array(poses).reshape(-1, 3),
+        "object_bbox": np.array(boxes, np.float32).reshape(-1, 4),
     }
 
 
@@ -56,6 +71,9 @@ def save_frames(path: Path, info: CameraInfo, frames: Sequence[Arrays]) -> None:
     - masks: NxHxW, 0: no person, k: person k, counted from 1
     - stature: NxK, with shoes, m
     - wheelchair: NxK, True: in a wheelchair
+    - object_kind: NxM, kind of each object that looks like a person
+    - object_pose: NxMx3, x and y in m, yaw in rad
+    - object_bbox: NxMx4, box of the unoccluded object, xyxy in pixels
     """
     lens = np.array([info.fx, info.fy, info.cx, info.cy])
     stacked = {name: np.stack([frame[name] for frame in frames]) for name in frames[0]}
