@@ -52,7 +52,7 @@ def harden() -> None:
 
 
 def unzstd(data: bytes, limit: int = MAX_CHUNK_BYTES) -> bytes:
-    """Unpack zstd; ValueError if it is more than the limit in bytes."""
+    """Unpack zstd data; ValueError if they exceed the limit in bytes."""
     limit = min(limit, MAX_CHUNK_BYTES)
     with zstandard.ZstdDecompressor().stream_reader(BytesIO(data), read_across_frames=True) as part:
         return _bounded(part.read(limit + 1), limit)

@@ -75,7 +75,10 @@ def dds_name(kind: str) -> str:
 
 
 def make(kind: str, fields: Fields) -> Any:
-    """Return an immutable message of rosbags; omitted fields are 0, empty or false; or KeyError."""
+    """Return an immutable message of rosbags; omitted fields are 0, empty or false.
+
+    KeyError if the type or a field is unknown.
+    """
     return _maker(kind)(fields)
 
 

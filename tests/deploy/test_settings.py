@@ -78,7 +78,7 @@ def test_every_setting_has_a_meaning_on_the_page() -> None:
 def test_page_escapes_markup_outside_of_code() -> None:
     page = settings_page()
     assert r"\[s\] duration, at least twice `move_s` |" in page
-    assert r"mount\_\* being of the upright camera" in page
+    assert r"mount\_\* is the pose of the upright camera" in page
 
 
 def test_comment_is_at_the_end_of_the_field_or_above_it() -> None:

@@ -32,7 +32,7 @@ Path3D = tuple[F64, F64]  # times [s] (N), positions [m] (Nx3)
 
 @dataclass(frozen=True, kw_only=True)
 class RimtDataset(Dataset):
-    """Seven sequences, from a standing camera to a change of clothes."""
+    """The seven annotated sequences of RIMT."""
 
     def sequences(self, folder: Path) -> Sequence[str]:
         """Return the annotated bags."""

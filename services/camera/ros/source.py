@@ -78,7 +78,10 @@ class RosbagSource(Source):
                     yield from motion.transforms(edges_of(message), self._moving, default_ns)
                 elif topic in self._motion:
                     kind = bag.types[topic]
-                    stamped = kind in (ODOMETRY, JOINTS)  # a number has no stamp
+                    stamped = kind in (
+                        ODOMETRY,
+                        JOINTS,
+                    )  # a plain number, as of wheels, has no stamp
                     stamp_ns = self._stamp(topic, message, time_ns) if stamped else time_ns
                     is_left = topic == self._motion[0]
                     yield from motion.odometry(kind, message, stamp_ns, is_left)

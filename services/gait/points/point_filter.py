@@ -60,7 +60,7 @@ class PointFilter:
         self.initial_geodesic_m = np.nan
         self.confidence = 0.0
         self.missed_s = 0.0  # [s] time since the last measurement
-        self.likely = False  # True if predicted with a measurement probably on its own surface
+        self.likely = False  # True if the measurement of a predicted point is probably correct
         self.unsupported_s = 0.0  # [s] time since an extremity or keypoint agreed
         self.state: PointState = "lost"
         self.prior: Normal | None = None  # expected position relative to the body
