@@ -9,9 +9,9 @@ from benchmarks.lib.table import markdown, write
 NOTE = (
     f"Confirmed tracks, and tracks whose `object_like` stays below {LIKE_MIN:g}, with exact 95 % "
     "intervals of their rates. A view is one image of another random "
-    f"room, camera and light, played for {VIEW_S:g} s ({SHORT_S:g} s with mannequins) with "
+    f"room, camera and light, played for {VIEW_S:g} s ({SHORT_S:g} s with mannequins, robots) with "
     f"{FRAMES} frames of noise; a robot sees fewer places in an hour. All rooms have doors, "
-    "windows and posters. Not in the lab: mirrors, coats, statues."
+    "windows and posters. Not in the lab: coats, statues."
 )
 
 

@@ -1,13 +1,11 @@
-"""False people in rendered rooms: tracks of furniture, of flat figures and of mannequins.
+"""False people in rendered rooms: tracks of furniture and of objects that look like people.
 
-A view is one image of a random room, played with the noise of its depth sensor and of colour. A
-flat figure looks like a person from the camera, with the depth of a board. A mannequin is a body
-that never moves.
+A view is one image of a random room, played with the noise of its depth sensor and of colour.
 """
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import repeat
 
 import msgspec
@@ -16,17 +14,16 @@ import numpy as np
 from benchmarks.lib.intervals import poisson_rate
 from benchmarks.lib.postures.images import GREY_SIGMA, play_messages
 from benchmarks.lib.postures.objects import SHORT_S, Figure
-from common.geometry.transforms import apply, invert
 from evaluation.methods import read_method
 from lab.camera.frames import transforms
 from lab.camera.image_drift import ImageDrift
 from lab.catalogue import load_scenario
 from lab.depth.config import SENSORS
 from lab.depth.sensor import DepthSensor
-from lab.drawing.mesh import Mesh
 from lab.drawing.renderer import Instant, Renderer, draw_surfaces
+from lab.furniture import ObjectKind
 from lab.world import World
-from people4d.messages import F64, Detections, Message, RgbdFrame
+from people4d.messages import Detections, Message, RgbdFrame
 from services.detector.build import build as build_detector
 
 HEADER = (
@@ -37,66 +34,35 @@ HEADER = (
     "tracks, an hour",
     "not called objects, an hour",
 )
-ROOMS = ("office", "hall", "lab", "square")  # the square has no furniture
+FURNISHED = ("office", "hall", "lab")
+ROOMS = (*FURNISHED, "square")
 VIEW_S = 60.0  # duration of a view [s]
 FRAMES = 6  # number of frames with their own noise, which repeat
-RELIEF = 0.02  # depth of a flat figure relative to a body
-SLOPE = 0.3  # maximum slope of a flat figure across the view
-
-
-class Mannequins(World):
-    """World whose people never move."""
-
-    def meshes(self, t_s: float) -> tuple[Mesh, ...]:  # noqa: ARG002
-        """Return the bodies at the start."""
-        return super().meshes(0.0)
-
-
-class FlatFigures(World):
-    """World whose people are flat figures."""
-
-    def meshes(self, t_s: float) -> tuple[Mesh, ...]:  # noqa: ARG002
-        """Return the bodies at the start, each flattened towards a plane."""
-        rng, pose = np.random.default_rng(self.seed), self.optical_from_map(0.0)
-        return tuple(
-            replace(mesh, vertices_m=flatten(mesh.vertices_m, pose, rng.uniform(-SLOPE, SLOPE)))
-            for mesh in super().meshes(0.0)
-        )
-
-
-def flatten(points_m: F64, optical_from_map: F64, slope: float) -> F64:
-    """Return points moved along their rays from the camera towards a plane through their mean."""
-    optical_m = apply(optical_from_map, points_m)
-    normal = np.array([slope, 0.0, 1.0])
-    factor = (normal @ optical_m.mean(axis=0)) / (optical_m @ normal)
-    factor += RELIEF * (1 - factor)
-    return apply(invert(optical_from_map), optical_m * factor[:, None])
 
 
 @dataclass(frozen=True)
 class RoomKind:
-    """Kind of rooms."""
+    """Kind of rooms, all without people."""
 
-    world: type[World]
     options: str  # options of the random scene
-    rooms: Sequence[str]
-    is_empty: bool  # True: without people's bodies
+    rooms: Sequence[str] = FURNISHED
+    thing: ObjectKind | None = None  # kind of two objects that look like people; None: no objects
     duration_s: float = VIEW_S
 
 
 KINDS = {
-    "without furniture": RoomKind(World, "furniture=false", ROOMS, is_empty=True),
-    "with desks, screens, chairs, partitions, cabinets": RoomKind(
-        World, "furniture=true", ROOMS[:-1], is_empty=True
-    ),
-    "with two flat figures": RoomKind(FlatFigures, "people=2", ROOMS, is_empty=False),
-    "with two mannequins": RoomKind(Mannequins, "people=2", ROOMS, False, SHORT_S),
+    "without furniture": RoomKind("furniture=false", ROOMS),
+    "with desks, screens, chairs, partitions, cabinets": RoomKind("furniture=true"),
+    "with two posters of people": RoomKind("objects=2", thing="poster"),
+    "with two screens that show people": RoomKind("objects=2", thing="screen"),
+    "with two mannequins": RoomKind("objects=2", thing="mannequin", duration_s=SHORT_S),
+    "with two humanoid robots": RoomKind("objects=2", thing="robot", duration_s=SHORT_S),
 }
 
 
 def view_seeds(kind: RoomKind, views: int) -> range:
-    """Return the seeds of the views of a kind; a tenth of them, at least one, with figures."""
-    return range(views if kind.is_empty else max(1, views // 10))
+    """Return the seeds of the views of a kind; a tenth of them, at least one, with objects."""
+    return range(max(1, views // 10) if kind.thing else views)
 
 
 def room_rows(views: int, pool: Executor) -> Iterator[list[str]]:
@@ -121,8 +87,9 @@ def play_view(name: str, seed: int) -> tuple[int, list[Figure]]:
     kind, method = KINDS[name], read_method("best")
     room = kind.rooms[seed % len(kind.rooms)]
     scenario = load_scenario(f"random?room={room}&{kind.options}", seed)
-    people = () if kind.is_empty else scenario.people
-    world = kind.world(msgspec.structs.replace(scenario, people=people, duration_s=1.0), seed)
+    objects = tuple(msgspec.structs.replace(one, kind=kind.thing) for one in scenario.objects)
+    changed = msgspec.structs.replace(scenario, people=(), objects=objects, duration_s=1.0)
+    world = World(changed, seed)
     detector = build_detector(method.detector)
     messages: list[Message] = [world.info, *transforms(world)]
     for message in messages:
@@ -136,7 +103,7 @@ def play_view(name: str, seed: int) -> tuple[int, list[Figure]]:
 def _frames(world: World) -> Iterator[RgbdFrame]:
     """Yield frames of the first view of a world, each with its own noise."""
     camera, info, pose = world.scenario.camera, world.info, world.optical_from_map(0.0)
-    meshes, rng = world.meshes(0.0), np.random.default_rng(world.seed)
+    meshes, rng = world.surfaces(0.0), np.random.default_rng(world.seed)
     instant, config = Instant(meshes, pose), SENSORS[camera.depth_sensor]
     drift = ImageDrift(camera.image, world.seed).at(0.0)
     rgb = Renderer(world.room, info, world.seed, samples=1).exposed([instant], 0, drift)
