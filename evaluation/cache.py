@@ -63,7 +63,7 @@ def model_digests(config: DetectorConfig | ReidConfig) -> tuple[str, ...]:
     if isinstance(config, ReidConfig):
         models = [config.network]
     else:
-        models = [config.model, config.orientation_network]
+        models = [config.model, config.orientation_network, config.body_network]
     return tuple(_model_digest(model, config.folder) for model in models if model)
 
 

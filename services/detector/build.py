@@ -8,23 +8,29 @@ from services.detector.models.base import PersonModel
 from services.detector.models.registry import check_model, load_model
 from services.detector.node import DetectorNode
 from services.detector.orientation.network import OrientationNetwork
+from services.detector.position.body import BodyNetwork
 
 
 def build(config: DetectorConfig, model: PersonModel | None = None) -> Node:
     """Build the node and load its models, so that absent models are reported at the start."""
-    return DetectorNode(model or load_model(config), config, load_network(config))
+    networks = load_networks(config)
+    return DetectorNode(model or load_model(config), config, *networks)
 
 
-def load_network(config: DetectorConfig) -> OrientationNetwork | None:
-    """Load the configured orientation network; None if none is configured.
+def load_networks(config: DetectorConfig) -> tuple[OrientationNetwork | None, BodyNetwork | None]:
+    """Load the networks of yaws and of bodies; None if the configuration needs none.
 
     Raises:
-        ModelError: The file is absent, altered or another network.
+        ModelError: A file is absent, altered or another network.
     """
-    if not config.orientation_network:
-        return None
-    path, _ = weights.locate(config.orientation_network, config.folder)
-    return OrientationNetwork(open_session(path))
+    sessions = [
+        open_session(weights.locate(name, config.folder)[0]) if name else None
+        for name in (config.orientation_network, config.body_network)
+    ]
+    return (
+        OrientationNetwork(sessions[0]) if sessions[0] else None,
+        BodyNetwork(sessions[1]) if sessions[1] else None,
+    )
 
 
 def check(config: DetectorConfig) -> None:
@@ -35,5 +41,5 @@ def check(config: DetectorConfig) -> None:
         ModelError: A file is absent or altered.
     """
     check_model(config)
-    if config.orientation_network:
-        weights.locate(config.orientation_network, config.folder)
+    for name in filter(None, (config.orientation_network, config.body_network)):
+        weights.locate(name, config.folder)

@@ -12,6 +12,7 @@ from people4d.messages.people import DETECTIONS_MAX
 from people4d.validation import Rule
 
 SIDE_STEP = 32  # divisor of the sides of a network's input, which is halved five times [px]
+BODY_NETWORK = "body-lab"  # name of the body network
 CONFIDENCE_MIN = 0.6  # minimum confidence of a keypoint [PIC4SeR]
 # Name and minimum confidence of MoveNet: on real images two thirds of its keypoints are below 0.6,
 # and agree with YOLOv8's down to 0.3
@@ -76,13 +77,12 @@ class OrientationConfig(Config, frozen=True, kw_only=True):
 class DetectorConfig(ModelSettings, frozen=True, kw_only=True):
     """Configuration of the detector: its model, positions, orientations and crops."""
 
-    # Position of a person from depth. "torso": middle of shoulders and hips, from windows of depth
-    # in the person's own layer, or upper middle of the mask of a model without keypoints
+    # Position of a person from depth. "network": middle of shoulders and hips by the body network
     # (docs/method.md section 10); "mask": centroid of the mask; "keypoints": mean of the keypoints
     # (section 2); "grown": centroid of a mask that is grown in depth from the keypoints and
     # published as the person's mask (section 8.2)
-    position: Literal["mask", "keypoints", "grown", "torso"] = "torso"
-    to_axis: bool = True  # True: positions are moved from the surface to the body's axis
+    position: Literal["mask", "keypoints", "grown", "network"] = "network"
+    to_axis: bool = True  # True: positions on the surface are moved to the body's axis
     covariance: bool = True  # True: covariances of positions are published
     velocity: bool = True  # True: velocities of people are published
     # [1/m] error of one depth reading, over z^2; default: 0.07 px, 385 px, 50 mm (D435i)
@@ -98,6 +98,11 @@ class DetectorConfig(ModelSettings, frozen=True, kw_only=True):
     def orientation_network(self) -> str:
         """Name or path of the orientation network; empty if none is used."""
         return self.orientation.network if self.orientation.method == "joint" else ""
+
+    @property
+    def body_network(self) -> str:
+        """Name of the body network; empty if none is used."""
+        return BODY_NETWORK if self.position == "network" else ""
 
     def confidence_for(self, model: str) -> float:
         """Return the minimum confidence of keypoints: the setting, else the model's default."""

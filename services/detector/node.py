@@ -30,6 +30,7 @@ from services.detector.models.base import DetectedPerson, PersonModel
 from services.detector.orientation.angle import YawEstimate, heading_vector
 from services.detector.orientation.estimator import OrientationEstimator
 from services.detector.orientation.network import OrientationNetwork
+from services.detector.position.body import BodyNetwork
 from services.detector.position.estimator import PositionEstimator
 from services.detector.position.scene_flow import (
     FrameHistory,
@@ -39,7 +40,7 @@ from services.detector.position.scene_flow import (
 )
 from services.detector.position.silhouette import grow_mask
 from services.detector.position.surface import DepthImage, PositionEstimate, keypoint_surfaces
-from services.detector.position.torso import LayeredTorso
+from services.detector.position.torso import LayeredTorso, find_torsos
 
 log = logging.getLogger("people4d")
 
@@ -57,6 +58,7 @@ class DetectorNode(Node):
         model: Finds people in each image.
         config: Configuration of the service.
         orientation_network: Yaws by images of people; None: yaws by keypoints and depth alone.
+        body_network: Positions by images of people, required by the method "network".
     """
 
     inputs: tuple[type[Message], ...] = (CameraInfo, RgbdFrame)
@@ -69,10 +71,12 @@ class DetectorNode(Node):
         model: PersonModel,
         config: DetectorConfig,
         orientation_network: OrientationNetwork | None = None,
+        body_network: BodyNetwork | None = None,
     ) -> None:
         self._model = model
         self._config = config
-        self._positions = PositionEstimator(config, model.name)
+        self._positions = PositionEstimator(config, model.name, body_network)
+        self._confidence_min = config.confidence_for(model.name)
         self._history, self._schedule = FrameHistory(), CropSchedule()
         self._orientation = OrientationEstimator(config, model.name, orientation_network)
         self._lock = threading.Lock()
@@ -148,12 +152,13 @@ class DetectorNode(Node):
             crops = self._crops(people, torsos, is_due, frame)
             (self._loop.publish or outputs.append)(crops)
             cropped = len(crops.crops)
+        bodies = self._positions.observe(torsos, frame.rgb, image)
         observed = self._orientation.observe(people, torsos, frame.rgb, image)
         with span("locate"):
             yaws = self._orientation.estimate(people, image, observed)
             pair = None if before is None else FramePair(frame, before, info)
             velocities = measure_velocities(pair, torsos) if pair else [None] * len(torsos)
-            detections = self._detections(people, torsos, image, yaws, velocities)
+            detections = self._detections(people, bodies, image, yaws, velocities)
         with self._lock:
             self._counters["people"] += len(people)
             self._counters["with_position"] += sum(d.position_m is not None for d in detections)
@@ -201,20 +206,20 @@ class DetectorNode(Node):
         self, people: Sequence[DetectedPerson], image: DepthImage
     ) -> Sequence[LayeredTorso | None]:
         """Return the torsos if positions or yaws need them, else None each."""
-        if self._orientation.method == "joint" or self._config.position == "torso":
-            return self._positions.find_torsos(people, image)
+        if self._orientation.method == "joint" or self._config.position == "network":
+            return find_torsos(people, self._confidence_min, image)
         return [None] * len(people)
 
     def _detections(
         self,
         people: Sequence[DetectedPerson],
-        torsos: Sequence[LayeredTorso | None],
+        bodies: Sequence[PositionEstimate | None],
         image: DepthImage,
         yaws: Sequence[YawEstimate | None],
         velocities: Sequence[VelocityEstimate | None],
     ) -> tuple[Detection, ...]:
         yaws_rad = [None if yaw is None else yaw.rad for yaw in yaws]
-        positions = self._positions.estimate(people, torsos, image, yaws_rad)
+        positions = self._positions.estimate(people, bodies, image, yaws_rad)
         depths_m = keypoint_surfaces(people, image)
         return tuple(map(_detection, people, yaws, positions, depths_m, velocities))
 

@@ -20,6 +20,7 @@ from services.detector.config import DetectorConfig
 from services.detector.models.base import DetectedPerson, InstanceMask
 from services.detector.node import PEOPLE_MIN, DetectorNode
 from tests import builders
+from tests.detector.bodies import SIGMA_M, body_network
 from tests.detector.cameras import INFO, lab_info
 from tests.two_people import truth_of
 
@@ -78,7 +79,7 @@ BY_HAND = {
 def node(*people: DetectedPerson, **settings: object) -> DetectorNode:
     values = BY_HAND | settings
     config = load(DetectorConfig, "detector", None, [f"{k}={v}" for k, v in values.items()], {})
-    return DetectorNode(FixedModel(list(people)), config)
+    return DetectorNode(FixedModel(list(people)), config, body_network=body_network())
 
 
 def only(kind: type[M], messages: list[Message]) -> M:
@@ -218,7 +219,7 @@ def test_without_depth_people_have_no_positions() -> None:
 
 
 def test_depth_in_another_unit_is_reported() -> None:
-    detector = node(person(), position="torso")
+    detector = node(person(), position="network")
     detector.handle(INFO, 0)
     for sequence in range(PEOPLE_MIN):
         assert detector.status().state == "ready"
@@ -341,28 +342,25 @@ def detected(*people: DetectedPerson, **settings: object) -> tuple[Detection, ..
     return only(Detections, MemoryBus([detector]).publish(INFO, frame())).detections
 
 
-def test_position_by_the_torso() -> None:
-    # u 17 and 12, v 20 and 40: mean 14.5 and 30, X = (14.5 - 20) * 2 / 50 = -0.22, Y = 0.
-    found = detected(person(), position="torso")[0]
+@pytest.mark.parametrize("someone", [person(), person(mask=True, keypoints=False)])
+def test_position_by_the_network(someone: DetectedPerson) -> None:
+    # The box's columns 8 to 22: u = 15, X = (15 - 20) * 2 / 50 = -0.2; 0.3 m below its upper edge,
+    # row 8: Y = (8 - 30) * 2 / 50 + 0.3 = -0.58.
+    found = detected(someone, position="network")[0]
     assert found.position_m is not None
-    np.testing.assert_allclose(found.position_m, [-0.22, 0.0, 2.0], atol=1e-9)
+    np.testing.assert_allclose(found.position_m, [-0.2, -0.58, 2.0], atol=1e-6)
     assert found.position_covariance_m2 is None
+    measured = detected(someone, position="network", covariance="true")[0]
+    assert measured.position_covariance_m2 is not None
+    np.testing.assert_allclose(measured.position_covariance_m2, SIGMA_M**2 * np.eye(3), atol=1e-9)
 
 
-def test_torso_of_a_mask_is_its_upper_middle() -> None:
-    # Rows 10 to 49: 0.2 to 0.5 of 39 rows is 17.8 to 29.5, the next whole ones 18, 21, 24, 27, 30:
-    # mean 24, Y = (24 - 30) * 2 / 50 = -0.24; columns 10 to 20: X = (15 - 20) * 2 / 50 = -0.2.
-    found = detected(person(mask=True, keypoints=False), position="torso")[0]
-    assert found.position_m is not None
-    np.testing.assert_allclose(found.position_m, [-0.2, -0.24, 2.0], atol=1e-9)
+def test_a_network_is_required_by_its_method() -> None:
+    with pytest.raises(ValueError, match="the body network is missing"):
+        DetectorNode(FixedModel([]), DetectorConfig())
 
 
-def test_person_without_keypoints_and_mask_has_no_torso() -> None:
-    assert detected(person(keypoints=False), position="torso")[0].position_m is None
-    assert detected(position="torso") == ()
-
-
-@pytest.mark.parametrize("method", ["keypoints", "mask", "torso"])
+@pytest.mark.parametrize("method", ["keypoints", "mask"])
 def test_positions_move_to_the_axis_if_configured(method: str) -> None:
     # Along the line of sight, between half the depth and half the width of the torso.
     someone = person(mask=method == "mask")
@@ -371,12 +369,11 @@ def test_positions_move_to_the_axis_if_configured(method: str) -> None:
     assert surface is not None
     assert axis is not None
     moved = axis - surface
-    # Off the middle of the torso the ellipse is less deep.
-    assert (0.09 if method == "torso" else 0.125) < np.hypot(moved[0], moved[2]) < 0.205
+    assert 0.125 < np.hypot(moved[0], moved[2]) < 0.205
     np.testing.assert_allclose(axis / axis[2], surface / surface[2], atol=1e-9)
 
 
-@pytest.mark.parametrize("method", ["keypoints", "mask", "grown", "torso"])
+@pytest.mark.parametrize("method", ["keypoints", "mask", "grown"])
 def test_every_method_gives_a_covariance_if_configured(method: str) -> None:
     found = detected(person(mask=method == "mask"), position=method, covariance="true")[0]
     assert found.position_m is not None
@@ -394,7 +391,7 @@ def test_occluders_are_blanked_in_crops() -> None:
     depth_mm[:, : left + (right - left) // 3] = 1000
     message = msgspec.structs.replace(behind, depth_mm=depth_mm)
     for sent, is_blanked in ((message, True), (behind, False)):
-        crops = only(Crops, MemoryBus([node(person(), position="torso")]).publish(INFO, sent))
+        crops = only(Crops, MemoryBus([node(person(), position="network")]).publish(INFO, sent))
         assert (crops.crops[0].rgb == HIDDEN_RGB).all(axis=2).any() == is_blanked
 
 
@@ -409,7 +406,7 @@ def test_velocities_are_published_from_the_second_frame_on() -> None:
             answers += [m for m in detector.handle(one, 0) if isinstance(m, Detections)]
         return [(m.velocity_interval_s, m.detections[0].velocity_mps is not None) for m in answers]
 
-    torso = {"position": "torso", "orientation.method": "joint"}
+    torso = {"position": "network", "orientation.method": "joint"}
     assert intervals(**torso) == [(None, False), (0.1, True)]
     off = {**torso, "velocity": "false"}
     assert intervals(**off) == [(None, False), (None, False)]

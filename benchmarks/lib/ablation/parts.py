@@ -23,8 +23,7 @@ class Part:
 
 
 PARTS = {
-    "surface to axis": Part(("detector.to_axis=false",)),
-    "position of the torso": Part(("detector.position=keypoints",)),
+    "body network": Part(("detector.position=keypoints",)),
     "measured velocity": Part(("detector.velocity=false",)),
     "measured covariance": Part((f"{STRONG}.noise=constant",)),
     "orientation network": Part(("detector.orientation.network=",)),

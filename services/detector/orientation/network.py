@@ -4,16 +4,15 @@ It uses features beyond keypoints: hair or a face, the back or the front of clot
 """
 
 import math
-from collections.abc import Sequence
 from functools import cache
-from typing import TypeVar, cast
 
 import cv2
 import numpy as np
 
 from common.inference.session import Session
 from people4d.errors import ModelError
-from people4d.messages import F32, F64, HIDDEN_RGB, U8, U16
+from people4d.messages import F32, F64, HIDDEN_RGB, U8
+from services.detector.images import Window, bordered, cut_window, reduced
 from services.detector.orientation.angle import SHOULDERS
 from services.detector.orientation.joint import ANGLES
 from services.detector.position.surface import DepthImage
@@ -26,8 +25,6 @@ OUTLIERS = 0.05  # probability of an image that does not show the person
 LOG_MIN = -50.0  # minimum log probability
 OUTSIDE_MM = 1  # depth assumed outside the image [mm]
 BLANK: F32 = np.array(HIDDEN_RGB, np.float32)[:, None, None]
-
-Image = TypeVar("Image", U8, U16)
 
 
 class OrientationNetwork:
@@ -91,19 +88,15 @@ def upper_bodies(rgb: U8, image: DepthImage, keypoints: F32, depths_m: F64) -> F
     px_per_m = np.array([[image.info.fx, image.info.fy]]) / depths_m[:, None]
     corners_px = shoulders_px - (SIZE_M[1] / 2, ABOVE_M) * px_per_m
     sides_px = np.hstack([corners_px, corners_px + SIZE_M[::-1] * px_per_m])
-    height, width = rgb.shape[:2]
-    limits = np.array([width, height] * 2)
-    sides_px = np.rint(np.fmin(np.fmax(sides_px, -limits), 2 * limits))
     bodies = np.empty((len(keypoints), 4, *SIZE_PX), np.float32)
-    windows = sides_px.astype(int).tolist()
-    for body, window, depth_m in zip(bodies, windows, depths_m.tolist(), strict=True):
-        _draw_body(body, rgb, image, window, depth_m)
+    for body, sides, depth_m in zip(bodies, sides_px.tolist(), depths_m.tolist(), strict=True):
+        _draw_body(body, rgb, image, cut_window(sides, rgb.shape[1], rgb.shape[0]), depth_m)
     bodies[:, :3] /= 255
     return bodies
 
 
 def _draw_body(
-    body: F32, rgb: U8, image: DepthImage, window: Sequence[int], depth_m: float
+    body: F32, rgb: U8, image: DepthImage, window: Window | None, depth_m: float
 ) -> None:
     """Draw one body (4x64x48), colours 0 to 255; pixels nearer or outside the image are blanked.
 
@@ -111,40 +104,20 @@ def _draw_body(
         body: Drawing.
         rgb: Colour image.
         image: Depth image.
-        window: Left, top, right and bottom side [px].
+        window: Window of the body; None: outside the image.
         depth_m: Depth of the person.
     """
-    left, top, right, bottom = window
-    right, bottom = max(right, left + 4), max(bottom, top + 4)
-    height, width = rgb.shape[:2]
-    u, v, end_u, end_v = max(left, 0), max(top, 0), min(right, width), min(bottom, height)
-    if u >= end_u or v >= end_v:
+    if window is None:
         body[:3], body[3] = BLANK, 0.0
         return
-    edges = (v - top, bottom - end_v, u - left, right - end_u)
     nearest_mm, farthest_mm = (round(1000 * (depth_m + reach_m)) for reach_m in LAYER_M)
-    bordered_mm = _bordered(image.depth_mm[v:end_v, u:end_u], edges, (OUTSIDE_MM,))
+    bordered_mm = bordered(image.depth_mm[window.inside], window.edges, (OUTSIDE_MM,))
     depths_mm = cv2.resize(bordered_mm, SIZE_PX[::-1], interpolation=cv2.INTER_NEAREST)
     # Minus 1, a missing reading wraps to the farthest.
     hidden = (depths_mm - np.uint16(1)) < max(nearest_mm - 1, OUTSIDE_MM)
-    body[:3] = _reduced(_bordered(rgb[v:end_v, u:end_u], edges, HIDDEN_RGB)).transpose(2, 0, 1)
+    colours = bordered(rgb[window.inside], window.edges, HIDDEN_RGB)
+    body[:3] = reduced(colours, SIZE_PX).transpose(2, 0, 1)
     np.less_equal(depths_mm, farthest_mm, out=body[3])
     if hidden.any():
         np.copyto(body[:3], BLANK, where=hidden)
         body[3][hidden] = 0.0
-
-
-def _bordered(window: Image, edges: tuple[int, int, int, int], value: tuple[int, ...]) -> Image:
-    """Return a window with a border of a value."""
-    if not any(edges):
-        return window
-    return cast(Image, cv2.copyMakeBorder(window, *edges, cv2.BORDER_CONSTANT, value=value))
-
-
-def _reduced(rgb: U8) -> U8:
-    """Return an image at the network's size, reduced first by halves, which is fast."""
-    height, width = SIZE_PX
-    while rgb.shape[0] >= 2 * height and rgb.shape[1] >= 2 * width:
-        even = rgb[: rgb.shape[0] // 2 * 2, : rgb.shape[1] // 2 * 2]
-        rgb = cast(U8, cv2.resize(even, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
-    return cast(U8, cv2.resize(rgb, (width, height), interpolation=cv2.INTER_AREA))

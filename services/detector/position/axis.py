@@ -28,7 +28,6 @@ BODY = Ellipse(half_depth_m=0.125, half_width_m=0.205)
 RIM = 0.9
 # Standard deviations of positions, from simulated people
 BODY_M = 0.035  # bodies, clothes and arms, along the line of sight [m]
-JOINT_M = 0.04  # joint of a near person, across the line of sight [m]
 JOINT_PX = 2.0  # joint of a far person, across the line of sight [px]
 CENTROID_M = 0.04  # centroid of a mask or mean of keypoints from the torso, to the right [m]
 CENTROID_DOWN_M = 0.2  # centroid from the torso, downward [m]
@@ -83,11 +82,6 @@ def axis_sigma(ellipse: Ellipse | None, yaw_rad: float | None) -> float:
     if ellipse is None:
         return SURFACE_M
     return 0.0 if yaw_rad is not None else abs(ellipse.half_width_m - ellipse.half_depth_m) / 8**0.5
-
-
-def joint_sigma(z_m: F64, info: CameraInfo) -> F64:
-    """Return the standard deviations, in metres, of joints across the line of sight."""
-    return np.hypot(JOINT_M, JOINT_PX * z_m / info.fx)
 
 
 def variance_along(

@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from people4d.messages import F64
+from common.transport.trace import span
+from people4d.messages import F64, U8
 from services.detector.config import DetectorConfig
 from services.detector.models.base import DetectedPerson
 from services.detector.position.axis import (
@@ -16,6 +17,7 @@ from services.detector.position.axis import (
     variance_along,
     variances_across,
 )
+from services.detector.position.body import BodyNetwork
 from services.detector.position.surface import (
     DepthImage,
     PositionEstimate,
@@ -23,43 +25,63 @@ from services.detector.position.surface import (
     keypoint_mean,
     mask_centroid,
 )
-from services.detector.position.torso import LayeredTorso, TorsoEstimator
+from services.detector.position.torso import LayeredTorso
 
 
 class PositionEstimator:
-    """Estimates positions of people from depth, by the method that suits a people model."""
+    """Estimates positions of people from depth, by the method that suits a people model.
 
-    def __init__(self, config: DetectorConfig, model: str) -> None:
+    Args:
+        config: Configuration of the service.
+        model: Name of the people model.
+        network: Positions by images of people; None: the method needs none.
+
+    Raises:
+        ValueError: The method "network" has no network.
+    """
+
+    def __init__(self, config: DetectorConfig, model: str, network: BodyNetwork | None) -> None:
+        if config.position == "network" and network is None:
+            raise ValueError('position "network": the body network is missing')
         self._config = config
         self._confidence_min = config.confidence_for(model)
         self._ellipse = BODY if config.to_axis else None
-        self._torso = TorsoEstimator(self._ellipse, config.depth_error_per_m)
+        self._network = network if config.position == "network" else None
 
-    def find_torsos(
-        self, people: Sequence[DetectedPerson], image: DepthImage
-    ) -> list[LayeredTorso | None]:
-        """Return the torsos of people, or None, see `TorsoEstimator.find_torsos`."""
-        return self._torso.find_torsos(people, self._confidence_min, image)
+    def observe(
+        self, torsos: Sequence[LayeredTorso | None], rgb: U8, image: DepthImage
+    ) -> list[PositionEstimate | None]:
+        """Return the positions of people by the network; None without a layer or a network.
+
+        The network's inference is a stage of its own: not to be called inside another span.
+        """
+        known = [torso for torso in torsos if torso is not None]
+        if self._network is None or not known:
+            return [None] * len(torsos)
+        with span("locate"):
+            boxes = np.array([torso.joints.box_xyxy_px for torso in known])
+            candidates = self._network.candidates(
+                boxes, np.array([torso.layer.depth_m for torso in known]), rgb, image
+            )
+        bodies = iter(self._network.observe(candidates))
+        return [None if torso is None else next(bodies) for torso in torsos]
 
     def estimate(
         self,
         people: Sequence[DetectedPerson],
-        torsos: Sequence[LayeredTorso | None],
+        bodies: Sequence[PositionEstimate | None],
         image: DepthImage,
         yaws_rad: Sequence[float | None],
     ) -> list[PositionEstimate | None]:
         """Return the positions of people, yaws in the camera's frame; None if depth is invalid.
 
-        The torsos, from `find_torsos`, are needed for the method "torso" only.
+        The bodies, from `observe`, are needed for the method "network" only.
         """
-        if self._config.position != "torso":
+        if self._network is not None:
+            positions = list(bodies)
+        else:
             pairs = zip(people, yaws_rad, strict=True)
             positions = [self._from_surface(person, image, yaw_rad) for person, yaw_rad in pairs]
-        else:
-            positions = self._torso.estimate(torsos, image.info, yaws_rad)
-            for k, (person, yaw_rad) in enumerate(zip(people, yaws_rad, strict=True)):
-                if person.keypoints is None and person.mask is not None:
-                    positions[k] = self._torso.estimate_from_mask(person.mask, image, yaw_rad)
         if self._config.covariance:
             return positions
         return [position and replace(position, covariance_m2=None) for position in positions]

@@ -16,7 +16,7 @@ import numpy as np
 
 from people4d.messages import F64
 from services.detector.position.proportions import BodySize
-from services.detector.position.surface import DepthWindows, Flags, Indices
+from services.detector.position.surface import Flags, Indices
 
 # Maximum distance of a reading from the middle of its layer, and an allowance for rounding [m]
 HALF_M = 0.25 + 1e-9
@@ -48,7 +48,6 @@ class PersonLayer:
 
     depth_m: float  # [m] middle of the layer
     own: Flags  # N, samples not covered by other people
-    along_m2: float = 0.0  # [m^2] variance of the depth, since the torso may be in another layer
 
 
 class _Choice(NamedTuple):
@@ -56,10 +55,9 @@ class _Choice(NamedTuple):
 
     depth_m: float  # [m] NaN where the score is 0
     score: float  # 0 to 1
-    along_m2: float  # [m^2] as in `PersonLayer`
 
 
-NO_LAYER = _Choice(math.nan, 0.0, 0.0)
+NO_LAYER = _Choice(math.nan, 0.0)
 
 
 def assign_layers(people: Sequence[DepthSamples]) -> list[PersonLayer | None]:
@@ -81,25 +79,15 @@ def assign_layers(people: Sequence[DepthSamples]) -> list[PersonLayer | None]:
         is_alone = own is finite[k] or np.array_equal(own, finite[k])
         best = alone[k] if is_alone else _best_layer(people[k], own)
         if best.score > 0:
-            layers[k] = PersonLayer(best.depth_m, own, best.along_m2)
+            layers[k] = PersonLayer(best.depth_m, own)
     return layers
-
-
-def read_layers(windows: DepthWindows, layers_m: F64) -> F64:
-    """Return the depth in windows from the readings of one layer each, NaN if there are none.
-
-    At an outline the depth is taken from the person's side.
-    """
-    return windows.medians(layers_m - HALF_M, layers_m + HALF_M)[0]
 
 
 def _best_layer(person: DepthSamples, own: Flags) -> _Choice:
     """Return the best layer of a person's own samples.
 
-    Another layer of a fraction p of the sum of both squared scores, a gap away, makes the depth
-    uncertain by p (1 - p) gap^2. Readings of the best layer do not count as gaps: they are the
-    person's arms and legs. The score is 0 if no layer is possible or if the best one has too
-    few samples, as of furniture in front of a person out of range.
+    The score is 0 if no layer is possible or if the best one has too few samples, as of furniture
+    in front of a person out of range.
     """
     if not own.any():
         return NO_LAYER
@@ -116,14 +104,7 @@ def _best_layer(person: DepthSamples, own: Flags) -> _Choice:
         return NO_LAYER
     near_m = ranked_m[first[best] : end[best]]
     layer_m = float(near_m[(len(near_m) - 1) // 2] + near_m[len(near_m) // 2]) / 2
-    apart = np.abs(depth_m - layer_m) > HALF_M
-    if not apart.any():
-        return _Choice(layer_m, score, 0.0)
-    others = apart * _sums((weights * apart)[order], first, end) / max(total, 1e-9) * fit
-    second = int(others.argmax())
-    fraction = float(others[second] ** 2 / (score**2 + others[second] ** 2))
-    gap_m = float(depth_m[second]) - layer_m
-    return _Choice(layer_m, score, fraction * (1 - fraction) * gap_m**2)
+    return _Choice(layer_m, score)
 
 
 def _sums(weights: F64, first: Indices, end: Indices) -> F64:

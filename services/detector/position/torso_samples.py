@@ -60,15 +60,15 @@ class SampledTorso(NamedTuple):
 
 def sampled_torsos(
     people: Sequence[DetectedPerson], confidence_min: float, info: CameraInfo
-) -> list[SampledTorso | None]:
-    """Return the torsos of people in the image, None if a person has no keypoints."""
-    found = [person.keypoints for person in people if person.keypoints is not None]
+) -> list[SampledTorso]:
+    """Return the torsos of people in the image; no joint is known without keypoints."""
+    found = [np.zeros((17, 3)) if p.keypoints is None else p.keypoints for p in people]
     keypoints = np.array(found, np.float64).reshape(-1, 17, 3)
     pixels, confident = keypoints[:, :, :2], keypoints[:, :, 2] > np.float32(confidence_min)
     known = confident[:, TORSO] & in_image(pixels[:, TORSO], info, EDGE_PX)
     visible = confident & in_image(pixels, info)
-    each = zip(known.tolist(), pixels.tolist(), visible.tolist(), strict=True)
-    return [None if one.keypoints is None else _sampled(one, *next(each), info) for one in people]
+    each = zip(people, known.tolist(), pixels.tolist(), visible.tolist(), strict=True)
+    return [_sampled(*one, info) for one in each]
 
 
 def _sampled(

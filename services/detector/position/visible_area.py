@@ -16,9 +16,6 @@ COLUMNS, ROWS = 6, 8  # number of depth samples across and downward
 WIDTH = 0.5  # width of the area, relative to the box
 EDGE_RATIO = 0.02  # maximum distance of a cut-off box from the edge, relative to the image's width
 BELOW_TOP = 0.3  # upper edge of the area without shoulders, relative to the box's height
-CROWN_M = 0.55  # distance of the torso's middle from the box's upper edge, without joints [m]
-# Standard deviation of the torso's middle by the box, across the line of sight [m]
-BOX_SIGMA_M = 0.15
 # Middles of the cells of a square of side 1, Nx2
 GRID: F64 = np.stack(
     np.meshgrid((np.arange(COLUMNS) + 0.5) / COLUMNS, (np.arange(ROWS) + 0.5) / ROWS), axis=-1
@@ -88,13 +85,6 @@ def cut_side(box_xyxy_px: Sequence[float], info: CameraInfo) -> int:
     """Return the side on which the image cuts a box off: -1 left, 1 right, 0 neither or both."""
     edge_px = EDGE_RATIO * info.width
     return (box_xyxy_px[2] > info.width - 1 - edge_px) - (box_xyxy_px[0] < edge_px)
-
-
-def box_torso(box_xyxy_px: Sequence[float], depth_m: float, info: CameraInfo) -> F64:
-    """Return the middle of the torso at a depth by the box alone: u and v in pixels."""
-    left, top, right, bottom = cut_to_image(box_xyxy_px, info)
-    v = min(top + CROWN_M * info.fy / depth_m, bottom)
-    return np.array([(left + right) / 2, v])
 
 
 def in_image(pixels: F64, info: CameraInfo, margin_px: float = 0.0) -> Flags:

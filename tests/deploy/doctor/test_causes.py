@@ -27,6 +27,7 @@ from services.tracker.build import build
 from services.tracker.config import TrackerConfig
 from tests import builders
 from tests.contract.examples import BY_NAME
+from tests.detector.bodies import body_network
 from tests.detector.cameras import INFO
 from tests.detector.test_node import FixedModel, frame, person
 from tests.network import WAIT_S, Network
@@ -80,7 +81,9 @@ class FailingModel(FixedModel):
 
 
 def detector(model: FixedModel | None = None) -> Node:
-    return DetectorNode(model or FixedModel([person()]), DetectorConfig())
+    return DetectorNode(
+        model or FixedModel([person()]), DetectorConfig(), body_network=body_network()
+    )
 
 
 def tracker() -> Node:

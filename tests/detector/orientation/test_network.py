@@ -11,7 +11,7 @@ from evaluation.quantization.images import bodies_of
 from evaluation.recordings.rendered import RenderedFrame, render
 from people4d.errors import ModelError
 from people4d.messages import F32, F64, HIDDEN_RGB
-from services.detector.build import check, load_network
+from services.detector.build import check, load_networks
 from services.detector.config import DetectorConfig, OrientationConfig, shipped_orientation
 from services.detector.orientation.joint import ANGLES
 from services.detector.orientation.network import SIZE_PX, OrientationNetwork, upper_bodies
@@ -137,7 +137,7 @@ def rendered_frames() -> list[RenderedFrame]:
 def test_the_shipped_network_sees_where_people_of_the_lab_face(
     name: str, rendered_frames: list[RenderedFrame]
 ) -> None:
-    shipped = load_network(DetectorConfig(orientation=OrientationConfig(network=name)))
+    shipped = load_networks(DetectorConfig(orientation=OrientationConfig(network=name)))[0]
     assert shipped is not None
     errors = list[float]()
     for rendered in rendered_frames:

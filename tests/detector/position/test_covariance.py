@@ -5,16 +5,12 @@ import pytest
 
 from services.detector.position.axis import (
     BODY_M,
-    JOINT_M,
-    JOINT_PX,
     SURFACE_M,
     Ellipse,
     axis_sigma,
     covariance,
-    joint_sigma,
     variance_along,
 )
-from tests.detector.cameras import INFO
 
 DEPTH_PER_M = 0.004
 
@@ -39,13 +35,6 @@ def test_a_common_error_does_not_shrink() -> None:
     readings_m = [2.0] * 4
     more, less = (variance_along(2.0, readings_m, sigma_m, DEPTH_PER_M) for sigma_m in (0.05, 0.0))
     assert more - less == pytest.approx(0.05**2)
-
-
-def test_sigma_of_a_far_joint_is_in_pixels() -> None:
-    # 2 px at fx = 50: 0.04 m per metre; at 0.75 m 0.03 m with 0.04 m: 0.05 m.
-    assert (JOINT_M, JOINT_PX) == (0.04, 2.0)
-    sigmas_m = joint_sigma(np.array([0.75, 100.0]), INFO)
-    assert sigmas_m == pytest.approx([0.05, 4.0], rel=1e-3)
 
 
 def test_axis_is_uncertain_if_yaw_or_body_is_unknown() -> None:

@@ -2,17 +2,13 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from people4d.messages import F64
 from services.detector.position.layers import (
     DepthSamples,
     assign_layers,
-    read_layers,
 )
 from services.detector.position.proportions import BodySize
-from services.detector.position.surface import DepthImage, DepthWindows
-from tests.detector.cameras import INFO
 
 SQUARE: F64 = np.array([[10.0, 10.0], [20.0, 10.0], [20.0, 30.0], [10.0, 30.0], [15.0, 20.0]])
 
@@ -87,17 +83,6 @@ def test_people_side_by_side_share_no_samples() -> None:
     assert depths([samples([2.0] * 5), samples([2.1] * 5, shift_px=40.0)]) == [2.0, 2.1]
 
 
-def test_at_an_outline_the_persons_side_is_read() -> None:
-    # The window of 3x3 around (5, 5) has one column of the person at 2 m and two of the wall.
-    depth_mm = np.full((10, 10), 4000, np.uint16)
-    depth_mm[:, :5] = 2000
-    image, edge = DepthImage(depth_mm, INFO), np.array([[5.0, 5.0]])
-    windows = DepthWindows(np.repeat(edge, 3, axis=0), image, 3)
-    depths_m = read_layers(windows, np.array([2.1, 4.0, 3.0]))
-    np.testing.assert_allclose(depths_m, [2.0, 4.0, np.nan])
-    assert not len(read_layers(DepthWindows(np.zeros((0, 2)), image, 3), np.zeros(0)))
-
-
 def test_an_outline_reaches_beyond_the_keypoints() -> None:
     # The other person's samples are 4 px right of the square: theirs, or the arm of the one before.
     def behind_an_arm(margin_px: float) -> float | None:
@@ -143,34 +128,6 @@ def test_nearer_layers_weigh_more_for_a_cut_off_person_without_size() -> None:
     assert depths([arm, replace(arm, cut_off=True)]) == [4.0, 1.5]
     # One sample of something nearer does not outvote four of the person.
     assert depths([replace(samples([0.7, 2.0, 2.0, 2.0, 2.0]), cut_off=True)]) == [2.0]
-
-
-def test_another_layer_of_nearly_equal_score_adds_variance() -> None:
-    # Three samples at 2 m, two at 3 m: 0.4^2 and 0.6^2 are 4/13 and 9/13 of their sum, 1 m apart;
-    # with weights of 1 and 0.5, 0.25^2 and 0.75^2: 0.1 and 0.9.
-    torn = samples([2.0, 2.0, 2.0, 3.0, 3.0])
-    limbs = replace(torn, weights=np.array([1.0, 1.0, 1.0, 0.5, 0.5]))
-    alike = samples([2.0, 2.1, 1.9, math.nan, 2.0])
-    variances = [
-        None if layer is None else layer.along_m2
-        for layer in (assign_layers([one])[0] for one in (torn, limbs, alike))
-    ]
-    assert variances == pytest.approx([36 / 169, 0.09, 0.0])
-
-
-def test_layer_that_does_not_suit_the_size_adds_little_variance() -> None:
-    # As large as at 2 m; at 3 m: ln(1.5) / 0.2 = 2.03 sigma, 0.128. Scores 0.6 and 0.4 * 0.128.
-    layer = assign_layers([samples([2.0, 2.0, 2.0, 3.0, 3.0], size_depth_m=2.0)])[0]
-    assert layer is not None
-    assert layer.along_m2 == pytest.approx((0.0512 / 0.6) ** 2, rel=0.02)
-
-
-def test_readings_of_the_best_layer_do_not_count_for_another() -> None:
-    # All five lie within 0.25 m of 2.2 m; of their median, 2.1 m, the last is 0.26 m off and the
-    # only one of its layer: 0.2^2 against 1, not 0.4 with the reading at 2.2 m.
-    layer = assign_layers([samples([2.0, 2.0, 2.1, 2.2, 2.36])])[0]
-    assert layer is not None
-    assert layer.along_m2 == pytest.approx(25 / 26**2 * 0.26**2)
 
 
 def test_nearer_layer_fits_a_turned_person() -> None:

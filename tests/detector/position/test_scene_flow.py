@@ -11,12 +11,11 @@ from services.detector.position.scene_flow import (
     measure_velocities,
 )
 from services.detector.position.surface import DepthImage
-from services.detector.position.torso import TorsoEstimator
+from services.detector.position.torso import find_torsos
 from tests import builders
 from tests.detector.position.test_torso import INFO, keypoints, person
 
 FX, STEP_NS = 600.0, 100_000_000
-TORSO = TorsoEstimator(None, 0.0036)
 
 
 def texture(seed: int, height: int, width: int) -> U8:
@@ -50,7 +49,7 @@ def velocity(first: RgbdFrame, second: RgbdFrame, *columns: float) -> list[Veloc
     people = [person(keypoints(u)) for u in columns or (320.0,)]
     if before is None:
         return [None] * len(people)
-    torsos = TORSO.find_torsos(people, 0.3, DepthImage(second.depth_mm, INFO))
+    torsos = find_torsos(people, 0.3, DepthImage(second.depth_mm, INFO))
     return measure_velocities(FramePair(second, before, INFO), torsos)
 
 
@@ -116,7 +115,7 @@ def test_points_on_two_torsos_are_not_used() -> None:
     # Torsos at columns 270 and 370, each 144 px wide with its margins, share 44 px.
     first, second = frame(0, board_images(320, 2.0)), frame(1, board_images(320, 2.0))
     assert all(found is not None for found in velocity(first, second, 270.0, 370.0))
-    (torso,) = TORSO.find_torsos([person(keypoints())], 0.3, DepthImage(second.depth_mm, INFO))
+    (torso,) = find_torsos([person(keypoints())], 0.3, DepthImage(second.depth_mm, INFO))
     assert measure_velocities(FramePair(second, first, INFO), [torso, torso]) == [None, None]
 
 
