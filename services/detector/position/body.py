@@ -59,12 +59,16 @@ class BodyNetwork:
             found = list(output.shape)
             raise ModelError(f"body network: expected finite outputs of Nx{OUTPUTS}, got {found}")
 
+    @staticmethod
     def candidates(
-        self, boxes_xyxy_px: F64, layers_m: F64, rgb: U8, image: DepthImage
+        boxes_xyxy_px: F64, layers_m: F64, rgb: U8, image: DepthImage, margin_px: int = 0
     ) -> BodyImages:
-        """Return the images of N boxes (Nx4), each in a layer of depth (N, in metres)."""
+        """Return the images of N boxes (Nx4), each in a layer of depth (N, in metres).
+
+        Training cuts its shifted images out of larger ones, with a margin on each side.
+        """
         references_px = _references(boxes_xyxy_px, layers_m, image)
-        images = _images(references_px, layers_m, rgb, image)
+        images = _images(references_px, layers_m, rgb, image, margin_px)
         return BodyImages(images, deproject(references_px, layers_m, image.info))
 
     def observe(self, candidates: BodyImages) -> list[PositionEstimate]:
@@ -84,26 +88,29 @@ def _references(boxes_xyxy_px: F64, layers_m: F64, image: DepthImage) -> F64:
     return np.column_stack([middles_px, boxes_xyxy_px[:, 1] + below_px])
 
 
-def _images(references_px: F64, layers_m: F64, rgb: U8, image: DepthImage) -> F32:
-    """Return the input of the network for N reference points and depths, Nx7x48x32.
+def _images(references_px: F64, layers_m: F64, rgb: U8, image: DepthImage, margin_px: int) -> F32:
+    """Return the input of the network for N reference points and depths, Nx7x48x32 and margins.
 
     Colours are 0 to 1. Relative depth and relief are divided by their limits, and 0 if unread.
     """
-    height, width = SIZE_PX
+    height, width = (side_px + 2 * margin_px for side_px in SIZE_PX)
+    margin_m = margin_px * SIZE_M[0] / SIZE_PX[0]
     inputs = np.zeros((len(layers_m), CHANNELS, height, width), np.float32)
     depths_mm = np.empty((len(layers_m), 2 * height, 2 * width), np.uint16)
     points = zip(references_px.tolist(), layers_m.tolist(), strict=True)
     for k, ((u, v), depth_m) in enumerate(points):
         across_px, down_px = image.info.fx / depth_m, image.info.fy / depth_m
-        left, top = u - SIZE_M[1] / 2 * across_px, v - REFERENCE_M * down_px
-        sides = left, top, left + SIZE_M[1] * across_px, top + SIZE_M[0] * down_px
+        left = u - (SIZE_M[1] / 2 + margin_m) * across_px
+        top = v - (REFERENCE_M + margin_m) * down_px
+        right = left + (SIZE_M[1] + 2 * margin_m) * across_px
+        sides = left, top, right, top + (SIZE_M[0] + 2 * margin_m) * down_px
         window = cut_window(sides, rgb.shape[1], rgb.shape[0])
         if window is None:
             inputs[k, :3] = np.array(HIDDEN_RGB)[:, None, None]
             depths_mm[k] = OUTSIDE_MM
             continue
         colours = bordered(rgb[window.inside], window.edges, HIDDEN_RGB)
-        inputs[k, :3] = reduced(colours, SIZE_PX).transpose(2, 0, 1)
+        inputs[k, :3] = reduced(colours, (height, width)).transpose(2, 0, 1)
         near_mm = bordered(image.depth_mm[window.inside], window.edges, (OUTSIDE_MM,))
         cv2.resize(near_mm, (2 * width, 2 * height), depths_mm[k], interpolation=cv2.INTER_NEAREST)
     inputs[:, :3] /= 255
@@ -112,7 +119,7 @@ def _images(references_px: F64, layers_m: F64, rgb: U8, image: DepthImage) -> F3
 
 
 def _depth_channels(depths_mm: U16, layers_m: F64) -> F32:
-    """Return mask, relative depth, relief and readings of depths (Nx96x64), Nx4x48x32."""
+    """Return mask, relative depth, relief and readings of depths (NxHxW), Nx4x(H/2)x(W/2)."""
     outside = depths_mm == OUTSIDE_MM
     read = (depths_mm != UNREAD_MM) & ~outside
     behind_m = depths_mm.astype(np.float32) / 1000 - layers_m[:, None, None].astype(np.float32)
@@ -129,7 +136,8 @@ def _depth_channels(depths_mm: U16, layers_m: F64) -> F32:
         dtype=np.float32,
         casting="unsafe",
     )
-    pairs = channels.reshape(*channels.shape[:2], SIZE_PX[0], 2, SIZE_PX[1], 2)
+    count, height, width = depths_mm.shape
+    pairs = channels.reshape(count, channels.shape[1], height // 2, 2, width // 2, 2)
     halved: F32 = pairs.mean(axis=(3, 5))
     return halved
 
@@ -142,15 +150,20 @@ def _decoded(values: Sequence[float], point_m: F64) -> PositionEstimate:
     its standard deviation.
     """
     _, _, right, along, first, both, second, down, sigma = values
-    x, _, z = point_m.tolist()
-    level = math.hypot(x, z)
-    axes = np.array([[z / level, 0, -x / level], [0, 1, 0], [x / level, 0, z / level]])
+    axes = offset_axes(point_m)
     offset_m = SCALE_M * np.array([right, down, along])
     factor = np.array(
         [[_positive(first), 0, 0], [0, _positive(sigma), 0], [both, 0, _positive(second)]]
     )
     root = axes.T @ factor
     return PositionEstimate(point_m + axes.T @ offset_m, root @ root.T)
+
+
+def offset_axes(point_m: F64) -> F64:
+    """Return the axes of offsets from a point: right, down and along the level line of sight."""
+    x, _, z = point_m.tolist()
+    level = math.hypot(x, z)
+    return np.array([[z / level, 0, -x / level], [0, 1, 0], [x / level, 0, z / level]])
 
 
 def _positive(value: float) -> float:

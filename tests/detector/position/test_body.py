@@ -120,6 +120,16 @@ def test_pixels_beyond_the_image_are_blank() -> None:
     np.testing.assert_allclose(image[3:, 20, 5], 0)
 
 
+def test_images_with_margins_contain_those_without() -> None:
+    # 4 px of the image for each pixel at 0.86 m, in the middle column 100: no rounding.
+    scene, depths_m = board(), np.array([0.86])
+    image = DepthImage(scene.depth_mm, INFO)
+    (plain,) = BodyNetwork.candidates(BOX, depths_m, scene.rgb, image).images
+    (wide,) = BodyNetwork.candidates(BOX, depths_m, scene.rgb, image, margin_px=3).images
+    assert wide.shape == (7, 54, 38)
+    np.testing.assert_array_equal(wide[:, 3:-3, 3:-3], plain)
+
+
 @pytest.mark.parametrize(
     "box", [(0, 0, 1, 2), (199, 199, 200, 200), (-5000, 80, -4000, 90), (1e9, -1e9, 1e9, 1e9)]
 )
