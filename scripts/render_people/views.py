@@ -210,15 +210,26 @@ def camera_pose(at: F64, target: F64, roll_rad: float) -> F64:
 
 def free_position(rng: Rng, kind: RoomName, at: F64, target: F64, taken: Sequence[F64]) -> F64:
     """Draw a position (x, y) on the free floor before the camera, 0.45 m from the others."""
+    while True:
+        where = draw_position(rng, kind, at, target)
+        if where is not None and is_apart(where, taken, 0.45):
+            return where
+
+
+def draw_position(rng: Rng, kind: RoomName, at: F64, target: F64) -> F64 | None:
+    """Draw a position (x, y) before the camera; None if it is not on the floor."""
     (left, low), (right, high) = WALKABLE_M[kind]
     axis = np.arctan2(*(target - at)[1::-1])
-    while True:
-        distance = rng.uniform(0.7, min(5.5, right - at[0]))
-        angle = axis + rng.uniform(-0.45, 0.45)
-        where = at[:2] + distance * np.array([np.cos(angle), np.sin(angle)])
-        inside = left <= where[0] <= right and low <= where[1] <= high
-        if inside and all(np.hypot(*(where - other)) > 0.45 for other in taken):
-            return np.asarray(where)
+    distance = rng.uniform(0.7, min(5.5, right - at[0]))
+    angle = axis + rng.uniform(-0.45, 0.45)
+    where = np.asarray(at[:2] + distance * np.array([np.cos(angle), np.sin(angle)]))
+    inside = left <= where[0] <= right and low <= where[1] <= high
+    return where if inside else None
+
+
+def is_apart(where: F64, taken: Sequence[F64], distance_m: float) -> bool:
+    """Return True if a position is farther than a distance from all others."""
+    return all(np.hypot(*(where - other)) > distance_m for other in taken)
 
 
 def moved_pose(pose: BodyPose, where: F64, turn_rad: float) -> BodyPose:

@@ -70,7 +70,7 @@ def main() -> None:
 
     for _ in optimise(network, loss_of_batch, flags.steps, DECAY):
         pass
-    export(network, flags.output, (HEIGHT_PX, WIDTH_PX), "vectors")
+    export(network, flags.output, (4, HEIGHT_PX, WIDTH_PX), "vectors")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
-"""Command line, optimisation and export of networks for crops."""
+"""Command line, optimisation and export of networks for images of people."""
 
 import argparse
+import math
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -16,7 +17,7 @@ SHARED_SCENE = 6  # number of identities of a scene, PEOPLE in scripts/render_pe
 def arguments(description: str, steps: int, output: Path) -> argparse.Namespace:
     """Read the command line; set seed, device and one thread of torch."""
     parser = argparse.ArgumentParser(description=description)
-    parser.add_argument("data", type=Path, help="folder that scripts.render_people wrote")
+    parser.add_argument("data", type=Path, help="folder of the rendered files")
     parser.add_argument("--steps", type=int, default=steps)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--output", type=Path, default=output, help="default: %(default)s")
@@ -34,9 +35,21 @@ def on_device(values: np.ndarray) -> Tensor:
 
 
 def optimise(
-    network: nn.Module, loss_of_batch: Callable[[], Tensor], steps: int, decay: float
+    network: nn.Module,
+    loss_of_batch: Callable[[], Tensor],
+    steps: int,
+    decay: float,
+    gradient_max: float = math.inf,
 ) -> Iterator[int]:
-    """Train a network; yield the number of each step, from 1, and print the loss."""
+    """Train a network; yield the number of each step, from 1, and print the loss.
+
+    Args:
+        network: Network to train.
+        loss_of_batch: Returns the loss of a new batch.
+        steps: Number of steps, over which the rate rises and falls.
+        decay: Decay of the weights.
+        gradient_max: Maximum norm of the gradient.
+    """
     optimiser = torch.optim.AdamW(network.parameters(), RATE, weight_decay=decay)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, steps + 1, pct_start=0.1)
     total = 0.0
@@ -44,6 +57,7 @@ def optimise(
         loss = loss_of_batch()
         optimiser.zero_grad()
         loss.backward()
+        nn.utils.clip_grad_norm_(network.parameters(), gradient_max)
         optimiser.step()
         schedule.step()
         total += loss.item()
@@ -53,12 +67,12 @@ def optimise(
         yield step
 
 
-def export(network: nn.Module, path: Path, size_px: tuple[int, int], output: str) -> None:
-    """Write a network of crops (Nx4xHxW) as ONNX, with the name of its output."""
+def export(network: nn.Module, path: Path, shape: tuple[int, int, int], output: str) -> None:
+    """Write a network of images (N and a shape, CxHxW) as ONNX, with the name of its output."""
     network.eval()
     torch.onnx.export(
         network,
-        (torch.zeros(1, 4, *size_px),),
+        (torch.zeros(1, *shape),),
         str(path),
         input_names=["images"],
         output_names=[output],

@@ -124,7 +124,7 @@ def main() -> None:
     for step in optimise(network, loss_of_batch, flags.steps, DECAY):
         if step % 1000 == 0:
             print(test(network, tested), flush=True)
-    export(network, flags.output, SIZE_PX, "log_probabilities")
+    export(network, flags.output, (4, *SIZE_PX), "log_probabilities")
 
 
 if __name__ == "__main__":

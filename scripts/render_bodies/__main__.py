@@ -1,0 +1,61 @@
+"""Render candidates to train the body network: `python -m scripts.render_bodies FOLDER`.
+
+It writes NNN.npz with the fields of `Samples`, and continues where it stopped. Needs nothing but
+the project.
+"""
+
+import argparse
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from scripts.render_bodies.candidates import Samples, samples_of_scene
+from scripts.render_bodies.labels import Kind
+from scripts.render_people.views import make_stage
+
+SEED = 55  # seed of all parts, with the number of the part
+SCENES, IMAGES = 25, 14  # numbers of scenes of a part, and of images of a scene
+CUTS, ROOMS = 16, 8  # numbers of bodies in clothes of different cut, and of rooms, of a part
+
+
+def main() -> None:
+    """Render and write the missing parts."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", type=Path, help="folder to write to")
+    parser.add_argument("--parts", type=int, default=36, help="files; each draws its own stage")
+    parser.add_argument("--first", type=int, default=0, help="number of the first, and its seed")
+    flags = parser.parse_args()
+    cv2.setNumThreads(1)
+    flags.folder.mkdir(parents=True, exist_ok=True)
+    for part in range(flags.first, flags.first + flags.parts):
+        path = flags.folder / f"{part:03}.npz"
+        if path.exists():
+            continue
+        start_s = time.process_time()
+        samples = render_part(part, SCENES, IMAGES)
+        written = path.with_suffix(".part")
+        with written.open("wb") as file:
+            np.savez(file, **samples._asdict())
+        written.rename(path)
+        print(f"{part}: {counts(samples)}; {time.process_time() - start_s:.0f} s", flush=True)
+
+
+def render_part(part: int, scenes: int, images: int) -> Samples:
+    """Return the samples of some scenes of a part."""
+    rng = np.random.default_rng([SEED, part])
+    stage = make_stage(rng, CUTS, ROOMS)
+    found = [samples for _ in range(scenes) for samples in samples_of_scene(rng, stage, images)]
+    return Samples(*map(np.concatenate, zip(*found, strict=True)))
+
+
+def counts(samples: Samples) -> str:
+    """Return the number of samples of each kind."""
+    numbers = np.bincount(samples.kinds, minlength=len(Kind))
+    parts = (f"{numbers[kind]} {kind.title}" for kind in Kind)
+    return f"{len(samples.kinds)} candidates: {', '.join(parts)}"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Training of the body network on rendered candidates; see README.md."""
