@@ -31,7 +31,6 @@ from people4d.messages import F64
 from services.camera.config import CameraConfig
 from services.presets import preset_settings
 from services.tracker.config import TrackerConfig
-from services.tracker.strongsort3d.config import COSINE_DISTANCE_MAX_OTHER
 
 FOLDS = 4
 IDF1 = 0  # index of the searched figure
@@ -56,7 +55,6 @@ SEARCHED = {  # settings by tracker
         SearchedSetting("strongsort3d.distance_max_m", 0.3, 2.0),
         SearchedSetting("strongsort3d.n_init", 1, 6, integer=True),
         SearchedSetting("strongsort3d.a_max", 5, 150, integer=True),
-        SearchedSetting("strongsort3d.identity.match_max", 0.05, 0.8),
     ),
     "sort3d": (
         SearchedSetting("sort3d.distance_gate_floor_m", 0.2, 2.0),
@@ -270,10 +268,6 @@ def _given(method: Method, ranges: Mapping[str, Any]) -> Iterator[tuple[str, flo
         value: Any = method.tracker
         for name in path.split("."):
             value = getattr(value, name)
-        if value is None:  # the default of the embedder
-            embedder = method.reid.embedder if method.reid else ""
-            identity = method.tracker.strongsort3d.identity
-            value = identity.limit(embedder, COSINE_DISTANCE_MAX_OTHER)
         yield path, min(max(value, limits.low), limits.high)
 
 

@@ -86,7 +86,6 @@ class GalleryEntry:
     matched_ns: int  # [ns] stamp of the last match
     views: list[F64] = field(default_factory=list)  # embeddings of unit length
     matches: int = 0  # number of matched frames
-    occluded: bool = False  # True if the only view is occluded
 
 
 class IdCounter:

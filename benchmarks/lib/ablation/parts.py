@@ -2,11 +2,7 @@
 
 from dataclasses import dataclass
 
-from services.tracker.strongsort3d.config import COSINE_DISTANCE_MAX
-
 STRONG = "tracker.strongsort3d"
-# Maximum cosine distance in round 1; 0.01 less with OSNet
-ROUND_1_MAX = COSINE_DISTANCE_MAX["appearance"]
 
 
 @dataclass(frozen=True)
@@ -31,7 +27,6 @@ PARTS = {
     "density of yaw": Part(("tracker.yaw=kalman",)),
     "visibility": Part((f"{STRONG}.visibility=false",)),
     "identity": Part((f"{STRONG}.identity.enabled=false",)),
-    "limit of re-identification": Part((f"{STRONG}.identity.match_max={ROUND_1_MAX}",)),
     "life cycle by hits": Part((f"{STRONG}.lifetime=streak", f"{STRONG}.n_init=3")),
     "standing model": Part((f"{STRONG}.standing_model=false",), "IMM [Blom 1988]"),
     "acceleration": Part((f"{STRONG}.sigma_acceleration_mps2=0.5",)),

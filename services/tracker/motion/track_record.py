@@ -19,7 +19,6 @@ class IdentityDecision:
     identity: Literal["new", "continued", "reidentified"] | None = None
     confidence: float | None = None  # 0 to 1
     reason: str = ""
-    id: int | None = None  # identity of the re-identified person; None: no change
 
 
 @dataclass(frozen=True, slots=True)

@@ -67,28 +67,6 @@ def associate(cost: F64, tracks: Sequence[T], detections: Sequence[D]) -> RoundM
     )
 
 
-def match_probabilities(cost: F64, temperature: float) -> F64:
-    """Return the probability (NxM) of each pair among all that use its track or its detection.
-
-    A pair of cost c has the weight exp(-c / temperature), an inadmissible pair 0.
-    """
-    logs = -cost / temperature
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        row, column = _log_of_sum(logs, axis=1), _log_of_sum(logs, axis=0)
-        # Weights of the row and the column, both including the pair, over the weight of the pair.
-        odds = np.exp(row - logs) + np.exp(column - logs) - 1.0
-    probabilities: F64 = np.where(np.isfinite(cost), 1.0 / odds, 0.0)
-    return probabilities
-
-
-def _log_of_sum(logs: F64, axis: int) -> F64:
-    """Return the logarithm of the sum of exponentials; np.logaddexp.reduce takes longer."""
-    greatest = logs.max(axis=axis, keepdims=True)
-    greatest[np.isneginf(greatest)] = 0.0
-    logarithms: F64 = np.log(np.exp(logs - greatest).sum(axis=axis, keepdims=True)) + greatest
-    return logarithms
-
-
 def distances(a_m: F64, b_m: F64) -> F64:
     """Return the Euclidean distance (NxM, metres) of each of N points to each of M points."""
     gap: F64 = np.linalg.norm(a_m[:, None] - b_m[None], axis=-1)

@@ -9,13 +9,12 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from common.appearance import REIDENTIFICATION_MAX
 from common.config import Config
 from people4d.messages.base import Positive, PositiveInt
 
 CosineDistance = Annotated[float, Meta(gt=0, le=2)]
 
-# Maximum cosine distances in round 1, measured like REIDENTIFICATION_MAX
+# Maximum cosine distances in round 1, measured like common.appearance.REIDENTIFICATION_MAX
 COSINE_DISTANCE_MAX = {"appearance": 0.46, "histogram": 0.25, "osnet": 0.45}
 COSINE_DISTANCE_MAX_OTHER = 0.3
 
@@ -25,12 +24,6 @@ class IdentityConfig(Config, frozen=True, kw_only=True):
 
     enabled: bool = True  # section 5: False
     retention_s: Positive = 600.0  # [s] time in the gallery since the last match
-    # Maximum cosine distance of the same person; absent: REIDENTIFICATION_MAX, else C_cos
-    match_max: CosineDistance | None = None
-
-    def limit(self, embedder: str, other: float) -> float:
-        """Return the maximum cosine distance of one person; `other` for unknown embedders."""
-        return self.match_max or REIDENTIFICATION_MAX.get(embedder, other)
 
 
 class StrongSort3dConfig(Config, frozen=True, kw_only=True):

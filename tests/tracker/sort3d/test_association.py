@@ -12,7 +12,6 @@ from services.tracker.sort3d.association import (
     associate,
     cosine_distances,
     distances,
-    match_probabilities,
     min_max,
 )
 from services.tracker.strongsort3d import strongsort3d
@@ -125,18 +124,3 @@ def test_moving_averages_of_embeddings() -> None:
     e, f = np.array([[1.0, 0.0], [1.0, 0.0]]), np.array([[0.0, 1.0], [-1.0, 0.0]])
     means = np.vstack([moving_averages(e[:1], f[:1], 0.9), moving_averages(e[1:], f[1:], 0.5)])
     np.testing.assert_allclose(means, [[0.993884, 0.110432], [-1.0, 0.0]], atol=1e-6)
-
-
-def test_match_probabilities_of_competing_pairs() -> None:
-    # Temperature 1, costs 0, ln 3 and infinity: weights 1, 1/3, 0 and 1/3, 1, 1/3. The first pair
-    # has 1 / (1 + 1/3 + 1/3), the second (1/3) / (1/3 + 1 + 1); the last competes with 1/3 and 1 in
-    # its row and with none in its column: (1/3) / (1/3 + 1/3 + 1).
-    c = np.log(3)
-    shares = match_probabilities(np.array([[0, c, np.inf], [c, 0, c]]), 1.0)
-    np.testing.assert_allclose(shares[0], [3 / 5, 1 / 7, 0])
-    np.testing.assert_allclose(shares[1], [1 / 8, 1 / 2, 1 / 5])
-
-
-def test_match_probability_of_very_different_costs_is_one() -> None:
-    shares = match_probabilities(np.array([[0.0, 1e4], [1e4, np.inf]]), 0.04)
-    np.testing.assert_allclose(shares, [[1, 0], [0, 0]], atol=1e-12)

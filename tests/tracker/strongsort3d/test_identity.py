@@ -2,14 +2,25 @@
 
 import dataclasses
 
+import numpy as np
 import pytest
 
 from people4d.messages import Track
 from services.tracker.interface import Measurement
 from services.tracker.strongsort3d.build import build_strongsort3d
 from services.tracker.strongsort3d.config import IdentityConfig
+from services.tracker.strongsort3d.identity import identity_posterior, reason_of
 from services.tracker.strongsort3d.strongsort3d import StrongSort3d
-from tests.tracker.scene import BLUE, RED, frame, person, published, published_config, with_pose
+from tests.tracker.scene import (
+    BLUE,
+    RED,
+    frame,
+    person,
+    published,
+    published_config,
+    unit,
+    with_pose,
+)
 
 RED_TOO = (1.0, 0.12, 0.0)  # 0.0002 from RED
 ALL = published(visibility=True, identity=IdentityConfig(enabled=True))
@@ -39,16 +50,8 @@ def test_leave_and_return() -> None:
     (track,) = sort.update(frame(47, person(4, 1, embedding=RED)))
     assert (track.identity, track.hits) == ("continued", 4)
     assert track.identity_reason == "cosine distance 0.00 to 1"
-    assert track.identity_confidence == 1.0
-
-
-def test_match_by_distance_alone_has_its_own_confidence() -> None:
-    # The embedding is too far for round 1; round 2 matches the standing person.
-    sort = tracker()
-    stay(sort, 0, 4, person(3, 0, embedding=RED))
-    (track,) = sort.update(frame(4, person(3, 0, embedding=BLUE)))
-    assert (track.id, track.identity) == (1, "continued")
-    assert track.identity_confidence == 0.5
+    # A distance of 0: 1 / (1 + exp(-0.15 / 0.047)).
+    assert track.identity_confidence == pytest.approx(0.9605, abs=1e-4)
 
 
 def test_no_identity_without_the_policy() -> None:
@@ -119,10 +122,65 @@ def test_one_crop_decides_at_the_second_match() -> None:
     assert published_ids(RED) == [(1, "confirmed", "reidentified")]
 
 
-def test_limit_of_reidentification_by_embedder() -> None:
-    assert IdentityConfig().limit("histogram", 0.3) == 0.15
-    assert IdentityConfig().limit("other", 0.3) == 0.3
-    assert IdentityConfig(match_max=0.2).limit("histogram", 0.3) == 0.2
+def test_posterior_of_a_known_person() -> None:
+    # Log-odds (0.25 - 0.203) / 0.047 = 1 and (0.25 - 0.344) / 0.047 = -2: weights e, e^-2, and 1 of
+    # a new person; e / (e + e^-2 + 1) = 0.7054.
+    posterior = identity_posterior({1: 0.203, 2: 0.344}, 0.25)
+    assert posterior == pytest.approx({None: 0.2595, 1: 0.7054, 2: 0.0351}, abs=1e-4)
+    assert reason_of({1: 0.203, 2: 0.344}, 0.25) == "cosine distance 0.20 to 1, 0.34 to 2"
+
+
+def test_posterior_beyond_the_limit_is_a_new_person() -> None:
+    # -3 and -3: 1 / (1 + 2 e^-3) = 0.9094.
+    assert identity_posterior({1: 0.391, 2: 0.391}, 0.25)[None] == pytest.approx(0.9094, abs=1e-4)
+    assert reason_of({1: 0.391}, 0.25) == "cosine distance 0.39 to 1: above 0.25"
+    assert identity_posterior({}, 0.25) == {None: 1.0}
+
+
+def published_ids(sort: StrongSort3d, first: int, *embeddings: tuple[float, ...]) -> list[int]:
+    """Return the identity of a person at 3 m in each frame, with these embeddings."""
+    frames = [frame(first + n, person(3, 0, embedding=e)) for n, e in enumerate(embeddings)]
+    return [t.id for one in frames for t in sort.update(one) if t.state == "confirmed"]
+
+
+def test_new_person_of_a_young_track_is_taken_back() -> None:
+    # RED left. Of three bad crops of RED the third confirms and the last two are compared: "new".
+    # A change needs a mean distance of 0.15 - 0.047 ln 9 = 0.0467. With n good crops it is
+    # 0.3 * 2 / (n + 2), or with BLUE 0.99 * 2 / (n + 2): 11 good crops, or 41, more than 2 s have.
+    def ids(bad: tuple[float, ...]) -> list[int]:
+        sort = tracker()
+        stay(sort, 0, 10, person(3, 0, embedding=RED))
+        stay(sort, 10, 40)
+        return published_ids(sort, 50, bad, bad, bad, *[RED] * 45)
+
+    similar = (1.0, 0.1, 1.0253)  # 0.3 from RED
+    assert ids(similar) == [2] * 11 + [1] * 35
+    assert ids(BLUE) == [2] * 46
+
+
+def test_crops_of_a_wrong_identity_leave_the_gallery() -> None:
+    # Two crops of a new person resemble RED, who left; the others do not.
+    sort = tracker()
+    stay(sort, 0, 10, person(3, 0, embedding=RED))
+    stay(sort, 10, 40)
+    found = published_ids(sort, 50, RED, RED, RED, *[BLUE] * 15)
+    assert (found[0], found[-1]) == (1, 3)
+    people = sort.known_people()
+    assert people is not None
+    (view,) = people.entries[1].views
+    np.testing.assert_allclose(view, unit(RED))
+
+
+def test_person_matched_since_a_track_began_is_not_that_track() -> None:
+    # Twins: the first one leaves half a second after the second one came, and is not the other.
+    sort = tracker()
+    gone, new = person(3, -1, embedding=RED), person(3, 1, 1, 0.8, RED)
+    for number in range(5):
+        sort.update(frame(number, gone))
+    for number in range(5, 10):
+        sort.update(frame(number, gone, new))
+    found = {t.id for n in range(10, 30) for t in sort.update(frame(n, new)) if t.detection == 1}
+    assert found == {2}
 
 
 def test_gallery_is_empty_after_a_reset() -> None:
