@@ -22,9 +22,8 @@ class RandomScene(Config, frozen=True, kw_only=True, forbid_unknown_fields=True)
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0  # seed of everything drawn
     density: Annotated[float, Meta(ge=0.005, le=1.0)] = 0.15  # [1/m2] people on the floor
     people: Annotated[int, Meta(ge=0, le=MAX_PEOPLE)] = 0  # number of people; 0: by density
-    # number of people who are children of 3 to 8 years, and in wheelchairs
-    children: Annotated[int, Meta(ge=0, le=MAX_PEOPLE)] = 0
-    wheelchairs: Annotated[int, Meta(ge=0, le=MAX_PEOPLE)] = 0
+    children: Annotated[int, Meta(ge=0, le=MAX_PEOPLE)] = 0  # number of children, 3 to 8 years
+    wheelchairs: Annotated[int, Meta(ge=0, le=MAX_PEOPLE)] = 0  # number of people in wheelchairs
     objects: Annotated[int, Meta(ge=0, le=20)] = 0  # number of objects that look like people
     room: RoomName = "office"  # see scenario.room
     # robot: 1 to 1.2 m high; head: 1.5 to 1.8 m; ceiling: 2.2 m, tilted down and to a side
