@@ -90,7 +90,8 @@ def test_positions_lie_over_the_floor_inside_the_room(crossing: Run) -> None:
     assert np.median(points[:, 2]) == pytest.approx(1.2, abs=0.2)
     assert np.percentile(points[:, 2], 5) > 0.6
     assert np.percentile(points[:, 2], 95) < 1.8
-    assert points[:, 0].min() > 0.5
+    # The nearest one is a head half a metre from the camera, cut off by the lower edge.
+    assert points[:, 0].min() > 0.4
     assert points[:, 0].max() < 5.0
 
 
