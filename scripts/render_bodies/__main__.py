@@ -6,6 +6,7 @@ the project.
 
 import argparse
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -13,11 +14,13 @@ import numpy as np
 
 from scripts.render_bodies.candidates import Samples, samples_of_scene
 from scripts.render_bodies.labels import Kind
+from scripts.render_bodies.postures import draw_postures
 from scripts.render_people.views import make_stage
 
 SEED = 55  # seed of all parts, with the number of the part
 SCENES, IMAGES = 25, 14  # numbers of scenes of a part, and of images of a scene
 CUTS, ROOMS = 16, 8  # numbers of bodies in clothes of different cut, and of rooms, of a part
+POSTURES_FROM = 36  # first part in which half of the bodies sit, lie, bend, squat or fall
 
 
 def main() -> None:
@@ -46,6 +49,9 @@ def render_part(part: int, scenes: int, images: int) -> Samples:
     """Return the samples of some scenes of a part."""
     rng = np.random.default_rng([SEED, part])
     stage = make_stage(rng, CUTS, ROOMS)
+    if part >= POSTURES_FROM:
+        changed = [draw_postures(rng, body) for body in stage.bodies[: CUTS // 2]]
+        stage = replace(stage, motions=[*changed, *stage.motions[len(changed) :]])
     found = [samples for _ in range(scenes) for samples in samples_of_scene(rng, stage, images)]
     return Samples(*map(np.concatenate, zip(*found, strict=True)))
 
