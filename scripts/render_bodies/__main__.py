@@ -27,7 +27,7 @@ def main() -> None:
     """Render and write the missing parts."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, help="folder to write to")
-    parser.add_argument("--parts", type=int, default=36, help="files; each draws its own stage")
+    parser.add_argument("--parts", type=int, default=48, help="files; each draws its own stage")
     parser.add_argument("--first", type=int, default=0, help="number of the first, and its seed")
     flags = parser.parse_args()
     cv2.setNumThreads(1)

@@ -8,8 +8,9 @@ from scripts.render_bodies.__main__ import counts
 from scripts.render_bodies.boxes import detector_box, layer_depths
 from scripts.render_bodies.candidates import Samples, samples_of_scene
 from scripts.render_bodies.labels import MARGIN_PX, PIXEL_M, Kind
+from scripts.render_bodies.postures import draw_postures
 from scripts.render_bodies.scenes import flatten
-from scripts.render_people.views import make_stage
+from scripts.render_people.views import MOTION_S, make_stage
 from services.detector.position.body import REACH_M, REFERENCE_M, SIZE_M, SIZE_PX
 
 FULL: F64 = np.array([20.0, 10.0, 60.0, 110.0])
@@ -94,3 +95,12 @@ def test_flat_figures_stay_on_their_rays_near_one_plane() -> None:
     flat_m = flatten(body_m, np.eye(4), slope=0.0)
     np.testing.assert_allclose(flat_m[:, :2] / flat_m[:, 2:], body_m[:, :2] / body_m[:, 2:])
     assert np.ptp(flat_m[:, 2]) < 0.03 * np.ptp(body_m[:, 2])
+
+
+@pytest.mark.slow
+def test_bodies_of_later_parts_sit_and_lie() -> None:
+    rng = np.random.default_rng(4)
+    motion = draw_postures(rng, make_stage(rng, cuts=1, rooms=1).bodies[0])
+    heights_m = [motion.at(t_s).map_from_pelvis[2, 3] for t_s in np.arange(0.0, MOTION_S, 0.25)]
+    assert max(heights_m) > 0.7
+    assert min(heights_m) < 0.5
