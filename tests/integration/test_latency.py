@@ -104,6 +104,6 @@ def test_localisation_runs_beside_reid(arrivals: list[tuple[Arrival, int]]) -> N
     for arrival, _ in arrivals:
         if isinstance(arrival.message, Detections):
             stages = [span.stage for span in arrival.message.trace]
-            after = [stage.removeprefix("detector.") for stage in stages[-7:]]
-            of_network = ["locate", "inference_wait", "inference"]  # of the orientation
-            assert after == ["crops", "publish", *of_network, "locate", "publish"]
+            after = [stage.removeprefix("detector.") for stage in stages[-10:]]
+            of_networks = ["locate", "inference_wait", "inference"] * 2  # of body and orientation
+            assert after == ["crops", "publish", *of_networks, "locate", "publish"]
