@@ -9,7 +9,6 @@ import ast
 import re
 import subprocess
 import tomllib
-from collections import Counter
 from collections.abc import Collection, Iterator
 from functools import cache
 from pathlib import Path
@@ -72,13 +71,6 @@ def paths(start: str) -> list[str]:
             found.add(str(file.relative_to(ROOT)))
             waiting += (name for name in needed(file) if not name.startswith("scripts"))
     return [*sorted(found), *(path for file, path in DATA.items() if file in found)]
-
-
-def dependencies(start: str) -> str:
-    """Return the folders of a module's paths, with the numbers of files, as a sentence."""
-    counts = Counter(path.partition("/")[0] for path in paths(start))
-    named = ", ".join(f"{folder} ({count})" for folder, count in sorted(counts.items()))
-    return f"Depends on files of {named}."
 
 
 def file_of(module: str) -> Path | None:

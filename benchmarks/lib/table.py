@@ -71,11 +71,7 @@ def write(script: str, title: str, *parts: str, dry: bool = False, command: str 
         dry: Whether it is only printed.
         command: Module of the command; empty: the runner with the name of the script.
     """
-    from scripts.table_age import dependencies  # noqa: PLC0415 (no part of what is measured)
-
-    name = Path(script).stem
-    needs = dependencies(f"benchmarks.{name}")
-    made = f"Made by `python -m {command or f'benchmarks {name}'}` on {machine()}. {needs}"
+    made = f"Made by `python -m {command or f'benchmarks {Path(script).stem}'}` on {machine()}."
     text = "\n\n".join([f"# {title}", made, *parts]) + "\n"
     print(text)
     if not dry:

@@ -74,13 +74,6 @@ def test_layout_of_a_table_ages_none(
     assert bool(table_age.age(table)) == bool(expected)
 
 
-def test_dependencies_are_named_by_folder(repository: Path) -> None:
-    assert (
-        table_age.dependencies("benchmarks.own")
-        == "Depends on files of benchmarks (1), people4d (1), services (1)."
-    )
-
-
 def test_preset_ages_tables_if_a_value_changes(
     repository: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -121,12 +114,11 @@ def test_table_depends_on_what_its_benchmark_imports_and_starts(start: str, file
     assert file in table_age.paths(start)
 
 
-def test_written_table_names_its_dependencies_and_the_instructions_that_decide(
+def test_written_table_names_its_commit_and_the_instructions_that_decide(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write(str(tmp_path / "own_work.py"), "Title", "Part.")
     text = (tmp_path / "own_work.md").read_text("utf-8")
-    assert table_age.dependencies("benchmarks.own_work") in text
     assert table_age.MADE.search(text)
     assert all(f", {name}, " in text for name in decisive_instructions())
     assert capsys.readouterr().out == f"{text}\n"
