@@ -21,7 +21,7 @@ REFLECTANCE = {
     Material.METAL: (0.02, 0.5),
     Material.FABRIC: (0.02, 0.8),
     Material.LAMP: (0.0, 0.0),
-    Material.MIRROR: (0.4, 0.0),  # of the surfaces in the mirror, on average
+    Material.MIRROR: (0.4, 0.0),  # mean of mirrored surfaces
 }
 OTHER = (0.05, 0.7)
 

@@ -1,14 +1,15 @@
 """Scenes of people, of things that look like people, and of furniture."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from common.geometry.transforms import apply, invert, rotation_from_rpy
+from common.geometry.transforms import apply, invert
 from lab.drawing.mesh import Material, Mesh, join
-from lab.drawing.pieces import KINDS
+from lab.drawing.pieces import KINDS, moved
 from lab.drawing.solids import Finish, box
 from lab.scenario import WALKABLE_M, RoomName
 from people4d.messages import F64
@@ -107,7 +108,7 @@ def changed(rng: Rng, mesh: Mesh, where: F64, view: Viewpoint) -> tuple[Kind, Me
         return Kind.MANNEQUIN, mannequin(rng, mesh)
     if draw < ROBOTS:
         parts = robot(rng, int(mesh.owner[0]))
-        return Kind.ROBOT, turned(parts, rng.uniform(0, 6.3), where)
+        return Kind.ROBOT, moved(parts, where.tolist(), math.degrees(rng.uniform(0, 6.3)))
     return Kind.PERSON, mesh
 
 
@@ -177,13 +178,13 @@ def draw_furniture(rng: Rng, view: Viewpoint, taken: list[F64]) -> list[Mesh]:
         if where is None:
             break
         taken.append(where)
-        yaw_rad = rng.uniform(0, 2 * np.pi)
+        yaw_deg = math.degrees(rng.uniform(0, 2 * np.pi))
         if rng.random() < 0.5:
             piece = join(list(KINDS.values())[rng.integers(len(KINDS))]())
         else:
             piece = draw_box(rng)
         owner = np.full(len(piece.faces), FURNITURE_OWNER + len(pieces), np.int32)
-        pieces.append(replace(turned(piece, yaw_rad, where), owner=owner))
+        pieces.append(replace(moved(piece, where.tolist(), yaw_deg), owner=owner))
     return pieces
 
 
@@ -205,13 +206,3 @@ def free_position(rng: Rng, view: Viewpoint, taken: Sequence[F64]) -> F64 | None
         if where is not None and is_apart(where, taken, APART_M):
             return where
     return None
-
-
-def turned(mesh: Mesh, yaw_rad: float, where: F64) -> Mesh:
-    """Return a mesh turned about the vertical and moved to a position (x, y)."""
-    rotation = rotation_from_rpy(0, 0, yaw_rad)
-    return replace(
-        mesh,
-        vertices_m=mesh.vertices_m @ rotation.T + [*where, 0],
-        normals=mesh.normals @ rotation.T,
-    )

@@ -2,12 +2,12 @@
 
 from torch import Tensor, nn  # type: ignore[import-not-found]
 
-from scripts.train_embedding.network import Residual, convolution
+from scripts.train_embedding.network import grid_features, grid_head
 
 SIZE_PX = (48, 32)  # [px] height and width of the input
 CHANNELS = 7  # red, green, blue, mask, relative depth, relief, readings
 OUTPUTS = 9  # see `BodyNetwork`
-COARSE, MIDDLE, FINE = 64, 48, 24  # numbers of features
+FEATURES = (24, 48, 64)  # numbers of features, from fine to coarse
 CELL = 32  # number of features of each of the 6x4 cells
 HIDDEN = 96
 
@@ -22,22 +22,8 @@ class BodyNetwork(nn.Module):  # type: ignore[misc]
 
     def __init__(self) -> None:
         super().__init__()
-        self.features = nn.Sequential(
-            convolution(CHANNELS, FINE, 2),
-            convolution(FINE, MIDDLE, 2),
-            Residual(MIDDLE),
-            convolution(MIDDLE, COARSE, 2),
-            Residual(COARSE),
-            nn.Conv2d(COARSE, CELL, 1),
-            nn.ReLU(),
-        )
-        self.head = nn.Sequential(
-            nn.Flatten(),
-            nn.Dropout(0.2),
-            nn.Linear(CELL * (SIZE_PX[0] // 8) * (SIZE_PX[1] // 8), HIDDEN),
-            nn.ReLU(),
-            nn.Linear(HIDDEN, OUTPUTS),
-        )
+        self.features = grid_features(CHANNELS, FEATURES, CELL)
+        self.head = grid_head(CELL, SIZE_PX, HIDDEN, OUTPUTS)
 
     def forward(self, images: Tensor) -> Tensor:
         """Return the outputs for images."""

@@ -34,6 +34,44 @@ class Residual(nn.Module):  # type: ignore[misc]
         return torch.relu(images + self.second(self.first(images)))
 
 
+def grid_features(channels: int, numbers: tuple[int, int, int], cell: int) -> nn.Sequential:
+    """Return layers from an image to a grid of an eighth of its size.
+
+    Args:
+        channels: Number of channels of the image.
+        numbers: Numbers of features of the layers, from fine to coarse.
+        cell: Number of features of each cell of the grid.
+    """
+    fine, middle, coarse = numbers
+    return nn.Sequential(
+        convolution(channels, fine, 2),
+        convolution(fine, middle, 2),
+        Residual(middle),
+        convolution(middle, coarse, 2),
+        Residual(coarse),
+        nn.Conv2d(coarse, cell, 1),
+        nn.ReLU(),
+    )
+
+
+def grid_head(cell: int, size_px: tuple[int, int], hidden: int, outputs: int) -> nn.Sequential:
+    """Return layers from the grid of `grid_features` to outputs.
+
+    Args:
+        cell: Number of features of each cell of the grid.
+        size_px: Height and width of the image.
+        hidden: Number of hidden features.
+        outputs: Number of outputs.
+    """
+    return nn.Sequential(
+        nn.Flatten(),
+        nn.Dropout(0.2),
+        nn.Linear(cell * (size_px[0] // 8) * (size_px[1] // 8), hidden),
+        nn.ReLU(),
+        nn.Linear(hidden, outputs),
+    )
+
+
 class AppearanceNetwork(nn.Module):  # type: ignore[misc]
     """Nx4x64x32 (RGB and mask, 0 to 1) to Nx128 of unit length."""
 

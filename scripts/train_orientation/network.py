@@ -3,11 +3,11 @@
 import torch  # type: ignore[import-not-found]
 from torch import Tensor, nn
 
-from scripts.train_embedding.network import Residual, convolution
+from scripts.train_embedding.network import grid_features, grid_head
 
 SIZE_PX = (64, 48)  # [px] height and width of the input
 SECTORS = 24  # number of sectors of the yaw; the first is around 0, facing away
-COARSE, MIDDLE, FINE = 128, 64, 32  # numbers of features
+FEATURES = (32, 64, 128)  # numbers of features, from fine to coarse
 CELL = 32  # number of features of each of the 8x6 cells
 HIDDEN = 128
 
@@ -17,22 +17,8 @@ class OrientationNetwork(nn.Module):  # type: ignore[misc]
 
     def __init__(self) -> None:
         super().__init__()
-        self.features = nn.Sequential(
-            convolution(4, FINE, 2),
-            convolution(FINE, MIDDLE, 2),
-            Residual(MIDDLE),
-            convolution(MIDDLE, COARSE, 2),
-            Residual(COARSE),
-            nn.Conv2d(COARSE, CELL, 1),
-            nn.ReLU(),
-        )
-        self.head = nn.Sequential(
-            nn.Flatten(),
-            nn.Dropout(0.2),
-            nn.Linear(CELL * (SIZE_PX[0] // 8) * (SIZE_PX[1] // 8), HIDDEN),
-            nn.ReLU(),
-            nn.Linear(HIDDEN, SECTORS),
-        )
+        self.features = grid_features(4, FEATURES, CELL)
+        self.head = grid_head(CELL, SIZE_PX, HIDDEN, SECTORS)
 
     def forward(self, images: Tensor) -> Tensor:
         """Return the log probabilities of images."""

@@ -105,5 +105,5 @@ def test_localisation_runs_beside_reid(arrivals: list[tuple[Arrival, int]]) -> N
         if isinstance(arrival.message, Detections):
             stages = [span.stage for span in arrival.message.trace]
             after = [stage.removeprefix("detector.") for stage in stages[-10:]]
-            of_networks = ["locate", "inference_wait", "inference"] * 2  # of body and orientation
+            of_networks = ["locate", "inference_wait", "inference"] * 2  # body, orientation
             assert after == ["crops", "publish", *of_networks, "locate", "publish"]

@@ -115,7 +115,7 @@ class Reidentification(IdentityPolicy):
     def _compare(self, tracks: TrackSet, record: TrackRecord, embedding: F64 | None) -> None:
         """Add a crop to the mean distances between a young track and people absent since it began.
 
-        The candidates are those of the first crop; others could have walked there since then.
+        Candidates are fixed at the first crop: later, more people could have walked there.
         """
         evidence, known = self._evidence[record.id], self._gallery.known()
         means = dict[int, float]()
