@@ -18,7 +18,7 @@ from deploy.launcher.state import State
 from deploy.launcher.supervisor import Supervisor
 from people4d.messages import Health, Tracks
 from tests import ROOT
-from tests.network import Watcher
+from tests.network import WAIT_S, Watcher
 
 ROBOT = "broken"
 START_TIMEOUT_S = 110.0
@@ -50,6 +50,12 @@ class System:
         pid = self.pid(service)
         os.kill(pid, number)
         return pid
+
+    def wait_alive(self, instance: str) -> None:
+        """Wait until other processes know of an instance: its token spreads after it is ready."""
+        end_s = time.monotonic() + WAIT_S
+        while instance not in {name for robot, _, name in self._bus.present() if robot == ROBOT}:
+            assert time.monotonic() < end_s, f"{instance} is not known"
 
     def close(self) -> None:
         """Stop listening."""

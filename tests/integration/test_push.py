@@ -39,6 +39,7 @@ def test_pushed_frames_give_people(system: System) -> None:
                 camera.push(one.rgb, one.depth_mm, one.stamp_ns)
 
     with Camera("front", LENS, POSE, robot=ROBOT, connect=system.connect) as camera:
+        system.wait_alive("camera-front")
         with pytest.raises(ConfigError, match="camera-front runs already"):
             Camera("front", LENS, POSE, robot=ROBOT, connect=system.connect)
         thread = threading.Thread(target=push)
