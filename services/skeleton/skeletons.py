@@ -51,6 +51,10 @@ SURFACES_M = 0.3  # width of the uniform density of other surfaces [m]
 OUTLIER_SIGMAS = 3.0  # maximum distance of a keypoint with full weight [standard deviations]
 POSE_S = 0.2  # interval of independent observations of the usual pose [s]
 UNUSUAL_M = 0.6  # standard deviation of the usual pose without standing, or with a reading [m]
+SIZE_SIGMA = 0.15  # relative standard deviation of the size of people of all ages
+# Change of the lengths with the size [m]; noise hides it in the short bones
+_SIZE_M = SIZE_SIGMA * BONE_LENGTHS_M * [0, 0, 1, 1, 1, 1, 1, 0, 0, 0, 0]
+BONES_M2: F64 = np.diag((BONE_SIGMA * BONE_LENGTHS_M) ** 2) + np.outer(_SIZE_M, _SIZE_M)
 BONE_M = 0.03  # standard deviation of the length of a bone between frames [m]
 BONE_FRAMES = 10.0  # number of correlated measurements of a bone
 LEARN_S = 10.0  # time constant of a person's usual pose [s]
@@ -66,7 +70,7 @@ class BodyShape:
     """Learned shape of a body."""
 
     bones_m: F64  # lengths, by kind
-    bones_m2: F64  # variances of the lengths
+    bones_m2: F64  # covariance of the lengths
     pose_m: F64  # 17x3, usual pose
 
 
@@ -127,8 +131,8 @@ class SkeletonTracker:
         update_points(states, list(range(JOINT_COUNT)), pose_m, pose_m2 / min(scale, 1.0))
         self._order_sides(states, observation)
         bones_m = np.array([shape.bones_m for shape in shapes]).reshape(-1, len(BONE_LENGTHS_M))
-        bones_m2 = np.array([shape.bones_m2 for shape in shapes]).reshape(-1, len(BONE_LENGTHS_M))
-        sigma_m = np.sqrt(bones_m2 + BONE_M**2)
+        bones_m2 = [shape.bones_m2.diagonal() for shape in shapes]
+        sigma_m = np.sqrt(np.array(bones_m2).reshape(bones_m.shape) + BONE_M**2)
         measured = np.zeros((len(people.ids), JOINT_COUNT), np.bool_)
         for level, joints in enumerate(LEVELS):
             if level:
@@ -144,17 +148,15 @@ class SkeletonTracker:
     def estimate_statures(self, people: People) -> tuple[F64, F64]:
         """Return the statures of people and their standard deviations, both N [m]."""
         shapes = [self._shape(person) for person in people.ids]
-        bones_m = np.array([shape.bones_m[STATURE_BONES] for shape in shapes]).reshape(-1, 3)
-        bones_m2 = np.array([shape.bones_m2[STATURE_BONES] for shape in shapes]).reshape(-1, 3)
-        stature_m = STATURE * bones_m.sum(axis=1)
-        spread_m = STATURE * np.sqrt(bones_m2.sum(axis=1))
+        block = np.ix_(STATURE_BONES, STATURE_BONES)
+        stature_m = STATURE * np.array([one.bones_m[STATURE_BONES].sum() for one in shapes])
+        spread_m = STATURE * np.sqrt([one.bones_m2[block].sum() for one in shapes])
         return stature_m, np.hypot(spread_m, STATURE_SIGMA * stature_m)
 
     def _shape(self, person: int) -> BodyShape:
         shape = self._shapes.pop(person, None)
         if shape is None:
-            sigma_m2 = (BONE_SIGMA * BONE_LENGTHS_M) ** 2
-            shape = BodyShape(BONE_LENGTHS_M.copy(), sigma_m2, USUAL_POSE_M.copy())
+            shape = BodyShape(BONE_LENGTHS_M.copy(), BONES_M2.copy(), USUAL_POSE_M.copy())
             if len(self._shapes) >= SHAPES_MAX:
                 del self._shapes[next(iter(self._shapes))]
         self._shapes[person] = shape
@@ -280,13 +282,16 @@ class SkeletonTracker:
         joint_m2 = self._noise_m2(observation)
         noise_m2 = joint_m2[:, FIRST] + joint_m2[:, SECOND]
         both = measured[:, FIRST] & measured[:, SECOND]
-        lengths_m = np.sqrt(np.fmax(apart_m2 - noise_m2, 1e-6)).tolist()
-        variances = (noise_m2 / 3 * BONE_FRAMES).tolist()
-        for row, bone in np.argwhere(both).tolist():
-            shape, kind = shapes[row], KIND[bone]
-            gain = shape.bones_m2[kind] / (shape.bones_m2[kind] + variances[row][bone])
-            shape.bones_m[kind] += gain * (lengths_m[row][bone] - shape.bones_m[kind])
-            shape.bones_m2[kind] *= 1 - gain
+        lengths_m = np.sqrt(np.fmax(apart_m2 - noise_m2, 1e-6))
+        weights = np.where(both, 3 / BONE_FRAMES / noise_m2, 0.0)
+        for row, shape in enumerate(shapes):
+            weight = np.bincount(KIND, weights[row])
+            total = np.bincount(KIND, np.where(both[row], weights[row] * lengths_m[row], 0.0))
+            # Lengths of one kind inform the others: P = (P^-1 + W)^-1.
+            shape.bones_m2[:] = np.linalg.solve(
+                np.eye(len(weight)) + shape.bones_m2 * weight, shape.bones_m2
+            )
+            shape.bones_m += shape.bones_m2 @ (total - weight * shape.bones_m)
 
     def _noise_m2(self, observation: JointObservation) -> F64:
         """Return the trace of the covariance of measured joints, Nx17."""

@@ -85,7 +85,7 @@ def test_hidden_elbow_follows_a_raised_wrist() -> None:
     assert errors_m(found, walker, 19)[[LEFT_ELBOW, LEFT_WRIST]].max() < 0.1
 
 
-@pytest.mark.parametrize("size", [0.75, 1.0])
+@pytest.mark.parametrize("size", [0.55, 0.75, 1.0])
 def test_stature_follows_the_size_within_its_deviation(size: float) -> None:
     usual = person(walk(Walker(), 40)[-1])
     first, *_, last = (person(found) for found in walk(Walker(size=size), 40))
@@ -95,6 +95,13 @@ def test_stature_follows_the_size_within_its_deviation(size: float) -> None:
     assert last.stature_sigma_m < first.stature_sigma_m
     assert last.stature_m == pytest.approx(size * usual.stature_m, abs=2 * last.stature_sigma_m)
     assert last.child > 0.9 if size < 1 else last.child < 0.05
+
+
+def test_stature_of_a_child_without_visible_legs_follows_from_the_torso() -> None:
+    usual, hidden = person(walk(Walker(), 40)[-1]), (13, 14, 15, 16)
+    found = person(walk(Walker(size=0.55), 40, hidden_from=0, hidden=hidden)[-1])
+    assert usual.stature_m is not None
+    assert found.stature_m == pytest.approx(0.55 * usual.stature_m, rel=0.12)
 
 
 def test_hidden_joints_are_predicted_with_a_larger_covariance() -> None:
