@@ -29,25 +29,29 @@ UPRIGHT = 0.9  # minimum probability of standing or walking to learn the height 
 PROBABILITY_MIN = 0.6  # minimum probability of a published posture
 NONE: tuple[Posture, float] = ("unknown", 0.0)
 OTHER = [POSTURES.index(name) for name in ("sitting", "lying", "bending")]
-# Posture of each state; a person also sits bent, squats and kneels
+# Posture of each state; a person also sits bent, sits and rolls, squats and kneels
 STATES = tuple(
     POSTURES.index(name)
     for name in (
-        *("standing", "walking", "sitting", "sitting", "lying"),
+        *("standing", "walking", "sitting", "sitting", "sitting", "lying"),
         *("bending", "bending", "bending", "unknown"),
     )
 )
+ROLLING, ROLLS = 4, 0.01  # state that rolls, its prior: about 1 % of people use wheelchairs
+PRIOR: F64 = np.full(len(STATES), (1 - ROLLS) / (len(STATES) - 1))
+PRIOR[ROLLING] = ROLLS
 # Means of the observation in each state: see `observe_posture`, and the height of the torso below
 # its height while standing [m]. Fitted with equal deviations to simulated people by
 # `python -m benchmarks postures --fit --scenes 12 --falls 30`; the kneeling state, whose legs
-# differ, has the means of both legs. The column from knees to shoulders was fitted separately, to
-# 7 daily scenes and 22 falls.
+# differ, has the means of both legs, the rolling state sits at the speed of walking. The column
+# from knees to shoulders was fitted separately, to 7 daily scenes and 22 falls.
 MEANS: F64 = np.array(
     [
         [0.98, 0.98, 0.97, 0.09, 0.99, 0.02, 0.00],
         [0.98, 0.95, 0.90, 0.23, 0.98, 0.69, 0.01],
         [0.97, 0.00, 0.95, 0.39, 0.80, 0.02, 0.38],
         [0.33, -0.03, 0.96, 0.38, 0.87, 0.02, 0.53],
+        [0.97, 0.00, 0.95, 0.39, 0.80, 0.69, 0.38],
         [0.08, 0.04, 0.09, 0.92, 0.05, 0.02, 0.82],
         [0.27, 0.96, 0.93, 0.12, 0.82, 0.02, 0.19],
         [0.81, -0.23, 0.78, 0.14, 0.91, 0.02, 0.64],
@@ -57,7 +61,7 @@ MEANS: F64 = np.array(
 )
 # Standard deviations in all states but the last
 SIGMAS: F64 = np.array(
-    [[0.18, 0.21, 0.22, 0.19, 0.12, 0.18, 0.20]] * 8 + [[0.7, 0.7, 0.7, 0.5, 0.7, 1.0, 0.6]]
+    [[0.18, 0.21, 0.22, 0.19, 0.12, 0.18, 0.20]] * 9 + [[0.7, 0.7, 0.7, 0.5, 0.7, 1.0, 0.6]]
 )
 
 
@@ -90,13 +94,12 @@ class PostureFilter:
         variances = np.column_stack([joint_variances, np.where(np.isnan(drop_m), MISSING_M2, 0.0)])
         # Without legs and without a height a bent torso lies as well as it bends.
         variances[:, 0] += np.minimum(variances[:, 1], variances[:, -1])
-        uniform = np.full(len(STATES), 1 / len(STATES))
-        before = np.array([self._beliefs.get(person, uniform) for person in people.ids])
+        before = np.array([self._beliefs.get(person, PRIOR) for person in people.ids])
         stays = np.exp(-dt_s / DWELL_S)
         spread = variances[:, None] + SIGMAS**2
         fit = -0.5 * ((values[:, None] - MEANS) ** 2 / spread + np.log(spread)).sum(axis=2)
         fit = np.exp((fit - fit.max(axis=1, keepdims=True)) * min(dt_s / CORRELATION_S, 1.0))
-        beliefs = (stays * before + (1 - stays) * uniform) * fit
+        beliefs = (stays * before + (1 - stays) * PRIOR) * fit
         beliefs /= beliefs.sum(axis=1, keepdims=True)
         self._beliefs = dict(zip(people.ids, beliefs, strict=True))
         sums = np.zeros((len(beliefs), len(POSTURES)))

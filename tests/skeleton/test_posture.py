@@ -86,6 +86,15 @@ def test_person_who_moves_upright_walks(speed_mps: float) -> None:
     assert posture(standing(), speed_mps=speed_mps)[0] == "walking"
 
 
+@pytest.mark.parametrize("speed_mps", [0.4, 0.8, 2.5])
+def test_seated_person_who_rolls_sits(speed_mps: float) -> None:
+    assert posture(sitting(), speed_mps=speed_mps)[0] == "sitting"
+
+
+def test_moving_person_with_hidden_legs_walks() -> None:
+    assert posture(standing(), speed_mps=0.8, hidden=LEGS)[0] == "walking"
+
+
 def test_standing_person_walks_within_half_a_second() -> None:
     postures = PostureFilter()
     for speed_mps in [0.0] * 20 + [0.8] * 5:
