@@ -107,6 +107,7 @@ class PostureRules:
                 fell = probability / (1 + math.exp((FALL_MPS - speed_mps) / FALL_SIGMA_MPS))
                 if fell >= FALL_PROBABILITY:
                     person.is_down = True
+                    person.heights.clear()  # one downward motion is one fall
                     reason = f"down at {speed_mps:.1f} m/s, then lying"
                     yield "fell", {"confidence": fell, "reason": reason}
             elif now == "sitting" and before in (*UPRIGHT, "bending"):

@@ -80,6 +80,11 @@ def test_fall_is_reported_once_with_its_evidence_and_then_lying() -> None:
     assert lies.dwell_s == pytest.approx(3.0, abs=0.11)
 
 
+def test_posture_that_flickers_after_a_fall_is_no_second_fall() -> None:
+    readings = [(t, "bending" if 2.7 < t < 2.9 else p, z) for t, p, z in change("lying", 0.5)]
+    assert kinds(events(started(), readings)) == ["fell", "lies"]
+
+
 def test_person_without_a_posture_falls() -> None:
     readings = [
         (second, "unknown" if p == "standing" else p, z) for second, p, z in change("lying", 0.5)
