@@ -92,7 +92,7 @@ class MarkView:
             return None
         ray_m = surface_m - self.map_from_optical[:3, 3]
         relative_rad = None if mark.yaw_deg is None else math.radians(mark.yaw_deg)
-        behind_m = surface_to_axis([0.0], relative_rad, BODY)[0]
+        behind_m = surface_to_axis(relative_rad, BODY)
         moved: F64 = surface_m + ray_m * behind_m / math.hypot(ray_m[0], ray_m[1])
         return moved
 

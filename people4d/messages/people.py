@@ -71,6 +71,8 @@ class Detection(Record, frozen=True, kw_only=True):
 
     box_xyxy_px: Box  # [px] left, top, right, bottom; may reach beyond the image
     score: Probability  # detection confidence
+    # probability of a person, by the image in colour and depth around it; absent if unknown
+    person: Probability | None = None
     # [px] u, v, confidence (0 to 1), COCO order; absent if none
     keypoints: Keypoints | None = None
     # [m] depth of the surface at each keypoint, 0 if unread; absent if unknown

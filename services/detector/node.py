@@ -263,6 +263,7 @@ def _detection(
     return Detection(
         box_xyxy_px=person.box_xyxy_px,
         score=person.score,
+        person=None if position is None else position.person,
         keypoints=person.keypoints,
         keypoint_depths_m=depths_m,
         mask=None if mask is None else Mask.from_array(mask.window, mask.x_px, mask.y_px),

@@ -37,6 +37,7 @@ class Measurement:
     yaw_sigma_rad: float | None = None
     bearing_rad: float | None = None  # [rad] direction from the camera; None: unknown
     added_covariance_m2: F64 | None = None  # [m^2] 3x3, addition to the measurement noise
+    person_log_odds: float = 0.0  # log-odds of a person by its image; 0: unknown
 
 
 @dataclass(frozen=True, slots=True)

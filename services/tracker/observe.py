@@ -22,6 +22,7 @@ from services.tracker.interface import (
 )
 
 PEOPLE_MAX = 128  # maximum number of detections of a frame; matching takes cubic time
+PERSON_LIMIT = 1e-3  # minimum probability of a person, and of something else
 POSE_SIGMA_MIN_M = 0.01  # minimum standard deviation of a pose that counts [m]
 RANGE_MAX_M = 100.0  # maximum accepted distance of a position from the camera [m]
 LENGTH_MIN = 1e-6  # minimum length of a usable embedding
@@ -116,6 +117,7 @@ def observe(
                     index=index,
                     box_xyxy_px=person.box_xyxy_px,
                     score=person.score,
+                    person_log_odds=log_odds(person.person),
                     position_m=positions_m[index],
                     forward_m=float(person.position_m[2]),
                     covariance_m2=covariances_m2.get(index),
@@ -221,6 +223,14 @@ def yaw_of(heading: F64 | None, map_from_camera: F64) -> float | None:
         return None
     x, y, _ = (map_from_camera[:3, :3] @ heading).tolist()
     return math.atan2(y, x) if math.hypot(x, y) >= LEVEL_MIN else None
+
+
+def log_odds(probability: float | None) -> float:
+    """Return the log-odds of a probability, at most ±6.9; 0 if it is unknown."""
+    if probability is None:
+        return 0.0
+    limited = min(max(probability, PERSON_LIMIT), 1 - PERSON_LIMIT)
+    return math.log(limited / (1 - limited))
 
 
 def _unit_vectors(embeddings: Embeddings, count: int, counters: Counter[str]) -> dict[int, F64]:

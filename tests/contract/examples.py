@@ -61,6 +61,7 @@ JPEG, PNG = b"\xff\xd8\xff\xe0", b"\x89PNG\r\n\x1a\n\x00"
 DETECTION = Detection(
     box_xyxy_px=np.array([-1.5, 0, 2, 1], np.float32),
     score=0.75,
+    person=0.625,
     keypoints=KEYPOINTS,
     mask=Mask.from_array(np.array([[0, 1, 1], [1, 0, 1]], np.uint8), 4, 5),
     position_m=np.array([0.5, -0.25, 2.0]),

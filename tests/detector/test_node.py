@@ -350,6 +350,8 @@ def test_position_by_the_network(someone: DetectedPerson) -> None:
     assert found.position_m is not None
     np.testing.assert_allclose(found.position_m, [-0.2, -0.58, 2.0], atol=1e-6)
     assert found.position_covariance_m2 is None
+    assert found.person == pytest.approx(0.5)
+    assert detected(someone, position="keypoints")[0].person is None
     measured = detected(someone, position="network", covariance="true")[0]
     assert measured.position_covariance_m2 is not None
     np.testing.assert_allclose(measured.position_covariance_m2, SIGMA_M**2 * np.eye(3), atol=1e-9)

@@ -51,6 +51,18 @@ def test_covariances_turn_with_the_camera() -> None:
     assert second is None
 
 
+@pytest.mark.parametrize(
+    ("probability", "expected"),
+    [(None, 0.0), (0.5, 0.0), (0.9, 2.197225), (0.0, -6.906755), (1.0, 6.906755)],
+)
+def test_probability_of_a_person_is_log_odds(probability: float | None, expected: float) -> None:
+    # ln 9 = 2.197225; limited to ln 999 = 6.906755; without a probability nothing is known.
+    position_m = np.array([0.0, 0.0, 2.0])
+    someone = Detection(box_xyxy_px=BOX, score=0.9, person=probability, position_m=position_m)
+    found = observe(detections(someone), None, TransformEstimate(LINK_FROM_OPTICAL), Counter())
+    assert found.measurements[0].person_log_odds == pytest.approx(expected, abs=1e-6)
+
+
 def test_turning_keeps_the_size_of_a_covariance() -> None:
     rotation = rotation_from_rpy(0.3, -0.2, 1.1)
     turned = rotated(np.diag([1.0, 2.0, 3.0]), transform_from([5.0, 6.0, 7.0], rotation))

@@ -9,7 +9,7 @@ from functools import cache
 import cv2
 import numpy as np
 
-from common.inference.session import Session
+from common.inference.session import Session, check_input, first_output
 from people4d.errors import ModelError
 from people4d.messages import F32, F64, HIDDEN_RGB, U8
 from services.detector.images import Window, bordered, cut_window, reduced
@@ -42,29 +42,21 @@ class OrientationNetwork:
 
     def __init__(self, session: Session) -> None:
         self._session = session
-        if session.input_shape != (None, 4, *SIZE_PX):
-            expected = f"an input of Nx4x{SIZE_PX[0]}x{SIZE_PX[1]}"
-            raise ModelError(
-                f"orientation network: expected {expected}, got {list(session.input_shape)}"
-            )
-        output = self._run(np.zeros((1, 4, *SIZE_PX), np.float32))
+        check_input(session, (None, 4, *SIZE_PX), "orientation network")
+        output = first_output(session, np.zeros((1, 4, *SIZE_PX), np.float32))
         if output.ndim != 2:
             found = list(output.shape)
             raise ModelError(f"orientation network: expected an output of NxS, got {found}")
 
     def log_likelihood(self, images: F32) -> F64:
         """Return the log likelihood of `ANGLES` given N images (Nx4x64x48), NxA."""
-        log_p = np.clip(self._run(images), LOG_MIN, 0.0)
+        log_p = np.clip(first_output(self._session, images), LOG_MIN, 0.0)
         sectors = np.exp(log_p - log_p.max(axis=1, keepdims=True))
         sectors /= sectors.sum(axis=1, keepdims=True)
         count = sectors.shape[1]
         sectors = (1 - OUTLIERS) * sectors + OUTLIERS / count
         by_image: F64 = np.log(sectors) @ between(count)
         return by_image
-
-    def _run(self, images: F32) -> F64:
-        output = next(iter(self._session.run(images).values()))
-        return np.asarray(output, np.float64)
 
 
 @cache

@@ -24,8 +24,6 @@ class Ellipse(NamedTuple):
 
 # Half the chest depth, and half the mean of shoulder and hip breadth, of adults, without clothes
 BODY = Ellipse(half_depth_m=0.125, half_width_m=0.205)
-# Maximum offset from the axis, relative to the half width: the surface is steep near the outline
-RIM = 0.9
 # Standard deviations of positions, from simulated people
 BODY_M = 0.035  # bodies, clothes and arms, along the line of sight [m]
 JOINT_PX = 2.0  # joint of a far person, across the line of sight [px]
@@ -34,36 +32,26 @@ CENTROID_DOWN_M = 0.2  # centroid from the torso, downward [m]
 SURFACE_M = 0.16  # positions on the surface, along the line of sight [m]
 
 
-def surface_to_axis(
-    rights_m: Sequence[float], relative_rad: float | None, ellipse: Ellipse
-) -> list[float]:
-    """Return the distances from the surface to the axis, along the line of sight.
+def surface_to_axis(relative_rad: float | None, ellipse: Ellipse) -> float:
+    """Return the distance from the surface in front of the axis to the axis, in metres.
 
     The ellipse (p.f)^2 / a^2 + (p.l)^2 / b^2 = 1, f and l the unit vectors forward and to the left
     of the person, a and b half its depth and width, solved for the side that faces the camera.
 
     Args:
-        rights_m: Points on the surface, to the right of the axis, in metres.
         relative_rad: Yaw from the line of sight, 0 = facing away, + to the left; None if it is
             unknown: then the torso is a circle of the same area.
         ellipse: Cross section.
     """
     a, b = ellipse
     if relative_rad is None:
-        relative_rad, a, b = 0.0, math.sqrt(a * b), math.sqrt(a * b)
-    sine, cosine = math.sin(relative_rad), math.cos(relative_rad)
-    xx = (sine / a) ** 2 + (cosine / b) ** 2
-    yy = (cosine / a) ** 2 + (sine / b) ** 2
-    xy = sine * cosine * (a**-2 - b**-2)
-    reach_m = RIM * a * b * math.sqrt(yy)
-    # Few: plain floats are faster than arrays.
-    xs = [min(max(right_m, -reach_m), reach_m) for right_m in rights_m]
-    return [(math.sqrt((xy * x) ** 2 - yy * (xx * x**2 - 1)) - xy * x) / yy for x in xs]
+        return math.sqrt(a * b)
+    return 1 / math.hypot(math.cos(relative_rad) / a, math.sin(relative_rad) / b)
 
 
 def move_to_axis(position_m: F64, yaw_rad: float | None, ellipse: Ellipse) -> F64:
     """Return the position on the axis behind a point on the surface; yaw in the camera's frame."""
-    behind_m = surface_to_axis([0.0], relative_yaw(position_m, yaw_rad), ellipse)[0]
+    behind_m = surface_to_axis(relative_yaw(position_m, yaw_rad), ellipse)
     moved: F64 = position_m * (1 + behind_m / math.hypot(position_m[0], position_m[2]))
     return moved
 

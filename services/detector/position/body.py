@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from common.geometry.transforms import deproject
-from common.inference.session import Session
+from common.inference.session import Session, check_input, first_output
 from people4d.errors import ModelError
 from people4d.messages import F32, F64, HIDDEN_RGB, U8, U16
 from services.detector.images import bordered, cut_window, reduced
@@ -27,6 +27,7 @@ OUTPUTS = 9  # outputs for each person, in the order of `_decoded`
 LAYER_M = (-0.4, 0.5)  # depths of the person's mask, relative to the person's depth [m]
 REACH_M, RELIEF_M = 0.6, 0.2  # limits of the channels of relative depth and of relief [m]
 SCALE_M = 0.3  # unit of the offsets [m]
+LOGIT_MAX = 20.0  # maximum logit of a person
 SIGMA_MIN_M = 0.01  # minimum standard deviation of the torso's middle [m]
 UNREAD_MM, OUTSIDE_MM = 0, 65535  # depths without a reading, and outside the image [mm]
 
@@ -50,11 +51,8 @@ class BodyNetwork:
 
     def __init__(self, session: Session) -> None:
         self._session = session
-        expected = (None, CHANNELS, *SIZE_PX)
-        if session.input_shape != expected:
-            found = list(session.input_shape)
-            raise ModelError(f"body network: expected an input of {list(expected)}, got {found}")
-        output = self._run(np.zeros((1, CHANNELS, *SIZE_PX), np.float32))
+        check_input(session, (None, CHANNELS, *SIZE_PX), "body network")
+        output = first_output(session, np.zeros((1, CHANNELS, *SIZE_PX), np.float32))
         if output.shape != (1, OUTPUTS) or not np.isfinite(output).all():
             found = list(output.shape)
             raise ModelError(f"body network: expected finite outputs of Nx{OUTPUTS}, got {found}")
@@ -73,12 +71,8 @@ class BodyNetwork:
 
     def observe(self, candidates: BodyImages) -> list[PositionEstimate]:
         """Return the positions of N candidates."""
-        outputs = self._run(candidates.images).tolist()
+        outputs = first_output(self._session, candidates.images).tolist()
         return list(map(_decoded, outputs, candidates.points_m))
-
-    def _run(self, images: F32) -> F64:
-        output = next(iter(self._session.run(images).values()))
-        return np.asarray(output, np.float64)
 
 
 def _references(boxes_xyxy_px: F64, layers_m: F64, image: DepthImage) -> F64:
@@ -149,14 +143,15 @@ def _decoded(values: Sequence[float], point_m: F64) -> PositionEstimate:
     and along the line of sight, the Cholesky factor of its covariance, the offset downward and
     its standard deviation.
     """
-    _, _, right, along, first, both, second, down, sigma = values
+    person, _, right, along, first, both, second, down, sigma = values
     axes = offset_axes(point_m)
     offset_m = SCALE_M * np.array([right, down, along])
     factor = np.array(
         [[_positive(first), 0, 0], [0, _positive(sigma), 0], [both, 0, _positive(second)]]
     )
     root = axes.T @ factor
-    return PositionEstimate(point_m + axes.T @ offset_m, root @ root.T)
+    probability = 1 / (1 + math.exp(-max(min(person, LOGIT_MAX), -LOGIT_MAX)))
+    return PositionEstimate(point_m + axes.T @ offset_m, root @ root.T, probability)
 
 
 def offset_axes(point_m: F64) -> F64:

@@ -37,6 +37,7 @@ class PositionEstimate:
 
     position_m: F64  # [m] 3, optical frame
     covariance_m2: F64 | None = None  # [m^2] 3x3, optical frame; None if it is not estimated
+    person: float | None = None  # probability of a person, 0 to 1; None if it is not estimated
 
 
 def mask_centroid(mask: InstanceMask, image: DepthImage) -> F64 | None:

@@ -6,6 +6,9 @@ from services.tracker.motion.track_record import TrackRecord
 
 MISSES_MIN = 2  # minimum number of missed frames, hidden ones included, that end a track
 SEVERAL_HITS = 1  # additional matches for confirmation with several cameras
+# Minimum mean log-odds of a person for confirmation: of simulated candidates 0.3 % of people, 62 %
+# of flat figures, 61 % of robots and 81 % of furniture are below
+PERSON_MIN = -2.5
 ABSENCE_MAX_S = 30.0  # maximum outage of frames that tracks survive [s]
 TENTATIVE_S = 1.0  # maximum age of an unmatched tentative track with several cameras [s]
 
@@ -44,8 +47,9 @@ class HitsLifecycle(Lifecycle):
     """
 
     def confirms(self, record: TrackRecord, several_cameras: bool) -> bool:
-        """Return True after enough matches."""
-        return record.hits >= self.confirm_hits + SEVERAL_HITS * several_cameras
+        """Return True after enough matches, unless their images show something else."""
+        enough = record.hits >= self.confirm_hits + SEVERAL_HITS * several_cameras
+        return enough and record.person_log_odds >= PERSON_MIN
 
     def ended(self, record: TrackRecord) -> bool:
         """Return True if misses reach the hits, or with hidden frames their square.

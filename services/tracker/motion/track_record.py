@@ -46,6 +46,7 @@ class TrackRecord:
     identity: IdentityDecision = IdentityDecision()
     yaw: F64 | None = None  # state of the yaw filter
     imm: ImmState | None = None  # states of both modes; x and P are their mean
+    person_log_odds: float = 0.0  # mean log-odds of a person over the matches
     hits: int = 1  # number of matched frames
     streak: int = 1  # number of matched frames since the last miss
     age: int = 1  # number of frames since the beginning, including the first

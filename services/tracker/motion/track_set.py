@@ -139,6 +139,8 @@ class TrackSet:
             record.score, record.detection = measurement.score, measurement.index
             record.camera, record.matched_ns = observation.camera, observation.stamp_ns
             record.hits += 1
+            change = measurement.person_log_odds - record.person_log_odds
+            record.person_log_odds += change / record.hits
             record.streak += 1
             record.missed = record.hidden = 0
             record.confirmed |= self._lifecycle.confirms(record, self._of_several)
@@ -177,6 +179,7 @@ class TrackSet:
             confirmed=self._lifecycle.confirm_hits <= 1,
             embedding=measurement.embedding,
             yaw=yaw,
+            person_log_odds=measurement.person_log_odds,
             imm=self._state_filter.start(x, P),
         )
         self.records.append(record)

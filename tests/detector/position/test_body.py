@@ -82,6 +82,14 @@ def test_covariance_is_turned_to_the_ray() -> None:
     assert ray @ aside.covariance_m2 @ ray == pytest.approx(0.2**2)
 
 
+def test_first_output_is_the_logit_of_a_person() -> None:
+    for logit, expected in ((0.0, 0.5), (math.log(9), 0.9), (-1e4, 0.0), (1e4, 1.0)):
+        values = row()
+        values[0] = logit
+        (found,) = bodies(values)
+        assert found.person == pytest.approx(expected, abs=1e-6)
+
+
 def test_correlated_errors_are_in_the_covariance() -> None:
     values = row()
     values[5] = 0.05  # error along the line of sight for each unit across

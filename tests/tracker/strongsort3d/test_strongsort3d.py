@@ -81,6 +81,23 @@ def test_by_hits_a_track_behind_others_ends_after_the_square_of_its_matches(
     assert lost == [True] * survives + [False] * (40 - survives)
 
 
+def test_by_hits_an_image_of_something_else_is_not_confirmed() -> None:
+    # Mean log-odds of four matches: -3; of five, one of them unknown: -12 / 5 = -2.4.
+    sort = tracker(lifetime="hits", n_init=2)
+    poster = dataclasses.replace(person(3, 0), person_log_odds=-3.0)
+    for number in range(4):
+        assert states(sort.update(frame(number, poster))) == [(1, "tentative")]
+    assert states(sort.update(frame(4, person(3, 0)))) == [(1, "confirmed")]
+    assert states(sort.update(frame(5, poster))) == [(1, "confirmed")]  # not taken back
+
+
+def test_by_streak_images_do_not_count() -> None:
+    sort = tracker(n_init=2)
+    poster = dataclasses.replace(person(3, 0), person_log_odds=-6.0)
+    sort.update(frame(0, poster))
+    assert states(sort.update(frame(1, poster))) == [(1, "confirmed")]
+
+
 def test_while_several_cameras_send_a_third_match_confirms() -> None:
     # Two matches by one of several cameras may be a false alarm.
     sort = tracker(lifetime="hits", n_init=2)
