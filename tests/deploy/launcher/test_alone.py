@@ -143,7 +143,7 @@ def test_camera_runs_alone(demo: Path, tmp_path: Path, environment: Mapping[str,
     with ExitStack() as stack:
         stack.enter_context(recording(played, "frames", environment))
         # At a low rate: on a busy machine the recorder misses frames, like any reader.
-        settings = ("--set", f'source="{demo}"', "--set", "speed=0.3")
+        settings = ("--set", f'source="{demo}"', "--set", "speed=0.2")
         camera = [*PEOPLE4D, "run", "camera", *settings]
         subprocess.run(camera, env=environment, timeout=TIMEOUT_S, check=True)
     assert count(played, CompressedRgbdFrame) == FRAMES  # compressed by the recorder
