@@ -43,8 +43,8 @@ PRIOR[ROLLING] = ROLLS
 # Means of the observation in each state: see `observe_posture`, and the height of the torso below
 # its height while standing [m]. Fitted with equal deviations to simulated people by
 # `python -m benchmarks postures --fit --scenes 12 --falls 30`; the kneeling state, whose legs
-# differ, has the means of both legs, the rolling state sits at the speed of walking. The column
-# from knees to shoulders was fitted separately, to 7 daily scenes and 22 falls.
+# differ, has the means of both legs, the rolling state sits at the speed of walking. A separate
+# fit to 7 daily scenes and 22 falls gave the column from knees to shoulders.
 MEANS: F64 = np.array(
     [
         [0.98, 0.98, 0.97, 0.09, 0.99, 0.02, 0.00],
