@@ -16,8 +16,8 @@ import msgspec
 import numpy as np
 
 from benchmarks.lib import options
+from benchmarks.lib.ablation.calibration import calibration_tables
 from benchmarks.lib.ablation.parts import DELETED, PARTS, Part
-from benchmarks.lib.ablation.velocities import velocity_table
 from benchmarks.lib.gait.drawn_scenes import drawn_scenes
 from benchmarks.lib.marks.crossing import crossing_camera
 from benchmarks.lib.marks.methods import DEFAULT, HALVES, MARKS, variants
@@ -273,5 +273,5 @@ def main() -> None:
         unit = "scenes" if of is SIMULATED else "events of real people"
         title = f"## {split.capitalize()} split: {where}, {len(units['best'])} {unit}"
         text += [title, table(units, of)]
-    text += ["## Velocities of detections", velocity_table(simulated, cache, asked.jobs)]
+    text += ["## Calibration of detections", calibration_tables(simulated, cache, asked.jobs)]
     write(__file__, "Effect of each part beyond the source works", NOTE, *text, dry=asked.dry)

@@ -12,7 +12,6 @@ import numpy as np
 
 from people4d.messages import F64
 
-SWAPPED = [3, 4, 5, 0, 1, 2]  # velocity before position
 A = TypeVar("A", float, F64)
 
 
@@ -72,12 +71,6 @@ def corrected(x: F64, P: F64, y: F64, R: F64, inverse: F64) -> tuple[F64, F64]:
     updated = A @ P @ A.swapaxes(-1, -2) + K @ R @ K.swapaxes(-1, -2)
     x = x + (K @ y[..., None])[..., 0]
     return x, (updated + updated.swapaxes(-1, -2)) / 2
-
-
-def update_velocity(x: F64, P: F64, velocity: F64, R: F64) -> tuple[F64, F64]:
-    """Return states of position and velocity (Nx6) updated with measured velocities (Nx3)."""
-    x, P = update(x[..., SWAPPED], P[..., SWAPPED, :][..., SWAPPED], velocity, R)
-    return x[..., SWAPPED], P[..., SWAPPED, :][..., SWAPPED]
 
 
 _identity = cache(np.eye)

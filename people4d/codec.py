@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from people4d.errors import DecodeError
-from people4d.messages import Message, Span
+from people4d.messages import Detections, Message, Span
 from people4d.topics import TOPICS
 from people4d.validation import describe, explain
 
@@ -27,6 +27,7 @@ MAX_TEXT = 65536  # maximum length of a text [bytes]
 MAX_CONTAINERS = 65536
 MAX_AXES = 4
 ARRAY_KEYS = {"dtype", "shape", "data"}
+VELOCITIES = ("velocity_mps", "velocity_covariance_m2ps2")  # removed fields of a detection
 
 MESSAGES: dict[str, type[Message]] = {topic.message.__name__: topic.message for topic in TOPICS}
 _prepared = threading.Event()  # set once msgspec has examined every type
@@ -77,6 +78,8 @@ def decode(payload: bytes) -> Message:
             f"{name}: expected version {kind.VERSION}, got {describe(version)}",
             "Run the same people4d release on all machines.",
         )
+    if kind is Detections:
+        _drop_velocities(fields)
     if not _prepared.is_set():
         _prepare()
     try:
@@ -112,6 +115,16 @@ def _unpack(payload: bytes) -> dict[str, Any]:
     if not isinstance(fields, dict):
         raise DecodeError(f"message: expected a map, got {type(fields).__name__}")
     return fields
+
+
+def _drop_velocities(fields: dict[str, Any]) -> None:
+    """Drop velocities of detections, which older recordings have."""
+    fields.pop("velocity_interval_s", None)
+    people = fields.get("detections")
+    for person in people if isinstance(people, list) else ():
+        if isinstance(person, dict):
+            for name in VELOCITIES:
+                person.pop(name, None)
 
 
 def _limit() -> Callable[[Any], Any]:

@@ -81,11 +81,6 @@ class Detection(Record, frozen=True, kw_only=True):
     position_m: Vector3 | None = None  # [m] frame: camera optical; absent if depth gave none
     # [m^2] covariance of position_m, frame: camera optical; absent if unknown
     position_covariance_m2: Matrix3 | None = None
-    # [m/s] relative to the camera, mean over Detections.velocity_interval_s: displacement of the
-    # visible surface, 0.12 m in front of position_m, between both optical frames; absent if unknown
-    velocity_mps: Vector3 | None = None
-    # [m^2/s^2] covariance of velocity_mps, frame: camera optical; absent if unknown
-    velocity_covariance_m2ps2: Matrix3 | None = None
     # unit vector in which the chest points, frame: camera optical; absent if unknown
     heading: Vector3 | None = None
     # [rad] standard deviation about the vertical; absent if unknown
@@ -94,25 +89,24 @@ class Detection(Record, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         """Check the fields, and that the heading is a unit vector."""
         super().__post_init__()
-        _check_covariance("position", self.position_m, self.position_covariance_m2, "m2")
-        _check_covariance("velocity", self.velocity_mps, self.velocity_covariance_m2ps2, "m2ps2")
+        _check_covariance(self.position_m, self.position_covariance_m2)
         length = 1.0 if self.heading is None else math.hypot(*self.heading.tolist())
         if abs(length - 1) > 1e-3:
             raise ValueError(f"heading: expected unit length, got {length}")
 
 
-def _check_covariance(name: str, value: F64 | None, covariance: F64 | None, unit: str) -> None:
-    """Check that a covariance has a value, and is symmetric and positive definite.
+def _check_covariance(position_m: F64 | None, covariance: F64 | None) -> None:
+    """Check that a covariance has a position, and is symmetric and positive definite.
 
     Raises:
         ValueError: It is not.
     """
     if covariance is None:
         return
-    if value is None:
-        raise ValueError(f"{name}_covariance_{unit}: expected with the {name} only")
+    if position_m is None:
+        raise ValueError("position_covariance_m2: expected with the position only")
     if not _is_symmetric_positive_definite(covariance):
-        raise ValueError(f"{name}_covariance_{unit}: expected symmetric and positive definite")
+        raise ValueError("position_covariance_m2: expected symmetric and positive definite")
 
 
 def _is_symmetric_positive_definite(matrix: F64) -> bool:
@@ -148,8 +142,6 @@ class Detections(Message, frozen=True, kw_only=True):
     detector: Text = ""  # instance of the detector; empty: unknown
     # instances that share the frames, including this one
     replicas: tuple[Text, ...] = ()
-    # [s] interval over which velocities are measured, up to this frame; absent without velocities
-    velocity_interval_s: Annotated[float, Meta(gt=0, le=1)] | None = None
     crops: Count | None = None  # number of people in Crops of this frame; absent: unknown
 
     def __post_init__(self) -> None:

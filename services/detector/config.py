@@ -84,7 +84,6 @@ class DetectorConfig(ModelSettings, frozen=True, kw_only=True):
     position: Literal["mask", "keypoints", "grown", "network"] = "network"
     to_axis: bool = True  # True: positions on the surface are moved to the body's axis
     covariance: bool = True  # True: covariances of positions are published
-    velocity: bool = True  # True: velocities of people are published
     # [1/m] error of one depth reading, over z^2; default: 0.07 px, 385 px, 50 mm (D435i)
     depth_error_per_m: Positive = 0.0036
     # Minimum confidence of keypoints for positions; absent: by the model

@@ -32,12 +32,6 @@ from services.detector.orientation.estimator import OrientationEstimator
 from services.detector.orientation.network import OrientationNetwork
 from services.detector.position.body import BodyNetwork
 from services.detector.position.estimator import PositionEstimator
-from services.detector.position.scene_flow import (
-    FrameHistory,
-    FramePair,
-    VelocityEstimate,
-    measure_velocities,
-)
 from services.detector.position.silhouette import grow_mask
 from services.detector.position.surface import DepthImage, PositionEstimate, keypoint_surfaces
 from services.detector.position.torso import LayeredTorso, find_torsos
@@ -77,7 +71,7 @@ class DetectorNode(Node):
         self._config = config
         self._positions = PositionEstimator(config, model.name, body_network)
         self._confidence_min = config.confidence_for(model.name)
-        self._history, self._schedule = FrameHistory(), CropSchedule()
+        self._schedule = CropSchedule()
         self._orientation = OrientationEstimator(config, model.name, orientation_network)
         self._lock = threading.Lock()
         self._calibrations: dict[str, CameraInfo] = {}
@@ -134,8 +128,6 @@ class DetectorNode(Node):
         return info
 
     def _detect(self, frame: RgbdFrame, info: CameraInfo) -> Sequence[Message]:
-        # Before the model runs, so frames are stored in order.
-        before = self._history.swap_frame(frame) if self._config.velocity else None
         people, image = self._find_people(frame), DepthImage(frame.depth_mm, info)
         boxes = np.array([p.box_xyxy_px for p in people], np.float64).reshape(-1, 4)
         is_due = self._schedule.due(frame, boxes) if self._config.crops else []
@@ -156,9 +148,7 @@ class DetectorNode(Node):
         observed = self._orientation.observe(people, torsos, frame.rgb, image)
         with span("locate"):
             yaws = self._orientation.estimate(people, image, observed)
-            pair = None if before is None else FramePair(frame, before, info)
-            velocities = measure_velocities(pair, torsos) if pair else [None] * len(torsos)
-            detections = self._detections(people, bodies, image, yaws, velocities)
+            detections = self._detections(people, bodies, image, yaws)
         with self._lock:
             self._counters["people"] += len(people)
             self._counters["with_position"] += sum(d.position_m is not None for d in detections)
@@ -176,7 +166,6 @@ class DetectorNode(Node):
             width=info.width,
             height=info.height,
             detections=detections,
-            velocity_interval_s=pair.interval_s if pair and any(velocities) else None,
             crops=cropped,
         )
         return [*outputs, result]
@@ -216,12 +205,11 @@ class DetectorNode(Node):
         bodies: Sequence[PositionEstimate | None],
         image: DepthImage,
         yaws: Sequence[YawEstimate | None],
-        velocities: Sequence[VelocityEstimate | None],
     ) -> tuple[Detection, ...]:
         yaws_rad = [None if yaw is None else yaw.rad for yaw in yaws]
         positions = self._positions.estimate(people, bodies, image, yaws_rad)
         depths_m = keypoint_surfaces(people, image)
-        return tuple(map(_detection, people, yaws, positions, depths_m, velocities))
+        return tuple(map(_detection, people, yaws, positions, depths_m))
 
     def _crops(
         self,
@@ -257,7 +245,6 @@ def _detection(
     yaw: YawEstimate | None,
     position: PositionEstimate | None,
     depths_m: F32 | None,
-    velocity: VelocityEstimate | None,
 ) -> Detection:
     mask = person.mask
     return Detection(
@@ -269,8 +256,6 @@ def _detection(
         mask=None if mask is None else Mask.from_array(mask.window, mask.x_px, mask.y_px),
         position_m=None if position is None else position.position_m,
         position_covariance_m2=None if position is None else position.covariance_m2,
-        velocity_mps=None if velocity is None else velocity.velocity_mps,
-        velocity_covariance_m2ps2=None if velocity is None else velocity.covariance_m2ps2,
         heading=None if yaw is None else heading_vector(yaw.rad),
         heading_sigma_rad=None if yaw is None else yaw.sigma_rad,
     )

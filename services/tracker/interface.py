@@ -13,13 +13,6 @@ from people4d.messages.areas import AREAS_MAX
 LATE_MAX_NS = 1_000_000_000  # maximum age of a late frame, behind the last one [ns]
 
 
-class VelocityMeasurement(NamedTuple):
-    """Velocity of one detection over the ground."""
-
-    mps: F64  # [m/s] 3, frame: the tracking frame
-    covariance_m2ps2: F64  # 3x3, frame: tracking
-
-
 @dataclass(frozen=True, slots=True)
 class Measurement:
     """One detection with a 3D position."""
@@ -30,7 +23,6 @@ class Measurement:
     position_m: F64  # [m] 3, frame: the tracking frame
     forward_m: float  # [m] distance from the camera along its optical axis
     covariance_m2: F64 | None = None  # [m^2] 3x3 of position_m, frame: tracking; None: unknown
-    velocity: VelocityMeasurement | None = None  # None: unknown
     embedding: F64 | None = None  # D, unit length; None if unknown
     yaw_rad: float | None = None  # [rad] orientation, frame: tracking; None: unknown
     # [rad] standard deviation of the orientation; None if unknown

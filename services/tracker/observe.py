@@ -18,7 +18,6 @@ from services.tracker.interface import (
     Measurement,
     Observation,
     UnlocatedDetection,
-    VelocityMeasurement,
 )
 
 PEOPLE_MAX = 128  # maximum number of detections of a frame; matching takes cubic time
@@ -26,10 +25,6 @@ PERSON_LIMIT = 1e-3  # minimum probability of a person, and of something else
 POSE_SIGMA_MIN_M = 0.01  # minimum standard deviation of a pose that counts [m]
 RANGE_MAX_M = 100.0  # maximum accepted distance of a position from the camera [m]
 LENGTH_MIN = 1e-6  # minimum length of a usable embedding
-VELOCITY_MAX_MPS = 15.0  # maximum speed of a person [m/s]
-VELOCITY_SIGMA_MPS = 0.03  # standard deviation of the change of a velocity within a frame [m/s]
-MOTION_ERROR = 0.1  # relative error of the motion of a camera
-SURFACE_M = 0.12  # distance of a position from the surface on which velocities are measured [m]
 LEVEL_MIN = 0.2  # minimum horizontal part of a heading with a yaw (78 deg steep)
 
 
@@ -59,11 +54,7 @@ class FrameObserver:
             self._counters["no_transform"] += 1
             return None
         self._counters["predicted_base"] += pose.is_uncertain
-        before, interval_s = None, detections.velocity_interval_s
-        if interval_s is not None:
-            begin_ns = frame.time_ns - int(interval_s * 1e9)
-            before = self._poses.lookup(detections.frame_id, begin_ns)
-        observation = observe(detections, frame.embeddings, pose, self._counters, before)
+        observation = observe(detections, frame.embeddings, pose, self._counters)
         self._embedder = observation.embedder or self._embedder
         return replace(
             observation,
@@ -78,7 +69,6 @@ def observe(
     embeddings: Embeddings | None,
     pose: TransformEstimate,
     counters: Counter[str],
-    pose_before: TransformEstimate | None = None,
 ) -> Observation:
     """Return the usable detections of one frame; count the others.
 
@@ -90,14 +80,11 @@ def observe(
         embeddings: Embeddings of the detections, or None.
         pose: Pose of the camera in the tracking frame.
         counters: Counters of dropped data.
-        pose_before: Pose at the beginning of the interval of the measured velocities; if None,
-            they are dropped.
     """
     people, map_from_camera = detections.detections, pose.matrix
     vectors = _unit_vectors(embeddings, len(people), counters) if embeddings else {}
     positions_m = _positions_m(people, map_from_camera)
     covariances_m2 = _covariances_m2(people, map_from_camera)
-    velocities = _velocities(detections, pose, pose_before, counters)
     measurements, unlocated = list[Measurement](), list[UnlocatedDetection]()
     numbered = list(enumerate(people))
     if len(people) > PEOPLE_MAX:
@@ -121,7 +108,6 @@ def observe(
                     position_m=positions_m[index],
                     forward_m=float(person.position_m[2]),
                     covariance_m2=covariances_m2.get(index),
-                    velocity=velocities.get(index),
                     embedding=vectors.get(index),
                     yaw_rad=yaw_rad,
                     yaw_sigma_rad=person.heading_sigma_rad,
@@ -165,39 +151,6 @@ def _covariances_m2(people: Sequence[Detection], map_from_camera: F64) -> dict[i
     known = {i: covariance for i, covariance in covariances_m2 if covariance is not None}
     stacked = np.array(list(known.values()))
     return dict(zip(known, rotated(stacked, map_from_camera), strict=True)) if known else {}
-
-
-def _velocities(
-    detections: Detections,
-    pose: TransformEstimate,
-    pose_before: TransformEstimate | None,
-    counters: Counter[str],
-) -> dict[int, VelocityMeasurement]:
-    """Return the velocities over the ground by index.
-
-    Velocities are measured on the person's surface, which moves less than the axis if the camera
-    turns. The motion of the camera contributes a relative error of MOTION_ERROR.
-    """
-    interval_s, velocities = detections.velocity_interval_s, dict[int, VelocityMeasurement]()
-    if interval_s is None or pose_before is None:
-        return velocities
-    for index, person in enumerate(detections.detections):
-        covariance = person.velocity_covariance_m2ps2
-        if person.velocity_mps is None or person.position_m is None or covariance is None:
-            continue
-        range_m = float(np.linalg.norm(person.position_m))
-        surface_m = person.position_m * (1 - SURFACE_M / max(range_m, SURFACE_M))
-        before_m = surface_m - person.velocity_mps * interval_s
-        start_m, end_m = apply(pose_before.matrix, before_m), apply(pose.matrix, surface_m)
-        carried_m = start_m - apply(pose.matrix, before_m)
-        mps = (end_m - start_m) / interval_s
-        if np.linalg.norm(mps) > VELOCITY_MAX_MPS:
-            counters["velocities_out_of_range"] += 1
-            continue
-        carried_mps = MOTION_ERROR * carried_m / interval_s
-        variance = rotated(covariance, pose.matrix) + np.outer(carried_mps, carried_mps)
-        velocities[index] = VelocityMeasurement(mps, variance + VELOCITY_SIGMA_MPS**2 * np.eye(3))
-    return velocities
 
 
 def edges(info: CameraInfo) -> ImageEdges:

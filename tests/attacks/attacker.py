@@ -183,8 +183,6 @@ def absurd_but_finite_values(attacker: Attacker) -> None:
         attacker.send(key, found | {"detections": [person]})
         person |= {"heading_sigma_rad": 1.0, "position_m": array([1e200, 0.0, 1e200])}
         attacker.send(key, found | {"detections": [person]})
-        person |= {"position_m": array([0.0, 0.0, 2.0]), "velocity_mps": array([1e6, 0.0, -1e6])}
-        attacker.send(key, found | {"detections": [person], "velocity_interval_s": 1e-300})
 
 
 @attack

@@ -25,17 +25,6 @@ def test_update_on_paper() -> None:
     np.testing.assert_allclose(P, [[[2 / 3, 1 / 3], [1 / 3, 2 / 3]]])
 
 
-def test_update_with_a_velocity_by_the_equations_of_all_states() -> None:
-    rng = np.random.default_rng(3)
-    x, root, v = rng.normal(size=(5, 6)), rng.normal(size=(5, 6, 6)), rng.normal(size=(5, 3))
-    P, noise = root @ root.swapaxes(-1, -2), np.diag([0.1, 0.2, 0.3])
-    H = np.eye(6)[3:]
-    K = P @ H.T @ np.linalg.inv(H @ P @ H.T + noise)
-    updated, covariance = kalman.update_velocity(x, P, v, np.broadcast_to(noise, (5, 3, 3)))
-    np.testing.assert_allclose(updated, x + (K @ (v - x[:, 3:])[..., None])[..., 0])
-    np.testing.assert_allclose(covariance, P - K @ H @ P, atol=1e-9)
-
-
 def test_gating_distance_on_paper() -> None:
     # S = 2 + 1 = 3 for both tracks; y = 1, 4 and 0, 3: y^2 / 3 = 1/3, 16/3 and 0, 3.
     x = np.array([[1.0, 1.0], [2.0, 0.0]])

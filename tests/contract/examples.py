@@ -66,8 +66,6 @@ DETECTION = Detection(
     mask=Mask.from_array(np.array([[0, 1, 1], [1, 0, 1]], np.uint8), 4, 5),
     position_m=np.array([0.5, -0.25, 2.0]),
     position_covariance_m2=np.diag([0.01, 0.01, 0.04]),
-    velocity_mps=np.array([0.5, 0.0, -1.25]),
-    velocity_covariance_m2ps2=np.diag([0.01, 0.01, 0.25]),
     heading=np.array([0.6, 0.0, -0.8]),
     heading_sigma_rad=0.25,
 )

@@ -395,20 +395,3 @@ def test_occluders_are_blanked_in_crops() -> None:
     for sent, is_blanked in ((message, True), (behind, False)):
         crops = only(Crops, MemoryBus([node(person(), position="network")]).publish(INFO, sent))
         assert (crops.crops[0].rgb == HIDDEN_RGB).all(axis=2).any() == is_blanked
-
-
-def test_velocities_are_published_from_the_second_frame_on() -> None:
-    def intervals(**settings: object) -> list[tuple[float | None, bool]]:
-        detector = node(person(), **settings)
-        detector.handle(INFO, 0)
-        rng, answers = np.random.default_rng(1), []
-        rgb = rng.integers(0, 255, (60, 40, 3)).astype(np.uint8)
-        for number in range(2):
-            one = msgspec.structs.replace(frame(number), rgb=rgb, stamp_ns=1 + number * 10**8)
-            answers += [m for m in detector.handle(one, 0) if isinstance(m, Detections)]
-        return [(m.velocity_interval_s, m.detections[0].velocity_mps is not None) for m in answers]
-
-    torso = {"position": "network", "orientation.method": "joint"}
-    assert intervals(**torso) == [(None, False), (0.1, True)]
-    off = {**torso, "velocity": "false"}
-    assert intervals(**off) == [(None, False), (None, False)]

@@ -187,6 +187,16 @@ def test_an_optional_field_may_be_left_out() -> None:
     assert again.trace == ()
 
 
+def test_velocities_in_older_recordings_are_dropped() -> None:
+    found = BY_NAME["Detections"]
+    fields = msgpack.unpackb(encode(found)) | {"velocity_interval_s": 0.1}
+    for person in fields["detections"]:
+        person |= {"velocity_mps": ARRAY, "velocity_covariance_m2ps2": ARRAY}
+    assert encode(decode(msgpack.packb(fields))) == encode(found)
+    assert "detections" in refusal(msgpack.packb(fields | {"detections": [[1]]}))
+    assert "detections" in refusal(msgpack.packb(fields | {"detections": 1}))
+
+
 def test_decoded_arrays_cannot_be_written_to() -> None:
     frame: Any = decode(encode(BY_NAME["RgbdFrame"]))
     with pytest.raises(ValueError, match="read-only"):

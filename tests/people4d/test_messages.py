@@ -83,16 +83,6 @@ BAD_PARTS: list[tuple[msgspec.Struct, dict[str, Any], str]] = [
     (DETECTION, {"position_covariance_m2": 1 - 0.1 * np.eye(3)}, "and positive definite"),
     (DETECTION, {"position_covariance_m2": np.triu(np.ones((3, 3)))}, "expected symmetric"),
     (DETECTION, {"position_m": None}, "position_covariance_m2: expected with the position only"),
-    (
-        DETECTION,
-        {"velocity_mps": None},
-        "velocity_covariance_m2ps2: expected with the velocity only",
-    ),
-    (
-        DETECTION,
-        {"velocity_covariance_m2ps2": -np.eye(3)},
-        "velocity_covariance_m2ps2: expected symmetric and positive definite",
-    ),
     (DETECTION, {"heading": np.array([1.0, 1.0, 0.0])}, "heading: expected unit length, got 1.41"),
     (DETECTION, {"heading": np.array([1.0, 0.0])}, "heading: expected shape 3, got 2"),
     (DETECTION, {"heading": np.full(3, np.nan)}, "expected finite numbers"),

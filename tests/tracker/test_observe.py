@@ -8,18 +8,14 @@ import pytest
 from common.geometry.transform_history import TransformEstimate
 from common.geometry.transforms import (
     LINK_FROM_OPTICAL,
-    apply,
-    invert,
     rotation_from_rpy,
     transform_from,
 )
-from people4d.messages import F64, Detection, Detections
+from people4d.messages import Detection, Detections
 from services.tracker.cameras.frame_join import PendingFrame
 from services.tracker.cameras.poses import CameraPoseLookup, pose_covariance
 from services.tracker.observe import (
     PEOPLE_MAX,
-    SURFACE_M,
-    VELOCITY_SIGMA_MPS,
     FrameObserver,
     observe,
     rotated,
@@ -115,64 +111,3 @@ def test_bearing_leads_from_the_camera_to_the_person() -> None:
     pose = TransformEstimate(LINK_FROM_OPTICAL)
     (found,) = observe(detections(person), None, pose, Counter()).measurements
     assert found.bearing_rad == pytest.approx(np.radians(-45))
-
-
-def moving(velocity_mps: F64, position_m: F64) -> Detections:
-    person = Detection(
-        box_xyxy_px=BOX,
-        score=0.9,
-        position_m=position_m,
-        velocity_mps=velocity_mps,
-        velocity_covariance_m2ps2=np.diag([0.01, 0.02, 0.03]),
-    )
-    return builders.detections(person, stamp_ns=1, velocity_interval_s=0.1)
-
-
-def test_velocity_before_a_fixed_camera_turns_with_it() -> None:
-    pose = TransformEstimate(LINK_FROM_OPTICAL)
-    found = moving(np.array([1.0, 0.5, 2.0]), np.array([0.0, 0.0, 3.0]))
-    (measurement,) = observe(found, None, pose, Counter(), pose).measurements
-    assert measurement.velocity is not None
-    np.testing.assert_allclose(measurement.velocity.mps, [2.0, -1.0, -0.5])
-    expected = np.diag([0.03, 0.01, 0.02]) + VELOCITY_SIGMA_MPS**2 * np.eye(3)
-    np.testing.assert_allclose(measurement.velocity.covariance_m2ps2, expected, atol=1e-12)
-
-
-def test_person_who_stands_before_a_camera_that_moves_has_no_velocity() -> None:
-    # The base drove 0.1 m and turned by 2 degrees: relative to it the person moved the other way.
-    link = transform_from([0.1, 0.0, 0.0], rotation_from_rpy(0.0, 0.0, np.radians(2.0)))
-    before, now = LINK_FROM_OPTICAL, link @ LINK_FROM_OPTICAL
-    position_m = apply(invert(now), np.array([4.0, 0.0, 0.0]))
-    # The camera measures the surface in front of the person's axis.
-    surface_m = position_m * (1 - SURFACE_M / np.linalg.norm(position_m))
-    velocity_mps = (surface_m - apply(invert(before) @ now, surface_m)) / 0.1
-    assert np.linalg.norm(velocity_mps) > 1.0
-    found = moving(velocity_mps, position_m)
-    poses = TransformEstimate(now), TransformEstimate(before)
-    (one,) = observe(found, None, poses[0], Counter(), poses[1]).measurements
-    assert one.velocity is not None
-    np.testing.assert_allclose(one.velocity.mps, 0.0, atol=1e-9)
-    # A tenth of the camera's own motion is its standard deviation: 1 m/s along and 3.88 m * 2
-    # degrees in 0.1 s across.
-    added_m2ps2 = np.trace(one.velocity.covariance_m2ps2) - 0.06 - 3 * VELOCITY_SIGMA_MPS**2
-    assert added_m2ps2 == pytest.approx(0.1**2 * (1.0**2 + 1.35**2), rel=0.05)
-
-
-def test_velocity_of_a_person_at_the_camera_is_known() -> None:
-    pose = TransformEstimate(LINK_FROM_OPTICAL)
-    for position_m in (np.zeros(3), np.array([0.0, 0.0, 0.05])):
-        found = moving(np.array([1.0, 0.5, 2.0]), position_m)
-        (measurement,) = observe(found, None, pose, Counter(), pose).measurements
-        assert measurement.velocity is not None
-        np.testing.assert_allclose(measurement.velocity.mps, [2.0, -1.0, -0.5])
-
-
-def test_absurd_velocities_are_counted_and_those_of_unknown_times_do_not_count() -> None:
-    pose, counters = TransformEstimate(LINK_FROM_OPTICAL), Counter[str]()
-    found = moving(np.array([1e6, 0.0, 0.0]), np.array([0.0, 0.0, 3.0]))
-    (measurement,) = observe(found, None, pose, counters, pose).measurements
-    assert measurement.velocity is None
-    assert counters == {"velocities_out_of_range": 1}
-    found = moving(np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 3.0]))
-    (measurement,) = observe(found, None, pose, counters).measurements
-    assert measurement.velocity is None

@@ -39,8 +39,6 @@ def detection(rng: np.random.Generator, x: float, z: float) -> Detection:
         score=float(rng.choice([0.0, 0.4, 0.9, 1.0])),
         position_m=position if depth else None,
         position_covariance_m2=10.0 ** rng.uniform(-12, 6) * np.eye(3) if depth else None,
-        velocity_mps=10.0 ** rng.uniform(-3, 6) * rng.normal(size=3),
-        velocity_covariance_m2ps2=10.0 ** rng.uniform(-12, 6) * np.eye(3),
         heading=heading / np.linalg.norm(heading) if rng.random() < 0.6 else None,
         heading_sigma_rad=float(10.0 ** rng.uniform(-6, 2)),
     )
@@ -60,7 +58,6 @@ def stream(seed: int, frames: int = 120, people: int = 4) -> list[Message]:
         found = builders.detections(
             stamp_ns=stamp_ns - (150 * MS if 0.05 < fate < 0.1 else 0),
             sequence=number,
-            velocity_interval_s=0.1 if fate < 0.9 else None,
             frame_id="optical",
             detections=tuple(
                 detection(rng, x[k], z[k]) for k in range(people) if rng.random() < 0.9

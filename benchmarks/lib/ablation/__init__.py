@@ -1,1 +1,1 @@
-"""Parts of the ablation, and the errors of measured velocities."""
+"""Parts of the ablation, and the calibration of detections."""

@@ -20,7 +20,6 @@ class Part:
 
 PARTS = {
     "body network": Part(("detector.position=keypoints",)),
-    "measured velocity": Part(("detector.velocity=false",)),
     "measured covariance": Part((f"{STRONG}.noise=constant",)),
     "orientation network": Part(("detector.orientation.network=",)),
     "joint orientation": Part(("detector.orientation.method=separate",)),

@@ -1,7 +1,6 @@
 """Augmentations of a recording: mirrored, dark, blurred, in another light or order."""
 
 import hashlib
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -21,14 +20,12 @@ from people4d.messages import (
     Crops,
     Detections,
     Embeddings,
-    Message,
     RgbdFrame,
     StaticTransform,
     Tracks,
 )
 from services.camera.source import SourceFrame
 from services.detector.build import build as build_detector
-from services.detector.config import DetectorConfig
 from services.detector.models.base import DetectedPerson, PersonModel
 from services.detector.models.registry import load_model
 from services.reid.build import build as build_reid
@@ -154,7 +151,7 @@ class VariedDetections:
     """Detections and embeddings of augmented images, by frame."""
 
     start: tuple[CameraInfo, StaticTransform]
-    found: Mapping[int, Sequence[Detections]]  # detections by the step from frame to frame
+    found: Sequence[Detections]
     embeddings: Sequence[Embeddings | None]
 
 
@@ -188,44 +185,17 @@ def detect(
             )
         )
     model = CachingModel(load_model(method.detector), cache)
-    answers = _answers(method.detector, model, info, frames, 1)
+    detector = build_detector(method.detector, model)
+    list(detector.handle(info, 0))
     embedder = build_reid(method.reid) if method.reid else None
-    embeddings = list[Embeddings | None]()
-    for messages in answers:
+    found, embeddings = list[Detections](), list[Embeddings | None]()
+    for frame in frames:
+        messages = list(detector.handle(frame, 0))
+        found += [m for m in messages if isinstance(m, Detections)]
         crops = [m for m in messages if isinstance(m, Crops)] if embedder else []
         vectors = [m for one in crops for m in embedder.handle(one, 0)] if embedder else []
         embeddings.append(next((m for m in vectors if isinstance(m, Embeddings)), None))
-    found = {1: _detections(answers)}
-    config = msgspec.structs.replace(method.detector, crops=False)
-    for order in ORDERS:
-        step = order.frames(len(frames)).step
-        if step not in found:
-            found[step] = _detections(_answers(config, model, info, frames, step))
     return VariedDetections((info, link), found, embeddings)
-
-
-def _answers(
-    config: DetectorConfig,
-    model: CachingModel,
-    info: CameraInfo,
-    frames: Sequence[RgbdFrame],
-    step: int,
-) -> list[Sequence[Message]]:
-    """Return the answers of a detector by frame, played with a step between frames."""
-    answers: list[Sequence[Message]] = [()] * len(frames)
-    for first in range(abs(step)):
-        detector = build_detector(config, model)
-        list(detector.handle(info, 0))
-        numbers = range(len(frames))[:: int(math.copysign(1, step))][first :: abs(step)]
-        for count, number in enumerate(numbers, 1):
-            stamp_ns = count * abs(step) * STEP_NS
-            frame = msgspec.structs.replace(frames[number], stamp_ns=stamp_ns)
-            answers[number] = list(detector.handle(frame, 0))
-    return answers
-
-
-def _detections(answers: Sequence[Sequence[Message]]) -> list[Detections]:
-    return [m for messages in answers for m in messages if isinstance(m, Detections)]
 
 
 def track(
@@ -238,9 +208,8 @@ def track(
         list(node.handle(message, 0))
     for count, frame in enumerate(frames, 1):
         stamp_ns = count * abs(frames.step) * STEP_NS
-        found, embeddings = detections.found[frames.step][frame], detections.embeddings[frame]
-        interval_s = found.velocity_interval_s if count > 1 else None  # the first frame has none
-        found = msgspec.structs.replace(found, stamp_ns=stamp_ns, velocity_interval_s=interval_s)
+        found, embeddings = detections.found[frame], detections.embeddings[frame]
+        found = msgspec.structs.replace(found, stamp_ns=stamp_ns)
         if embeddings:
             list(node.handle(msgspec.structs.replace(embeddings, stamp_ns=stamp_ns), 0))
         tracks = next(m for m in node.handle(found, 0) if isinstance(m, Tracks))

@@ -27,7 +27,6 @@ OUTPUTS = 9  # outputs for each person, in the order of `_decoded`
 LAYER_M = (-0.4, 0.5)  # depths of the person's mask, relative to the person's depth [m]
 REACH_M, RELIEF_M = 0.6, 0.2  # limits of the channels of relative depth and of relief [m]
 SCALE_M = 0.3  # unit of the offsets [m]
-LOGIT_MAX = 20.0  # maximum logit of a person
 SIGMA_MIN_M = 0.01  # minimum standard deviation of the torso's middle [m]
 UNREAD_MM, OUTSIDE_MM = 0, 65535  # depths without a reading, and outside the image [mm]
 
@@ -150,7 +149,7 @@ def _decoded(values: Sequence[float], point_m: F64) -> PositionEstimate:
         [[_positive(first), 0, 0], [0, _positive(sigma), 0], [both, 0, _positive(second)]]
     )
     root = axes.T @ factor
-    probability = 1 / (1 + math.exp(-max(min(person, LOGIT_MAX), -LOGIT_MAX)))
+    probability = (1 + math.tanh(person / 2)) / 2
     return PositionEstimate(point_m + axes.T @ offset_m, root @ root.T, probability)
 
 

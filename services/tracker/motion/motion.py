@@ -145,10 +145,7 @@ class PositionMotion:
         return R
 
     def start(self, measurement: Measurement) -> tuple[F64, F64]:
-        """Begin at the measured position, with the measured velocity or 0 and its variance."""
+        """Begin at the measured position, at rest with the variance of a new velocity."""
         P = np.eye(6) * SIGMA_START_VELOCITY_MPS**2
         P[:3, :3] = self.noise([measurement])[0]
-        x = np.concatenate([measurement.position_m, np.zeros(3)])
-        if measurement.velocity is None:
-            return x, P
-        return kalman.update_velocity(x, P, *measurement.velocity)
+        return np.concatenate([measurement.position_m, np.zeros(3)]), P

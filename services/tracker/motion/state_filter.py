@@ -11,7 +11,6 @@ import numpy as np
 
 from common import imm, kalman
 from people4d.messages import F64
-from services.tracker.interface import VelocityMeasurement
 from services.tracker.motion.motion import Motion, PositionMotion
 from services.tracker.motion.track_record import BOOL, ImmState, TrackRecord, stack
 
@@ -21,14 +20,10 @@ STANDING, WALKING = 0, 1  # modes
 STANDING_SIGMA_MPS = 0.03  # standard deviation of a standing person's velocity [m/s]
 DRIFT_M2PS = 0.0005  # growth of the variance of a standing person's position [m^2/s]
 STANDING_S, WALKING_S = 0.5, 10.0  # mean durations of standing and of walking [s]
-CHI2_3DOF_999 = 16.27  # maximum squared distance of an accepted velocity (chi^2, 99.9 %)
 IS_POSITION = np.pad(np.ones((3, 3)), (0, 3))  # mask of the position block of a covariance
 ON_POSITION = IS_POSITION * np.eye(6)
 # Mask of the estimated elements of the covariance, by mode
 OWN = np.array([IS_POSITION, np.ones((6, 6))])
-UNKNOWN_M2PS2 = 1e6  # variance of an unknown velocity [m^2/s^2]
-
-Velocities: TypeAlias = Sequence[VelocityMeasurement | None]
 
 # Decay of states (Nxn) and covariances (Nxnxn) of unmatched tracks (mask N) over a time step [s]
 Decay: TypeAlias = Callable[[F64, F64, BOOL, float], tuple[F64, F64]]
@@ -88,14 +83,9 @@ class KalmanFilter:
         states = self._motion.predict(x, P, dt_s, noise_factor)
         return [FilterState(*s) for s in zip(*states, strict=True)]
 
-    def update(
-        self, records: Sequence[TrackRecord], z: F64, R: F64, velocities: Velocities = ()
-    ) -> list[FilterState]:
-        """Return states updated with one measurement (Nxm, noise Nxmxm) each, and velocities."""
-        x, P = stack(records)
-        if any(velocities) and isinstance(self._motion, PositionMotion):
-            x, P = kalman.update_velocity(x, P, *stacked(velocities))
-        x, P = kalman.update(x, P, z, R)
+    def update(self, records: Sequence[TrackRecord], z: F64, R: F64) -> list[FilterState]:
+        """Return states updated with one measurement (Nxm, noise Nxmxm) each."""
+        x, P = kalman.update(*stack(records), z, R)
         return [FilterState(*s) for s in zip(x, P, strict=True)]
 
 
@@ -131,14 +121,9 @@ class Imm:
         modes = self.predict_modes(*self._modes(records), unmatched, dt_s, noise_factor)
         return self.means(*modes)
 
-    def update(
-        self, records: Sequence[TrackRecord], z: F64, R: F64, velocities: Velocities = ()
-    ) -> list[FilterState]:
-        """Return states updated with one measurement (Nx3, noise Nx3x3) each, and velocities."""
-        modes = self._modes(records)
-        if any(velocities):
-            modes = self.update_velocities(*modes, *stacked(velocities))
-        return self.means(*self.update_modes(*modes, z, R))
+    def update(self, records: Sequence[TrackRecord], z: F64, R: F64) -> list[FilterState]:
+        """Return states updated with one measurement (Nx3, noise Nx3x3) each."""
+        return self.means(*self.update_modes(*self._modes(records), z, R))
 
     def predict_modes(
         self,
@@ -172,24 +157,6 @@ class Imm:
         x, P = kalman.corrected(x, P, y, R, inverse)
         return x, P, imm.weighed(probability, d_m2, np.linalg.slogdet(S)[1])
 
-    def update_velocities(
-        self, x: F64, P: F64, probability: F64, v: F64, R: F64
-    ) -> tuple[F64, F64, F64]:
-        """Update with one velocity (3) each, and weigh the modes by its likelihood.
-
-        The velocity of a standing person is 0. A velocity that no mode explains is ignored.
-        """
-        still = STANDING_SIGMA_MPS**2 * np.eye(3)
-        y = np.stack([v, v - x[:, WALKING, 3:]], axis=1)
-        S = np.stack([R + still, R + P[:, WALKING, 3:, 3:]], axis=1)
-        d_m2 = kalman.squared_lengths(y, inverted(S))
-        used = np.minimum.reduce(d_m2, axis=1) < CHI2_3DOF_999
-        x, P = x.copy(), P.copy()
-        updated = kalman.update_velocity(x[used, WALKING], P[used, WALKING], v[used], R[used])
-        x[used, WALKING], P[used, WALKING] = updated
-        after = imm.weighed(probability, d_m2, np.linalg.slogdet(S)[1])
-        return x, P, np.where(used[:, None], after, probability)
-
     def means(self, x: F64, P: F64, probability: F64) -> list[FilterState]:
         """Return the mean states and covariances of N tracks, with their modes."""
         mean, covariance = imm.moments(probability[:, None], x, P * OWN + self._still)
@@ -210,13 +177,6 @@ class Imm:
         x[:, 3:] = 0.0
         P *= IS_POSITION
         P += drift_m2 * ON_POSITION + self._begins_to_walk
-
-
-def stacked(velocities: Velocities) -> tuple[F64, F64]:
-    """Return velocities (Nx3) and covariances (Nx3x3), which are large if unknown."""
-    unknown = VelocityMeasurement(np.zeros(3), UNKNOWN_M2PS2 * np.eye(3))
-    pairs = [velocity or unknown for velocity in velocities]
-    return np.array([v.mps for v in pairs]), np.array([v.covariance_m2ps2 for v in pairs])
 
 
 def inverted(S: F64) -> F64:

@@ -40,7 +40,7 @@ class TrackFilter:
         self, records: Sequence[TrackRecord], measurements: Sequence[Measurement], z: F64, R: F64
     ) -> None:
         """Update tracks with one measurement (Nx3, noise Nx3x3) each."""
-        states = self._state.update(records, z, R, [m.velocity for m in measurements])
+        states = self._state.update(records, z, R)
         yaws = self._yaw.update([t.yaw for t in records], measurements)
         _set(records, list(zip(states, yaws, strict=True)))
 

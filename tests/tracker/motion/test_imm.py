@@ -1,13 +1,10 @@
 """Interacting models of standing and walking people, by hand and over time."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
 from common.imm import mix
 from people4d.messages import F64
-from services.tracker.interface import VelocityMeasurement
 from services.tracker.motion.motion import PositionMotion
 from services.tracker.motion.state_filter import STANDING, WALKING, Imm
 from services.tracker.motion.track_record import ImmState
@@ -110,50 +107,3 @@ def test_covariances_stay_positive_definite() -> None:
         modes = models.update_modes(*modes, rng.normal(4, 0.1, (1, 3)), 0.02 * np.eye(3)[None])
         (mean,) = models.means(*modes)
         assert np.linalg.eigvalsh(mean.P).min() > 0
-
-
-@pytest.mark.parametrize(("measured_mps", "walks"), [(0.0, False), (1.0, True)])
-def test_a_measured_velocity_weighs_the_modes(measured_mps: float, walks: bool) -> None:
-    models = imm()
-    start = models.start(state(4.0, 0.5), 0.1 * np.eye(6))
-    even = ImmState(start.x, start.P, np.array([0.5, 0.5]))
-    v = np.array([[measured_mps, 0.0, 0.0]])
-    x, _, probability = models.update_velocities(*stacked(even), v, 0.01 * np.eye(3)[None])
-    assert (probability[0, WALKING] > 0.9) == walks
-    assert (probability[0, STANDING] > 0.9) != walks
-    # P = 0.1, R = 0.01: 0.5 + (v - 0.5) 10 / 11; the standing mode has no velocity to update.
-    assert x[0, WALKING, 3] == pytest.approx(0.5 + (measured_mps - 0.5) * 10 / 11)
-    assert x[0, STANDING, 3] == 0.5
-
-
-def test_a_velocity_that_no_mode_explains_does_not_count() -> None:
-    models = imm()
-    modes = stacked(models.start(state(4.0, 0.5), 0.1 * np.eye(6)))
-    v = np.array([[9.0, 0.0, 0.0]])
-    updated = models.update_velocities(*modes, v, 0.01 * np.eye(3)[None])
-    for one, before in zip(updated, modes, strict=True):
-        np.testing.assert_array_equal(one, before)
-
-
-def test_a_track_begins_with_the_measured_velocity() -> None:
-    tracker = build_strongsort3d(published_config(strongsort3d=CONFIG))
-    velocity = VelocityMeasurement(np.array([1.0, -0.5, 0.0]), 1e-4 * np.eye(3))
-    found = dataclasses.replace(person(3, 0), velocity=velocity)
-    (track,) = tracker.update(frame(0, found))
-    np.testing.assert_allclose(track.velocity_mps, [1.0, -0.5, 0.0], atol=1e-3)
-
-
-def test_measured_velocities_are_followed_at_once() -> None:
-    # A person stands for a second and walks at 1 m/s: after two frames the velocity is known.
-    def speed(measured: bool) -> float:
-        tracker = build_strongsort3d(published_config(strongsort3d=CONFIG))
-        for number in range(13):
-            v_mps = 1.0 if number > 10 else 0.0
-            velocity = VelocityMeasurement(np.array([v_mps, 0.0, 0.0]), 0.01 * np.eye(3))
-            found = person(3 + 0.1 * max(number - 10, 0), 0)
-            found = dataclasses.replace(found, velocity=velocity if measured else None)
-            (track,) = tracker.update(frame(number, found))
-        return float(track.velocity_mps[0])
-
-    assert speed(measured=True) > 0.8
-    assert speed(measured=False) < 0.5
