@@ -28,8 +28,10 @@ class Bones:
 
 
 # Shoulders, hips, torso, upper arm, forearm, thigh, shank; head: nose to eye, eyes, eye to ear,
-# ears.
-BONE_LENGTHS_M: F64 = np.array([0.33, 0.19, 0.50, 0.28, 0.25, 0.40, 0.40, 0.05, 0.062, 0.10, 0.15])
+# ears. Last: a torso that is not upright, bent (0.46 in simulation) or straight.
+BONE_LENGTHS_M: F64 = np.array(
+    [0.33, 0.19, 0.50, 0.28, 0.25, 0.40, 0.40, 0.05, 0.062, 0.10, 0.15, 0.47]
+)
 BONE_SIGMA = 0.08  # relative standard deviation of the length between people
 
 _TORSO_BONES = (

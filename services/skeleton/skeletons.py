@@ -42,6 +42,8 @@ FIRST, SECOND, KIND = (
     [number for bones in ALL_BONES for number in getattr(bones, part)]
     for part in ("first", "second", "kind")
 )
+THIGHS = [bone for bone, kind in enumerate(KIND) if kind == 5]  # bones from hips to knees
+BENT_KIND = [11 if kind == 2 else kind for kind in KIND]  # kinds if the torso is not upright
 SHAPES_MAX = 1000  # maximum number of stored body shapes
 AWAY_MAX_M = 0.6  # maximum distance of a torso from its track; beyond, the skeleton restarts [m]
 CONFIDENT = 0.5  # minimum confidence of a keypoint with constant noise
@@ -53,7 +55,7 @@ POSE_S = 0.2  # interval of independent observations of the usual pose [s]
 UNUSUAL_M = 0.6  # standard deviation of the usual pose without standing, or with a reading [m]
 SIZE_SIGMA = 0.15  # relative standard deviation of the size of people of all ages
 # Change of the lengths with the size [m]; noise hides it in the short bones
-_SIZE_M = SIZE_SIGMA * BONE_LENGTHS_M * [0, 0, 1, 1, 1, 1, 1, 0, 0, 0, 0]
+_SIZE_M = SIZE_SIGMA * BONE_LENGTHS_M * [0, 0, 1, 1, 1, 1, 1, 0, 0, 0, 0, 1]
 BONES_M2: F64 = np.diag((BONE_SIGMA * BONE_LENGTHS_M) ** 2) + np.outer(_SIZE_M, _SIZE_M)
 BONE_M = 0.03  # standard deviation of the length of a bone between frames [m]
 BONE_FRAMES = 10.0  # number of correlated measurements of a bone
@@ -141,7 +143,7 @@ class SkeletonTracker:
             measured[:, joints] = self._measure(states, joints, observation)
         for bones in ALL_BONES:
             update_bones(states, bones, bones_m, sigma_m)
-        self._learn(dt_s, people, shapes, states, measured, observation)
+        self._learn(dt_s, people, shapes, states, measured, observation, upright > 0.5)
         self._ids, self._states = list(people.ids), states
         return states, measured
 
@@ -266,6 +268,7 @@ class SkeletonTracker:
         states: JointStates,
         measured: Flags,
         observation: JointObservation,
+        is_upright: Flags,
     ) -> None:
         """Learn bones and usual poses from measured joints."""
         share = 1 - float(np.exp(-dt_s / LEARN_S))
@@ -279,21 +282,19 @@ class SkeletonTracker:
             points_m = observation.origin_m + observation.range_m[..., None] * observation.rays
         apart_m2 = ((points_m[:, FIRST] - points_m[:, SECOND]) ** 2).sum(axis=-1)
         # Noise makes bones longer: E |d + n|^2 = |d|^2 + E |n|^2.
-        joint_m2 = self._noise_m2(observation)
+        across_m2 = ACROSS_M**2 + (observation.across_per_m * observation.range_m) ** 2
+        joint_m2 = 2 * across_m2 + observation.along_m**2
         noise_m2 = joint_m2[:, FIRST] + joint_m2[:, SECOND]
         both = measured[:, FIRST] & measured[:, SECOND]
+        both[:, THIGHS] &= is_upright[:, None]  # seated, belly and lap hide hips
         lengths_m = np.sqrt(np.fmax(apart_m2 - noise_m2, 1e-6))
         weights = np.where(both, 3 / BONE_FRAMES / noise_m2, 0.0)
         for row, shape in enumerate(shapes):
-            weight = np.bincount(KIND, weights[row])
-            total = np.bincount(KIND, np.where(both[row], weights[row] * lengths_m[row], 0.0))
+            kind = KIND if is_upright[row] else BENT_KIND
+            weight = np.bincount(kind, weights[row], len(shape.bones_m))
+            total = np.bincount(kind, weights[row] * lengths_m[row], len(weight))
             # Lengths of one kind inform the others: P = (P^-1 + W)^-1.
             shape.bones_m2[:] = np.linalg.solve(
                 np.eye(len(weight)) + shape.bones_m2 * weight, shape.bones_m2
             )
             shape.bones_m += shape.bones_m2 @ (total - weight * shape.bones_m)
-
-    def _noise_m2(self, observation: JointObservation) -> F64:
-        """Return the trace of the covariance of measured joints, Nx17."""
-        across_m2 = ACROSS_M**2 + (observation.across_per_m * observation.range_m) ** 2
-        return np.asarray(2 * across_m2 + observation.along_m**2)

@@ -8,9 +8,11 @@ import pytest
 
 from common.geometry.transforms import LINK_FROM_OPTICAL
 from people4d.messages import F64, JOINTS, Detections, Skeletons
+from services.skeleton.body import yaw_rotations
 from services.skeleton.build import build
 from services.skeleton.config import SkeletonConfig
 from services.skeleton.node import FRAMES_MAX
+from services.skeleton.posture import ANKLES, HIPS, KNEES
 from tests.builders import (
     camera_info,
     detection,
@@ -102,6 +104,27 @@ def test_stature_of_a_child_without_visible_legs_follows_from_the_torso() -> Non
     found = person(walk(Walker(size=0.55), 40, hidden_from=0, hidden=hidden)[-1])
     assert usual.stature_m is not None
     assert found.stature_m == pytest.approx(0.55 * usual.stature_m, rel=0.12)
+
+
+class Seated(Walker):
+    """Seated person: the torso is 4 cm shorter, and thighs by 8 cm, since the lap hides hips."""
+
+    def joints_m(self, number: int) -> F64:
+        joints = super().joints_m(number)
+        joints[:11, 2] -= 0.04 * self.size
+        forward = yaw_rotations(np.array([self.yaw_rad]))[0][:, 0]
+        joints[KNEES] = joints[HIPS] + 0.4 * self.size * forward
+        joints[ANKLES] = joints[KNEES] - (0.0, 0.0, 0.35 * self.size)
+        joints[HIPS] += 0.08 * self.size * forward
+        return joints
+
+
+@pytest.mark.parametrize("size", [0.9, 1.0])
+def test_stature_of_a_seated_person_follows_the_size(size: float) -> None:
+    usual, seated = (person(walk(one, 160)[-1]) for one in (Walker(), Seated(size=size)))
+    assert seated.posture == "sitting"
+    assert usual.stature_m is not None
+    assert seated.stature_m == pytest.approx(size * usual.stature_m, rel=0.07)
 
 
 def test_hidden_joints_are_predicted_with_a_larger_covariance() -> None:
