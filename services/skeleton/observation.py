@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from common.geometry.transforms import deproject
 from people4d.messages import F64, CameraInfo, Detection
@@ -25,6 +26,7 @@ class JointObservation:
     range_m: F64  # Nx17, range of the joint behind the measured surface; NaN: no reading
     along_m: F64  # Nx17, standard deviation along the ray
     across_per_m: float  # standard deviation across the ray by the image, per metre of range
+    is_located: npt.NDArray[np.bool_]  # N, True: depth gives a position
 
     def exchange_joints(self, person: int, joints: Sequence[int], others: Sequence[int]) -> None:
         """Replace the observations of a person's joints by the observations of other joints."""
@@ -39,6 +41,7 @@ def observe_joints(
     count = len(detections)
     keypoints = np.zeros((count, JOINT_COUNT, 3))
     depth_m = np.zeros((count, JOINT_COUNT))
+    located = [one is not None and one.position_m is not None for one in detections]
     for row, detection in enumerate(detections):
         if detection is not None and detection.keypoints is not None:
             keypoints[row] = detection.keypoints
@@ -58,4 +61,5 @@ def observe_joints(
         range_m=range_m,
         along_m=np.hypot(ALONG_M, ALONG_PER_M * np.nan_to_num(range_m) ** 2),
         across_per_m=ACROSS_PX / info.fx,
+        is_located=np.array(located, np.bool_),
     )

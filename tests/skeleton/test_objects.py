@@ -38,6 +38,7 @@ def object_like(
     posture: Posture = "standing",
     noise_m: float = 0.0,
     hidden: list[int] | None = None,
+    is_located: bool = True,
 ) -> float:
     """Return the probability of an object after a number of frames."""
     objects, rng, found = ObjectFilter(), np.random.default_rng(1), 0.0
@@ -45,6 +46,7 @@ def object_like(
         pose_m = pose_of(number)
         observation = observed(pose_m, hidden or [])
         observation.range_m += rng.normal(0.0, noise_m, 17)
+        observation.is_located[:] = is_located
         (found,) = objects.update(PERIOD_S, people(pose_m), observation, [(posture, 0.9)])
     return found
 
@@ -75,6 +77,20 @@ def test_person_is_not_flat() -> None:
 
 def test_few_readings_are_not_flat() -> None:
     assert object_like(poster, frames=30, hidden=list(range(7, 17))) < 0.2
+
+
+def test_figure_without_depth_is_an_object_after_four_seconds() -> None:
+    assert object_like(swaying, frames=40, hidden=list(range(1, 17))) > 0.9
+    assert object_like(swaying, frames=10, hidden=list(range(1, 17))) < 0.01
+
+
+@pytest.mark.parametrize("unread", [0, 4])
+def test_person_with_depth_at_most_joints_is_no_object(unread: int) -> None:
+    assert object_like(swaying, frames=60, hidden=list(range(unread))) < 0.05
+
+
+def test_person_whose_position_is_not_from_depth_is_no_object() -> None:
+    assert object_like(swaying, frames=60, hidden=list(range(17)), is_located=False) < 0.05
 
 
 def test_evidence_starts_again_after_a_restart() -> None:
