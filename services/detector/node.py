@@ -51,7 +51,7 @@ class DetectorNode(Node):
     Args:
         model: Finds people in each image.
         config: Configuration of the service.
-        orientation_network: Yaws by images of people; None: yaws by keypoints and depth alone.
+        orientation_network: Yaws by images of people; None: yaws by keypoints alone.
         body_network: Positions by images of people, required by the method "network".
     """
 

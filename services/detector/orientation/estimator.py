@@ -33,7 +33,7 @@ class OrientationEstimator:
     Args:
         config: Configuration of the service.
         model: Name of the people model.
-        network: Yaws by images of people; None: yaws by keypoints and depth alone.
+        network: Yaws by images of people; None: yaws by keypoints alone.
     """
 
     def __init__(

@@ -1,19 +1,12 @@
 """Yaw by the joint likelihood of all cues of one frame (docs/method.md section 11).
 
-At every angle a body has a known appearance: the distances of shoulders and hips across the line of
-sight and along it, and the nose between the ears. The yaw is the angle with the highest likelihood
-of the observation. Angles count from the line of sight: 0 is facing away, pi facing the camera, +
-is to the left.
-
-Each measurement is informative at different angles: distances across the line of sight in profile,
-differences in depth from the front or from behind, and the face distinguishes the sides. An
-uninformative likelihood is flat, so no selection is needed.
+At every angle a body has a known appearance: the distance of the shoulders across the line of
+sight, and the nose between the ears. The yaw is the angle with the highest likelihood of both and
+of the image by the network. Angles count from the line of sight: 0 is facing away, pi facing the
+camera, + is to the left. An uninformative likelihood is flat, so no selection is needed.
 """
 
 import math
-from collections.abc import Mapping
-from functools import cache
-from typing import NamedTuple
 
 import numpy as np
 
@@ -23,30 +16,12 @@ from services.detector.orientation.angle import YawEstimate
 from services.detector.orientation.observation import YawObservations, observe_bodies
 from services.detector.position.surface import DepthImage
 
-
-class JointPair(NamedTuple):
-    """Appearance of the shoulders or the hips."""
-
-    width_m: float  # [m] distance of both in the annotations of networks
-    ahead_m: float  # [m] offset in profile of the nearer one ahead of the farther one, as annotated
-    gain_front: float  # ratio of depth differences, surface to joints, from the front
-    gain_back: float  # ratio of depth differences, surface to joints, from behind
-    sigma_along_m: float  # [m] standard deviation of the difference in depth
-
-
-# Fitted to renders of the simulated room. Shoulder joints have a distance of 0.19 of stature; hips
-# are annotated on the outside of their joints, which have a distance of 0.1 of stature
-PAIRS: Mapping[str, JointPair] = {
-    "shoulders": JointPair(0.32, 0.01, gain_front=0.87, gain_back=0.63, sigma_along_m=0.04),
-    "hips": JointPair(0.21, 0.04, gain_front=0.83, gain_back=0.67, sigma_along_m=0.035),
-}
-# Distance of two joints across the line of sight below which the nearer arm or thigh hides the
-# farther joint [m]
-HIDING_M = 0.145
+# Distance of the shoulders in the annotations of networks, 0.19 of stature, and offset in profile
+# of the nearer one ahead of the farther one [m], fitted to renders of the simulated room
+WIDTH_M, AHEAD_M = 0.32, 0.01
 SIGMA_ACROSS_M = 0.04  # standard deviation of a distance across the line of sight [m]
 SIGMA_WIDTH = 0.07  # standard deviation of people's widths, relative
 JOINT_PX = 2.1  # standard deviation of a joint in the image [px]
-DEPTH_PER_M = 0.0025  # standard deviation of a difference in depth, divided by z^2 [1/m]
 # Distance of the nose ahead of the ears, and between the ears, as annotated [m]
 NOSE_M, EARS_M = 0.08, 0.125
 SIGMA_FACE = 0.3  # standard deviation of the nose, over NOSE_M
@@ -56,18 +31,18 @@ SWAPPED, SWAPPED_MAX = 0.03, 0.5  # probability that left and right are confused
 STEP_DEG = 3  # step of the angles [deg]
 ANGLES: F64 = np.radians(np.arange(-180, 180, STEP_DEG))
 SINE, COSINE = np.sin(ANGLES), np.cos(ANGLES)
-FROM_BEHIND = (1 + COSINE) / 2
 OPPOSITE = np.roll(np.arange(len(ANGLES)), len(ANGLES) // 2)  # index of the opposite angle
 OFFSETS: F64 = wrap_each(ANGLES - ANGLES[:, None])  # [rad] angles from each angle
 NEAR = np.abs(OFFSETS) <= math.radians(60)  # angles for mean and variance, by best angle
 FAR_MAX = 0.1  # maximum probability of the other angles
-# Outlier probabilities (joints of another person, guessed joints) of shoulders and hips, across and
-# along, and of the head, and the range of outliers [m, rad]
-OUTLIERS: F64 = np.array([0.05, 0.08, 0.05, 0.08, 0.1])[:, None, None]
-SPANS: F64 = np.array([1.0, 1.0, 1.0, 1.0, 2 * math.pi])[:, None, None]
-# Variances of the widths of shoulders and hips by angle [m^2], and of their differences in depth
-WIDTHS_M2: F64 = np.array([(SIGMA_WIDTH * pair.width_m * COSINE) ** 2 for pair in PAIRS.values()])
-ALONG_M2: F64 = np.array([[pair.sigma_along_m**2] for pair in PAIRS.values()])
+# Outlier probabilities (joints of another person, guessed joints) of shoulders and head, and the
+# range of outliers [m, rad]
+OUTLIERS: F64 = np.array([0.05, 0.1])[:, None, None]
+SPANS: F64 = np.array([1.0, 2 * math.pi])[:, None, None]
+# Expected distance from the left shoulder to the right one, across the line of sight, to the right,
+# by angle [m], and its variance between people [m^2]
+EXPECTED_M: F64 = WIDTH_M * COSINE - AHEAD_M * SINE**2
+WIDTHS_M2: F64 = (SIGMA_WIDTH * WIDTH_M * COSINE) ** 2
 SIGMA_MAX_RAD = math.pi / 2  # maximum standard deviation of an estimated angle [rad]
 
 
@@ -104,52 +79,18 @@ def log_likelihood(observations: YawObservations, fx: float) -> F64:
     return log_p
 
 
-@cache
-def expected_across(name: str) -> F64:
-    """Return the expected distance from the left joint to the right one, to the right, by angle.
-
-    w cos(psi), reduced in profile, since the nearer joint is annotated ahead of the other.
-    """
-    pair = PAIRS[name]
-    expected_m: F64 = pair.width_m * COSINE - pair.ahead_m * SINE**2
-    return expected_m
-
-
-@cache
-def expected_along(name: str) -> F64:
-    """Return the expected depth of the surface at the right minus the left joint, by angle.
-
-    Joints differ by w sin(psi). The measured part grows with their distance across the line of
-    sight: in profile, both pixels show the nearer arm.
-    """
-    pair = PAIRS[name]
-    gain = pair.gain_front + (pair.gain_back - pair.gain_front) * FROM_BEHIND
-    hidden = np.exp(-((pair.width_m * COSINE / HIDING_M) ** 2))
-    expected_m: F64 = gain * pair.width_m * SINE * (1 - hidden)
-    return expected_m
-
-
-@cache
-def _expected() -> F64:
-    """Return the expected distances of shoulders and hips, across and along, by angle, 4xA."""
-    return np.array([of(name) for name in PAIRS for of in (expected_across, expected_along)])
-
-
 def _densities(observations: YawObservations, fx: float) -> F64:
-    """Return the densities of the five cues, 5xNxA: shoulders and hips across and along, head.
+    """Return the densities of shoulders and head, 2xNxA.
 
     A density is normal with a fraction of uniform outliers; 1 if the cue is unknown.
     """
-    z_m, pairs = observations.z_m, [observations.pairs[name] for name in PAIRS]
-    distances_m = np.array([of for pair in pairs for of in (pair.across_m, pair.along_m)])
-    errors = np.empty((5, len(z_m), len(ANGLES)))
-    np.subtract(distances_m[..., None], _expected()[:, None], out=errors[:4])
+    errors = np.empty((2, len(observations.z_m), len(ANGLES)))
+    errors[0] = observations.shoulders_m[:, None] - EXPECTED_M
     # Variances of joints, pixels and widths of people
-    joints_m2 = SIGMA_ACROSS_M**2 + 2 * (JOINT_PX * z_m / fx) ** 2
+    joints_m2 = SIGMA_ACROSS_M**2 + 2 * (JOINT_PX * observations.z_m / fx) ** 2
     variances = np.empty_like(errors)
-    np.add(joints_m2[:, None], WIDTHS_M2[:, None], out=variances[:4:2])
-    variances[1:4:2] = (ALONG_M2 + (DEPTH_PER_M * z_m**2) ** 2)[..., None]
-    errors[4], variances[4] = _head(observations)
+    variances[0] = joints_m2[:, None] + WIDTHS_M2
+    errors[1], variances[1] = _head(observations)
     normal = np.exp(errors * errors / variances * -0.5) / np.sqrt(variances)
     densities = normal * ((1 - OUTLIERS) / math.sqrt(2 * math.pi)) + OUTLIERS / SPANS
     densities[np.isnan(errors[..., 0])] = 1.0

@@ -1,9 +1,5 @@
-"""Observation of bodies from one frame, for the joint likelihood of their yaws.
+"""Observation of bodies from one frame, for the joint likelihood of their yaws."""
 
-Offsets are relative to the line of sight to the torso: across to the right, and along it.
-"""
-
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,33 +7,25 @@ import numpy as np
 from common.geometry.transforms import deproject
 from people4d.messages import F32, F64
 from services.detector.orientation.angle import (
-    HIPS,
     LEFT_EAR,
+    LEFT_SHOULDER,
     NOSE,
     RIGHT_EAR,
+    RIGHT_SHOULDER,
     SHOULDERS,
     bearings,
     confident_pixels,
 )
-from services.detector.position.surface import DepthImage, DepthWindows
+from services.detector.position.surface import DepthImage, DepthWindows, Flags
 from services.detector.position.visible_area import in_image
 
 # Minimum confidence of a keypoint, lower than for positions: keypoints of low confidence are mostly
 # correct, and raise the uncertainty of the yaw
 CONFIDENCE_MIN = 0.1
-WINDOW_MIN_PX = 5  # minimum side of a joint's window [px]
-WINDOWS_M = (0.1, 0.1, 0.2, 0.2)  # sides of the windows of shoulders and hips [m]
+WINDOW_MIN_PX = 5  # minimum side of a shoulder's window [px]
+WINDOW_M = 0.1  # side of a shoulder's window [m]
 REACH_M = 0.35  # maximum distance of a reading from the person's layer [m]
-VISIBLE_MIN = 0.2  # minimum share of a visible joint's window in the person's own layer
-JOINTS = {"shoulders": SHOULDERS, "hips": HIPS}
-
-
-@dataclass(frozen=True, slots=True)
-class JointOffsets:
-    """Positions of the right joints of a pair from the left ones, of N people; NaN if unknown."""
-
-    across_m: F64  # [m] N, to the right
-    along_m: F64  # [m] N, farther from the camera
+VISIBLE_MIN = 0.2  # minimum share of a visible shoulder's window in the person's own layer
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +33,8 @@ class YawObservations:
     """Measurements of N people."""
 
     z_m: F64  # [m] N, depth of the person
-    pairs: Mapping[str, JointOffsets]  # "shoulders" and "hips"
+    # [m] N, right shoulder to the right of the left one, across the line of sight; NaN if unknown
+    shoulders_m: F64
     nose_m: F64  # [m] N, nose to the left of the ears' middle; NaN if unknown
     ears_m: F64  # [m] N, right ear to the right of the left one; NaN if unknown
     side: F64  # N, mean confidence of the keypoints of the less confident side
@@ -61,18 +50,14 @@ def observe_bodies(keypoints: F32, layers_m: F64, image: DepthImage) -> YawObser
     rays_rad = bearings(pixels, image.info)
     points_m = deproject(pixels.reshape(-1, 2), np.repeat(layers_m, 17), image.info)
     across_m = points_m[:, 0].reshape(-1, 17) * np.cos(rays_rad)[:, None]
-    depths_m = _joint_depths(pixels, layers_m, image)
-    pairs = {}
-    for k, (name, (left, right)) in enumerate(JOINTS.items()):
-        deep_m = depths_m[:, 2 * k + 1] - depths_m[:, 2 * k]
-        # Positions of hidden joints are guesses.
-        wide_m = np.where(np.isnan(deep_m), np.nan, across_m[:, right] - across_m[:, left])
-        pairs[name] = JointOffsets(wide_m, deep_m / np.cos(rays_rad) - wide_m * np.tan(rays_rad))
+    # Positions of hidden joints are guesses.
+    visible = _visible(pixels[:, SHOULDERS], layers_m, image).all(axis=1)
+    shoulders_m = across_m[:, RIGHT_SHOULDER] - across_m[:, LEFT_SHOULDER]
     left_m, right_m = across_m[:, LEFT_EAR], across_m[:, RIGHT_EAR]
     confidence = keypoints[:, 1:, 2].astype(np.float64).reshape(-1, 8, 2)  # COCO: left, right
     return YawObservations(
         z_m=layers_m,
-        pairs=pairs,
+        shoulders_m=np.where(visible, shoulders_m, np.nan),
         nose_m=(left_m + right_m) / 2 - across_m[:, NOSE],
         ears_m=right_m - left_m,
         side=confidence.mean(axis=1).min(axis=1),
@@ -80,14 +65,14 @@ def observe_bodies(keypoints: F32, layers_m: F64, image: DepthImage) -> YawObser
     )
 
 
-def _joint_depths(pixels: F64, layers_m: F64, image: DepthImage) -> F64:
-    """Return the depths at shoulders and hips, Nx4 in metres; NaN if others fill the window."""
-    half_px = np.rint(np.array(WINDOWS_M) / 2 * image.info.fx / layers_m[:, None]).astype(int)
-    sides_px = 2 * np.maximum(half_px, WINDOW_MIN_PX // 2) + 1
-    joints_px = pixels[:, [*SHOULDERS, *HIPS]].reshape(-1, 2)
+def _visible(pixels: F64, layers_m: F64, image: DepthImage) -> Flags:
+    """Return flags of visible joints (Nx2x2 pixels), Nx2: the layer is in a part of the window."""
+    half_px = np.rint(WINDOW_M / 2 * image.info.fx / layers_m).astype(int)
+    side_px = 2 * np.maximum(half_px, WINDOW_MIN_PX // 2) + 1
+    joints_px, middle_m = pixels.reshape(-1, 2), np.repeat(layers_m, 2)
     inside = in_image(joints_px, image.info)
-    middle_m = np.repeat(layers_m, 4)
-    windows = DepthWindows(np.where(inside[:, None], joints_px, 0.0), image, sides_px.ravel())
-    depths_m, found = windows.medians(middle_m - REACH_M, middle_m + REACH_M)
-    depths_m[~inside | (found < VISIBLE_MIN * windows.sizes())] = np.nan
-    return depths_m.reshape(-1, 4)
+    joints_px = np.where(inside[:, None], joints_px, 0.0)
+    windows = DepthWindows(joints_px, image, np.repeat(side_px, 2))
+    _, found = windows.medians(middle_m - REACH_M, middle_m + REACH_M)
+    flags: Flags = (inside & (found >= VISIBLE_MIN * windows.sizes())).reshape(-1, 2)
+    return flags
