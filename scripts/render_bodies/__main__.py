@@ -1,18 +1,20 @@
 """Render candidates to train the body network: `python -m scripts.render_bodies FOLDER`.
 
-It writes NNN.npz with the fields of `Samples`, and continues where it stopped. Needs nothing but
-the project.
+It writes NNN.npz, and CONTENT-NN.npz with detections in furnished rooms, all with the
+fields of `Samples`. It continues where it stopped. Needs nothing but the project.
 """
 
 import argparse
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import cv2
 import numpy as np
 
 from scripts.render_bodies.candidates import Samples, samples_of_scene
+from scripts.render_bodies.detected import CONTENTS, detect_part
 from scripts.render_bodies.labels import Kind
 from scripts.render_bodies.postures import draw_postures
 from scripts.render_people.views import make_stage
@@ -29,20 +31,26 @@ def main() -> None:
     parser.add_argument("folder", type=Path, help="folder to write to")
     parser.add_argument("--parts", type=int, default=48, help="files; each draws its own stage")
     parser.add_argument("--first", type=int, default=0, help="number of the first, and its seed")
+    parser.add_argument("--detected", type=int, default=10, help="files of each content of rooms")
     flags = parser.parse_args()
     cv2.setNumThreads(1)
     flags.folder.mkdir(parents=True, exist_ok=True)
-    for part in range(flags.first, flags.first + flags.parts):
-        path = flags.folder / f"{part:03}.npz"
+    parts = range(flags.first, flags.first + flags.parts)
+    files = {f"{part:03}": partial(render_part, part, SCENES, IMAGES) for part in parts}
+    for name, content in CONTENTS.items():
+        for part in range(flags.detected):
+            files[f"{name}-{part:02}"] = partial(detect_part, content, part)
+    for name, render in files.items():
+        path = flags.folder / f"{name}.npz"
         if path.exists():
             continue
         start_s = time.process_time()
-        samples = render_part(part, SCENES, IMAGES)
+        samples = render()
         written = path.with_suffix(".part")
         with written.open("wb") as file:
             np.savez(file, **samples._asdict())
         written.rename(path)
-        print(f"{part}: {counts(samples)}; {time.process_time() - start_s:.0f} s", flush=True)
+        print(f"{name}: {counts(samples)}; {time.process_time() - start_s:.0f} s", flush=True)
 
 
 def render_part(part: int, scenes: int, images: int) -> Samples:

@@ -71,9 +71,23 @@ class Samples(NamedTuple):
 
     colours: U8  # Nx3x54x38
     depths: npt.NDArray[np.int8]  # Nx4x54x38 channels of depth, -127 to 127
-    offsets_m: F32  # Nx3, from the reference point to the torso's middle; NaN without a body
+    # Nx3, from the reference point to the torso's middle; NaN if unknown, or without a body
+    offsets_m: F32
     kinds: U8  # N, see `Kind`
     shares: F32  # N visible shares of bodies, 0 to 1
+
+    @classmethod
+    def of_images(
+        cls, images: F32, offsets_m: F64, kinds: U8, shares: Sequence[float]
+    ) -> "Samples":
+        """Return samples from images of `BodyNetwork.candidates`."""
+        return cls(
+            np.rint(images[:, :3] * 255).astype(np.uint8),
+            np.rint(images[:, 3:] * 127).astype(np.int8),
+            offsets_m.astype(np.float32),
+            kinds,
+            np.array(shares, np.float32),
+        )
 
 
 def samples_of_scene(rng: Rng, stage: Stage, images: int) -> Iterator[Samples]:
@@ -134,13 +148,7 @@ def draw_samples(rng: Rng, image: Image) -> Samples | None:
     kinds = np.array([label.kind for label in labels], np.uint8)
     other = np.abs(offsets_m[:, 2] - ALONG_M) > OTHER_M
     kinds[(kinds == Kind.PERSON) & other] = Kind.OTHER_LAYER
-    return Samples(
-        np.rint(images[:, :3] * 255).astype(np.uint8),
-        np.rint(images[:, 3:] * 127).astype(np.int8),
-        offsets_m.astype(np.float32),
-        kinds,
-        np.array([label.share for label in labels], np.float32),
-    )
+    return Samples.of_images(images, offsets_m, kinds, [label.share for label in labels])
 
 
 def labelled_boxes(rng: Rng, image: Image) -> Iterator[tuple[Label, F64]]:

@@ -6,6 +6,8 @@ MARGIN_PX = 3  # [px] margin of stored images on each side of the network's inpu
 # Side of a pixel at the candidate's depth [m], as in services/detector/position/body.py
 PIXEL_M = 0.0344
 
+PERSON_MIN = -2.5  # minimum log-odds of a person, as in services/tracker/motion/lifecycle.py
+
 
 class Kind(IntEnum):
     """Content of a candidate; only the first is a person."""

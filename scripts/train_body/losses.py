@@ -44,11 +44,11 @@ def normalised(estimate: Estimates, offsets_m: Tensor) -> Tensor:
 
 
 def loss(outputs: Tensor, batch: Batch) -> Tensor:
-    """Return the weighted sum of the losses of person, share and position."""
+    """Return the weighted sum of the losses of person, and of share and known position."""
     hardly = (batch.person > 0.5) & (batch.share < SHARE_MIN)
     weights = torch.where(hardly, 0.3, 1.0)
     people = functional.binary_cross_entropy_with_logits(outputs[:, 0], batch.person, weights)
-    own = batch.person > 0.5
+    own = (batch.person > 0.5) & batch.offsets_m.isfinite().all(1)
     if not own.any():
         return people
     share = functional.binary_cross_entropy_with_logits(outputs[own, 1], batch.share[own])

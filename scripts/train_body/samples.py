@@ -25,7 +25,7 @@ class Batch(NamedTuple):
     """Input of the network and labels of N candidates."""
 
     images: Tensor  # Nx7x48x32
-    offsets_m: Tensor  # [m] Nx3 right, down and along the line of sight; NaN without a body
+    offsets_m: Tensor  # [m] Nx3 right, down and along the line of sight; NaN: unknown
     person: Tensor  # N, 1: person, 0: other
     share: Tensor  # N visible shares, 0 to 1
 

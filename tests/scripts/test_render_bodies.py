@@ -3,15 +3,20 @@
 import numpy as np
 import pytest
 
+from common.geometry.transforms import apply
 from people4d.messages import F64, U16
 from scripts.render_bodies.__main__ import counts
 from scripts.render_bodies.boxes import detector_box, layer_depths
 from scripts.render_bodies.candidates import Samples, samples_of_scene
-from scripts.render_bodies.labels import MARGIN_PX, PIXEL_M, Kind
+from scripts.render_bodies.detected import CONTENTS, draw_world, near_people, samples_of_room
+from scripts.render_bodies.labels import MARGIN_PX, PERSON_MIN, PIXEL_M, Kind
 from scripts.render_bodies.postures import draw_postures
 from scripts.render_bodies.scenes import flatten
 from scripts.render_people.views import MOTION_S, make_stage
+from services.detector.config import DetectorConfig
+from services.detector.models.registry import load_model
 from services.detector.position.body import REACH_M, REFERENCE_M, SIZE_M, SIZE_PX
+from services.tracker.motion import lifecycle
 
 FULL: F64 = np.array([20.0, 10.0, 60.0, 110.0])
 
@@ -25,6 +30,43 @@ def samples() -> Samples:
 
 def test_pixels_are_those_of_the_network() -> None:
     assert pytest.approx((PIXEL_M, PIXEL_M)) == np.divide(SIZE_M, SIZE_PX)
+
+
+def test_minimum_of_people_is_that_of_the_tracker() -> None:
+    assert PERSON_MIN == lifecycle.PERSON_MIN
+
+
+@pytest.mark.render
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "kind"), [("poster", Kind.FLAT_FIGURE), ("people", Kind.PERSON)])
+def test_detections_in_a_room_have_the_label_of_its_content(name: str, kind: Kind) -> None:
+    found = samples_of_room(CONTENTS[name], 1001, load_model(DetectorConfig()))
+    samples = next(one for one in found if len(one.kinds))
+    assert (samples.kinds == kind).all()
+    assert np.isnan(samples.offsets_m).all()
+    # The mask is the detector's layer of depth, at the reference point in row 17, column 19.
+    masks = samples.depths[:, 0, 15:20, 17:21] / 127
+    assert (masks.mean(axis=(1, 2)) > 0.5).all()
+
+
+def test_rooms_hold_their_content_only() -> None:
+    things = draw_world(CONTENTS["screen"], 1000).scenario
+    assert ([one.kind for one in things.objects], things.people) == (["screen"] * 2, ())
+    empty = draw_world(CONTENTS["furniture"], 1000).scenario
+    assert (empty.objects, empty.people) == ((), ())
+    assert empty.furniture
+    assert draw_world(CONTENTS["people"], 1000).scenario.people
+
+
+@pytest.mark.slow
+def test_points_before_a_torso_are_near_people_at_any_height() -> None:
+    # A layer is 0.12 m before the middle of the torso; 0.35 m further is no longer a person.
+    world = draw_world(CONTENTS["people"], 1000)
+    joints_m = world.keypoints_m(1.0)[0][[5, 6, 11, 12]].mean(axis=0)
+    torso_m = apply(world.optical_from_map(1.0), joints_m)
+    shifts_m = [(0, 0, -0.12), (0.3, 0.4, -0.12), (0, 0, -0.46), (0, 0, -0.48), (0, 0, -3)]
+    near = near_people(world, 1.0, torso_m + np.array(shifts_m))
+    np.testing.assert_array_equal(near, [True, True, True, False, False])
 
 
 @pytest.mark.render

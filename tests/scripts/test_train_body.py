@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from people4d.messages import F32
+from people4d.messages import F32, U8
 from scripts.render_bodies.labels import Kind
 from services.detector.position.body import BodyImages, BodyNetwork
 from tests.detector.bodies import RowSession
@@ -22,19 +22,23 @@ COUNT = 12
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    rng = np.random.default_rng(0)
     kinds = np.arange(COUNT, dtype=np.uint8) % len(Kind)
-    offsets_m = rng.normal(0, 0.1, (COUNT, 3)).astype(np.float32)
+    offsets_m = np.random.default_rng(0).normal(0, 0.1, (COUNT, 3)).astype(np.float32)
     offsets_m[kinds == Kind.EMPTY] = np.nan
+    write(tmp_path / "000.npz", kinds, offsets_m)
+    return tmp_path
+
+
+def write(path: Path, kinds: U8, offsets_m: F32) -> None:
+    rng = np.random.default_rng(0)
     np.savez(
-        tmp_path / "000.npz",
+        path,
         colours=rng.integers(0, 256, (COUNT, 3, 54, 38)).astype(np.uint8),
         depths=rng.integers(-127, 128, (COUNT, 4, 54, 38)).astype(np.int8),
         offsets_m=offsets_m,
         kinds=kinds,
         shares=rng.uniform(0, 1, COUNT).astype(np.float32),
     )
-    return tmp_path
 
 
 def test_two_steps_change_the_network_and_its_mean(folder: Path) -> None:
@@ -89,3 +93,46 @@ def test_the_area_under_the_curve_is_the_share_of_ordered_pairs() -> None:
     # Two persons and two others: three of the four pairs are in order.
     score = torch.tensor([0.1, 0.4, 0.3, 0.9])
     assert main.area_under_curve(score, torch.tensor([False, False, True, True])) == 0.75
+
+
+def test_detections_of_the_last_fifth_of_the_seeds_are_not_learned(folder: Path) -> None:
+    unknown_m: F32 = np.full((COUNT, 3), np.nan, np.float32)
+    for number in range(10):
+        kinds = np.full(COUNT, Kind.ROBOT, np.uint8)
+        write(folder / f"robot-{number:02}.npz", kinds, unknown_m)
+    learned, held = (main.read_samples(folder, flag) for flag in (False, True))
+    counts = {content: len(samples.kinds) for content, samples in learned.items()}
+    assert counts == {main.BOXES: COUNT, "robot": 8 * COUNT}
+    assert {content: len(samples.kinds) for content, samples in held.items()} == {
+        "robot": 2 * COUNT
+    }
+
+
+def test_a_quarter_of_a_batch_is_detections(folder: Path) -> None:
+    unknown_m: F32 = np.full((COUNT, 3), np.nan, np.float32)
+    write(folder / "000.npz", np.full(COUNT, Kind.EMPTY, np.uint8), unknown_m)
+    for content in filter(None, main.BATCH):
+        kind = Kind.PERSON if content == "people" else Kind.ROBOT
+        write(folder / f"{content}-00.npz", np.full(COUNT, kind, np.uint8), unknown_m)
+    batch = main.draw_batch(main.read_samples(folder, held=False))
+    assert batch.images.shape == (256, 7, 48, 32)
+    assert sum(count for content, count in main.BATCH.items() if content) == 256 / 4
+    assert batch.person.sum() == pytest.approx(256 / 12, abs=1)
+
+
+def test_people_of_unknown_position_count_by_their_logit_only() -> None:
+    # Logits of 0: cross entropy ln 2, whatever the other outputs are.
+    outputs = torch.randn(4, 9)
+    outputs[:, 0] = 0
+    batch = losses.Batch(
+        torch.zeros(4, 7, 48, 32), torch.full((4, 3), torch.nan), torch.ones(4), torch.ones(4)
+    )
+    assert float(losses.loss(outputs, batch)) == pytest.approx(np.log(2))
+
+
+def test_samples_below_the_minimum_of_people_are_rejected(folder: Path) -> None:
+    samples, network = main.Samples.read([folder / "000.npz"]), main.BodyNetwork()
+    torch.nn.init.zeros_(network.head[-1].weight)
+    for log_odds, share in ((-2.6, 1.0), (-2.4, 0.0)):
+        torch.nn.init.constant_(network.head[-1].bias, log_odds)
+        assert main.rejected(network, samples) == share
