@@ -27,4 +27,4 @@ def main() -> None:
     found = [*image_rows(asked.shared, asked.cache), *rows(SEEDS)]
     write(__file__, "Objects detected as people", NOTE, markdown(HEADER, found), dry=asked.dry)
     if asked.views:
-        write_rooms(asked.views, asked.jobs, asked.dry)
+        write_rooms(asked.shared, asked.views, asked.jobs, asked.dry)

@@ -51,9 +51,10 @@ class RoomKind:
     duration_s: float = VIEW_S
 
 
+FURNITURE = "with desks, screens, chairs, partitions, cabinets"
 KINDS = {
     "without furniture": RoomKind("furniture=false", ROOMS),
-    "with desks, screens, chairs, partitions, cabinets": RoomKind("furniture=true"),
+    FURNITURE: RoomKind("furniture=true"),
     "with two posters of people": RoomKind("objects=2", thing="poster"),
     "with two screens that show people": RoomKind("objects=2", thing="screen"),
     "with two mannequins": RoomKind("objects=2", thing="mannequin", duration_s=SHORT_S),
@@ -78,9 +79,17 @@ def room_rows(views: int, pool: Executor) -> Iterator[list[str]]:
         ]
 
 
-def play_view(name: str, seed: int) -> tuple[int, list[Figure]]:
+def false_tracks(views: int, pool: Executor, setting: str) -> str:
+    """Return the number and the rate of tracks in furnished rooms with a setting."""
+    found = pool.map(
+        play_view, repeat(FURNITURE), range(FIRST_SEED, FIRST_SEED + views), repeat((setting,))
+    )
+    return _text(sum(len(figures) for _, figures in found), views * VIEW_S / 3600)
+
+
+def play_view(name: str, seed: int, settings: Sequence[str] = ()) -> tuple[int, list[Figure]]:
     """Return the number of detections in the frames of a view, and the figure of each track."""
-    kind, method = KINDS[name], read_method("best")
+    kind, method = KINDS[name], read_method("best", settings)
     room = kind.rooms[seed % len(kind.rooms)]
     scenario = load_scenario(f"random?room={room}&{kind.options}", seed)
     objects = tuple(msgspec.structs.replace(one, kind=kind.thing) for one in scenario.objects)
