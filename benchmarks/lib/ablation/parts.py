@@ -50,5 +50,6 @@ DELETED = {
         ("boxes on two people", NO_GAIN),
     ),
     "98a1de29": (("measured velocity", NO_GAIN),),
+    "9d866fbd": (("yaw by depths of shoulders and hips, and by hips", NO_GAIN),),
     "6c0e6fd9": (("likelihood in round 1", "IDF1 +0.8 % [+0.1, +1.6] without it"),),
 }
