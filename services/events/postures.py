@@ -198,9 +198,9 @@ def _check_pointing(
 
 
 def _pointing_ray(skeleton: PersonSkeleton) -> tuple[F64, F64] | None:
-    """Return shoulder and direction of a straight arm with visible ends that does not hang."""
+    """Return shoulder and direction of a straight arm with a visible wrist that does not hang."""
     for joints in zip(SHOULDERS, ELBOWS, WRISTS, strict=True):
-        if not (skeleton.measured[joints[0]] and skeleton.measured[joints[2]]):
+        if not skeleton.measured[joints[2]]:
             continue
         shoulder_m, elbow_m, wrist_m = skeleton.positions_m[list(joints)].astype(np.float64)
         direction = _unit(wrist_m - shoulder_m)
