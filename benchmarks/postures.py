@@ -220,7 +220,8 @@ def main() -> None:
         table += (
             f"\n\n{REAL}\n\n{markdown(REAL_HEADER, list(real_rows(asked.shared, asked.cache)))}"
         )
-    write(__file__, "Postures, falls and gestures", note, table, dry=asked.choose or asked.dry)
+    command, dry = f"benchmarks postures --scenes {asked.scenes}", asked.choose or asked.dry
+    write(__file__, "Postures, falls and gestures", note, table, dry=dry, command=command)
 
 
 if __name__ == "__main__":
