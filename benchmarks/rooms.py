@@ -4,7 +4,7 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 
-from benchmarks.lib.marks.curve import HEADER as CURVE
+from benchmarks.lib.marks.curve import HEADER as CURVE_HEADER
 from benchmarks.lib.marks.curve import curve_rows
 from benchmarks.lib.postures.objects import LIKE_MIN, SHORT_S
 from benchmarks.lib.postures.rooms import FRAMES, HEADER, VIEW_S, false_tracks, room_rows
@@ -19,7 +19,7 @@ NOTE = (
 )
 
 
-LIMITS = """## By the minimum score of detections
+CURVE_NOTE = """## By the minimum score of detections
 
 Annotated people in the test split of real_variations.md, all augmentations together (MoveNet,
 `detector.score_min`), and tracks in the furnished rooms above."""
@@ -29,6 +29,6 @@ def write_rooms(shared: Path, views: int, jobs: int, dry: bool) -> None:
     """Play the rooms and write their tables."""
     with ProcessPoolExecutor(jobs) as pool:
         table = markdown(HEADER, list(room_rows(views, pool)))
-        curve = markdown(CURVE, list(curve_rows(shared, partial(false_tracks, views, pool))))
-    text, command = [table, LIMITS, curve], f"benchmarks objects --views {views}"
+        curve = markdown(CURVE_HEADER, list(curve_rows(shared, partial(false_tracks, views, pool))))
+    text, command = [table, CURVE_NOTE, curve], f"benchmarks objects --views {views}"
     write(__file__, "False people in rooms", NOTE, *text, dry=dry, command=command)

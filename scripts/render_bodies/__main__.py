@@ -23,6 +23,7 @@ SEED = 55  # seed of all parts, with the number of the part
 SCENES, IMAGES = 25, 14  # numbers of scenes of a part, and of images of a scene
 CUTS, ROOMS = 16, 8  # numbers of bodies in clothes of different cut, and of rooms, of a part
 POSTURES_FROM = 36  # first part in which half of the bodies sit, lie, bend, squat or fall
+DETECTED = 10  # number of files of detections of each content
 
 
 def main() -> None:
@@ -31,14 +32,13 @@ def main() -> None:
     parser.add_argument("folder", type=Path, help="folder to write to")
     parser.add_argument("--parts", type=int, default=48, help="files; each draws its own stage")
     parser.add_argument("--first", type=int, default=0, help="number of the first, and its seed")
-    parser.add_argument("--detected", type=int, default=10, help="files of each content of rooms")
     flags = parser.parse_args()
     cv2.setNumThreads(1)
     flags.folder.mkdir(parents=True, exist_ok=True)
     parts = range(flags.first, flags.first + flags.parts)
     files = {f"{part:03}": partial(render_part, part, SCENES, IMAGES) for part in parts}
     for name, content in CONTENTS.items():
-        for part in range(flags.detected):
+        for part in range(DETECTED):
             files[f"{name}-{part:02}"] = partial(detect_part, content, part)
     for name, render in files.items():
         path = flags.folder / f"{name}.npz"

@@ -28,7 +28,7 @@ class Bones:
 
 
 # Shoulders, hips, torso, upper arm, forearm, thigh, shank; head: nose to eye, eyes, eye to ear,
-# ears. Last: a torso that is not upright, bent (0.46 in simulation) or straight.
+# ears. Last: torso of a person who is not upright (0.46 m bent in simulation).
 BONE_LENGTHS_M: F64 = np.array(
     [0.33, 0.19, 0.50, 0.28, 0.25, 0.40, 0.40, 0.05, 0.062, 0.10, 0.15, 0.47]
 )

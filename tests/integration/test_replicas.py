@@ -125,13 +125,13 @@ def test_two_detectors_give_the_same_tracks_as_one(network: Network) -> None:
     assert list(map(encode, one)) == list(map(encode, two))
 
 
-def tracks_of(network: Network, detectors: int, *settings: str) -> list[Tracks]:
+def tracks_of(network: Network, detectors: int) -> list[Tracks]:
     """Return the tracks of every frame in lock-step, without their traces."""
     robot = network.robot()
     services: dict[str, Sequence[str]] = {
         "tracker-1": ("embedding_wait_s=60.0", "reorder_wait_s=60.0"),  # no frame is skipped
         "reid-1": (),
-        **{f"detector-{k + 1}": settings for k in range(detectors)},
+        **{f"detector-{k + 1}": () for k in range(detectors)},
         "camera-1": (
             f"source={StoredCamera.__module__}:{StoredCamera.__name__}",
             *("playback=lockstep", "window=4", "answer_timeout_s=60.0"),

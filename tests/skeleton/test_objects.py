@@ -5,10 +5,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from people4d.messages import F64
+from people4d.messages import F64, Detection
 from people4d.messages.skeleton import Posture
 from services.skeleton.body import INSIDE_M
 from services.skeleton.objects import ObjectFilter
+from services.skeleton.observation import observe_joints
+from tests import builders
 from tests.skeleton.test_posture import PERIOD_S, observed, people, standing
 
 FRAMES = 1300  # 130 s: e^(130 / 20) times the prior odds of 1 to 19
@@ -91,6 +93,17 @@ def test_person_with_depth_at_most_joints_is_no_object(unread: int) -> None:
 
 def test_person_whose_position_is_not_from_depth_is_no_object() -> None:
     assert object_like(swaying, frames=60, hidden=list(range(17)), is_located=False) < 0.05
+
+
+@pytest.mark.parametrize(("z_m", "is_located"), [(3.4, True), (3.6, False), (None, False)])
+def test_position_counts_if_the_whole_body_is_within_the_range(
+    z_m: float | None, is_located: bool
+) -> None:
+    # Parts of a person at 3.6 m may be farther than the range of 4 m.
+    position_m = None if z_m is None else np.array([0.0, 0.0, z_m])
+    found = Detection(box_xyxy_px=np.ones(4, np.float32), score=0.9, position_m=position_m)
+    info = builders.camera_info(max_depth_m=4.0)
+    assert observe_joints([found], info, np.eye(4)).is_located.tolist() == [is_located]
 
 
 def test_evidence_starts_again_after_a_restart() -> None:

@@ -7,7 +7,7 @@ from benchmarks.lib.marks.crossing import crossing_camera
 from benchmarks.lib.marks.methods import HALVES, MARKS
 from benchmarks.lib.marks.recording import marked
 from benchmarks.lib.marks.scores import figures
-from benchmarks.lib.marks.variations import IMAGES, Cache, detect, vary
+from benchmarks.lib.marks.variations import IMAGES, detect, vary
 from benchmarks.real_variations import score_detected
 from evaluation.annotations.marks import read_frames
 from evaluation.methods import read_method
@@ -30,19 +30,18 @@ def curve_rows(shared: Path, false_tracks: Callable[[str], str]) -> Iterator[lis
     """
     camera = crossing_camera(shared)
     recording, images = marked(camera, read_frames(MARKS / "filinha.json"))
-    caches: list[Cache] = [{} for _ in IMAGES]
     _, test = HALVES.values()
     for limit in LIMITS:
         setting = f"detector.score_min={limit}"
         method = read_method("best", (setting,))
         outcomes = [
             outcome
-            for variation, cache in zip(IMAGES, caches, strict=True)
+            for variation in IMAGES
             for one in score_detected(
                 method,
                 recording,
                 variation,
-                detect(method, vary(recording, variation).view, images, variation, cache),
+                detect(method, vary(recording, variation).view, images, variation, {}),
             )
             for outcome in one.outcomes(test)
         ]

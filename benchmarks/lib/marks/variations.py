@@ -162,7 +162,7 @@ def detect(
     variation: ImageVariation,
     cache: Cache,
 ) -> VariedDetections:
-    """Detect and embed the people of augmented images; `cache` belongs to the network."""
+    """Detect and embed people of augmented images; `cache` belongs to a model and its settings."""
     names = {"camera": CAMERA, "frame_id": OPTICAL, "stamp_ns": 0, "sequence": 0}
     info = msgspec.structs.replace(view.info, **names)
     link = StaticTransform(

@@ -208,7 +208,7 @@ def test_joints_of_little_confidence_give_a_less_certain_yaw() -> None:
     assert joint_yaws(faint[None], LAYER_M, image) == [None]
 
 
-def test_an_empty_depth_image_gives_no_yaw_by_shoulders_and_hips() -> None:
+def test_without_face_and_depth_there_is_no_yaw() -> None:
     keypoints, depth = scene(face=False)
     empty = DepthImage(np.zeros_like(depth), INFO)
     assert joint_yaws(keypoints[None], LAYER_M, empty) == [None]

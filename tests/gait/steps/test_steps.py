@@ -67,6 +67,15 @@ def measured(left: F64, right: F64, times_s: F64) -> GaitMeasures:
     return gait_measures(found_steps(left, right, times_s))
 
 
+@pytest.mark.parametrize(("step_s", "counts"), [(0.28, False), (0.33, True)])
+def test_strides_of_less_than_six_tenths_of_a_second_do_not_count(
+    step_s: float, counts: bool
+) -> None:
+    times_s = np.arange(0, 4, 1 / 60)
+    strides = [s.stride for s in found_steps(*feet(times_s, step_s, step_s), times_s)]
+    assert any(strides) == counts
+
+
 def test_an_even_walk_by_hand() -> None:
     # 0.6 m in 0.5 s: 120 steps a minute, 1.2 m/s, and a foot moves by 1.2 m in a stride.
     times_s = np.arange(0, 6, 1 / 30)
