@@ -96,7 +96,7 @@ def test_person_whose_position_is_not_from_depth_is_no_object() -> None:
 
 
 @pytest.mark.parametrize(("z_m", "is_located"), [(3.4, True), (3.6, False), (None, False)])
-def test_position_counts_if_the_whole_body_is_within_the_range(
+def test_position_counts_if_all_of_the_body_is_within_the_range(
     z_m: float | None, is_located: bool
 ) -> None:
     # Parts of a person at 3.6 m may be farther than the range of 4 m.
