@@ -1,8 +1,8 @@
 """Objects that are detected as people: posters, screens, and figures that never move.
 
-The surface of a person on a poster or a screen is flat, and a lit screen has no depth. Mannequins,
-statues and robots keep their head still; a person who sits or lies may do so for minutes, too
-(docs/method.md section 26).
+The surface of a person on a poster or a screen is flat. Mannequins, statues and
+robots keep their head still; a person who sits or lies may do so for minutes, too (docs/method.md
+section 26).
 """
 
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ MOVED_M = 0.007
 STILL_S = 20.0  # mean time until a person moves the head that far [s]
 OBJECTS = 0.05  # probability that a figure is an object before any time
 MAY_BE_STILL = ("sitting", "lying")  # postures of people who may be motionless for minutes
-JOINTS_MIN = 8  # minimum number of readings of a plane, and of joints of a share with depth
+JOINTS_MIN = 8  # minimum number of readings of a plane
 NEAR_M = 0.8  # maximum distance of a reading from the range of the track [m]
 SPREAD_M = 0.03  # minimum standard deviation of the readings in two directions [m]
 FACING = 0.5  # minimum cosine between the normal of a plane and the line of sight
@@ -34,9 +34,6 @@ FLAT_S = 2.0  # time constant of the distance from the plane, and minimum durati
 # Distance from the plane that a poster and a person have equally often, and the change that
 # changes their odds by e [m]: 1 to 4 mm on posters, at least 24 mm on real people
 FLAT_M, FLAT_SCALE_M = 0.015, 0.0025
-# Share of joints with depth that a screen and a person have equally often, and the change that
-# changes their odds by e: at most 0.15 on lit screens, at least 0.75 on real people
-READ, READ_SCALE = 0.3, 0.04
 
 
 @dataclass
@@ -49,7 +46,6 @@ class _Evidence:
     still_s: float = 0.0  # duration without a displacement
     flat_m2: float = 0.0  # mean squared distance from the plane
     flat_s: float = 0.0  # duration of the readings
-    read: float = 1.0  # mean share of joints with depth
 
 
 class ObjectFilter:
@@ -80,7 +76,6 @@ class ObjectFilter:
         range_m = np.linalg.norm(people.position_m - observation.origin_m, axis=1)
         heads, has_head = _heads(observation)
         flat_m2, has_plane = _distances_m2(range_m, observation)
-        read, has_joints = _read_shares(observation)
         figures = {
             number: self._figures.get(number) or _Evidence(*[heads[row]] * 3)
             for row, number in enumerate(people.ids)
@@ -96,8 +91,6 @@ class ObjectFilter:
                 one.flat_s += dt_s
                 share = dt_s / min(max(one.flat_s, dt_s, 1e-3), FLAT_S)
                 one.flat_m2 += share * (float(flat_m2[row]) - one.flat_m2)
-            if one is not None and has_joints[row]:
-                one.read += min(dt_s / FLAT_S, 1.0) * (float(read[row]) - one.read)
             found.append(0.0 if one is None else _probability(one))
         return found
 
@@ -113,13 +106,12 @@ def _add_head(one: _Evidence, ray: F64, range_m: float, dt_s: float, counts: boo
 
 
 def _probability(one: _Evidence) -> float:
-    """Return the probability that a figure is flat, without depth, or still for too long."""
+    """Return the probability that a figure is flat, or still for too long for a person."""
     odds = OBJECTS / (1 - OBJECTS) * (np.exp(min(one.still_s / STILL_S, 50.0)) - 1)
     still, flat = odds / (1 + odds), 0.0
     if one.flat_s >= FLAT_S:
         flat = 1 / (1 + np.exp((np.sqrt(one.flat_m2) - FLAT_M) / FLAT_SCALE_M))
-    unread = 1 / (1 + np.exp((one.read - READ) / READ_SCALE))
-    return float(1 - (1 - still) * (1 - flat) * (1 - unread))
+    return float(1 - (1 - still) * (1 - flat))
 
 
 def _heads(observation: JointObservation) -> tuple[F64, F64]:
@@ -128,14 +120,6 @@ def _heads(observation: JointObservation) -> tuple[F64, F64]:
     total = weight.sum(axis=1)
     ray = (weight[..., None] * observation.rays[:, :HEAD]).sum(axis=1)
     return ray / np.maximum(total, 1e-9)[:, None], total >= WEIGHT_MIN
-
-
-def _read_shares(observation: JointObservation) -> tuple[F64, F64]:
-    """Return shares of joints with depth, N, and flags of figures with joints and a position."""
-    used = observation.confidence > CONFIDENCE_MIN
-    count = used.sum(axis=1)
-    read = (used & np.isfinite(observation.range_m)).sum(axis=1)
-    return read / np.maximum(count, 1), (count >= JOINTS_MIN) & observation.is_located
 
 
 def _distances_m2(range_m: F64, observation: JointObservation) -> tuple[F64, F64]:

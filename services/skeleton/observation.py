@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from common.geometry.transforms import deproject
 from people4d.messages import F64, CameraInfo, Detection
@@ -14,9 +13,6 @@ CONFIDENCE_MIN = 0.1  # minimum confidence of a used keypoint
 ACROSS_PX = 2.0  # standard deviation of a keypoint in the image [px]
 ALONG_M = 0.04  # standard deviation of a joint along the line of sight, behind the surface [m]
 ALONG_PER_M = 0.003  # growth of the standard deviation with the squared distance [1/m]
-# Minimum distance of a position from the end of the range of depth, where parts of the body have
-# no readings [m]
-RANGE_MARGIN_M = 0.5
 
 
 @dataclass
@@ -29,8 +25,6 @@ class JointObservation:
     range_m: F64  # Nx17, range of the joint behind the measured surface; NaN: no reading
     along_m: F64  # Nx17, standard deviation along the ray
     across_per_m: float  # standard deviation across the ray by the image, per metre of range
-    # N, True: depth gives a position, nearer than the range of depth by RANGE_MARGIN_M
-    is_located: npt.NDArray[np.bool_]
 
     def exchange_joints(self, person: int, joints: Sequence[int], others: Sequence[int]) -> None:
         """Replace the observations of a person's joints by the observations of other joints."""
@@ -45,11 +39,6 @@ def observe_joints(
     count = len(detections)
     keypoints = np.zeros((count, JOINT_COUNT, 3))
     depth_m = np.zeros((count, JOINT_COUNT))
-    farthest_m = info.max_depth_m - RANGE_MARGIN_M
-    located = [
-        one is not None and one.position_m is not None and one.position_m[2] < farthest_m
-        for one in detections
-    ]
     for row, detection in enumerate(detections):
         if detection is not None and detection.keypoints is not None:
             keypoints[row] = detection.keypoints
@@ -69,5 +58,4 @@ def observe_joints(
         range_m=range_m,
         along_m=np.hypot(ALONG_M, ALONG_PER_M * np.nan_to_num(range_m) ** 2),
         across_per_m=ACROSS_PX / info.fx,
-        is_located=np.array(located, np.bool_),
     )

@@ -5,12 +5,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from people4d.messages import F64, Detection
+from people4d.messages import F64
 from people4d.messages.skeleton import Posture
 from services.skeleton.body import INSIDE_M
 from services.skeleton.objects import ObjectFilter
-from services.skeleton.observation import observe_joints
-from tests import builders
 from tests.skeleton.test_posture import PERIOD_S, observed, people, standing
 
 FRAMES = 1300  # 130 s: e^(130 / 20) times the prior odds of 1 to 19
@@ -40,7 +38,6 @@ def object_like(
     posture: Posture = "standing",
     noise_m: float = 0.0,
     hidden: list[int] | None = None,
-    is_located: bool = True,
 ) -> float:
     """Return the probability of an object after a number of frames."""
     objects, rng, found = ObjectFilter(), np.random.default_rng(1), 0.0
@@ -48,7 +45,6 @@ def object_like(
         pose_m = pose_of(number)
         observation = observed(pose_m, hidden or [])
         observation.range_m += rng.normal(0.0, noise_m, 17)
-        observation.is_located[:] = is_located
         (found,) = objects.update(PERIOD_S, people(pose_m), observation, [(posture, 0.9)])
     return found
 
@@ -79,31 +75,6 @@ def test_person_is_not_flat() -> None:
 
 def test_few_readings_are_not_flat() -> None:
     assert object_like(poster, frames=30, hidden=list(range(7, 17))) < 0.2
-
-
-def test_figure_without_depth_is_an_object_after_four_seconds() -> None:
-    assert object_like(swaying, frames=40, hidden=list(range(1, 17))) > 0.9
-    assert object_like(swaying, frames=10, hidden=list(range(1, 17))) < 0.01
-
-
-@pytest.mark.parametrize("unread", [0, 4])
-def test_person_with_depth_at_most_joints_is_no_object(unread: int) -> None:
-    assert object_like(swaying, frames=60, hidden=list(range(unread))) < 0.05
-
-
-def test_person_whose_position_is_not_from_depth_is_no_object() -> None:
-    assert object_like(swaying, frames=60, hidden=list(range(17)), is_located=False) < 0.05
-
-
-@pytest.mark.parametrize(("z_m", "is_located"), [(3.4, True), (3.6, False), (None, False)])
-def test_position_counts_if_all_of_the_body_is_within_the_range(
-    z_m: float | None, is_located: bool
-) -> None:
-    # Parts of a person at 3.6 m may be farther than the range of 4 m.
-    position_m = None if z_m is None else np.array([0.0, 0.0, z_m])
-    found = Detection(box_xyxy_px=np.ones(4, np.float32), score=0.9, position_m=position_m)
-    info = builders.camera_info(max_depth_m=4.0)
-    assert observe_joints([found], info, np.eye(4)).is_located.tolist() == [is_located]
 
 
 def test_evidence_starts_again_after_a_restart() -> None:

@@ -58,13 +58,7 @@ def observed(pose_m: F64, hidden: list[int]) -> JointObservation:
     rays = pose_m / range_m[:, None]
     range_m[hidden] = np.nan
     return JointObservation(
-        origin_m=np.zeros(3),
-        confidence=np.full((1, 17), 0.9),
-        rays=rays[None],
-        range_m=range_m[None],
-        along_m=np.full((1, 17), 0.05),
-        across_per_m=0.003,
-        is_located=np.ones(1, np.bool_),
+        np.zeros(3), np.full((1, 17), 0.9), rays[None], range_m[None], np.full((1, 17), 0.05), 0.003
     )
 
 
