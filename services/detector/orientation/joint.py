@@ -1,9 +1,9 @@
 """Yaw by the joint likelihood of all cues of one frame (docs/method.md section 11).
 
 At every angle a body has a known appearance: the distance of the shoulders across the line of
-sight, and the nose between the ears. The yaw is the angle with the highest likelihood of both and
-of the image by the network. Angles count from the line of sight: 0 is facing away, pi facing the
-camera, + is to the left. An uninformative likelihood is flat, so no selection is needed.
+sight, and the nose between the ears. The yaw is the angle with the highest likelihood of both cues
+and, by the network, of the image. Angles count from the line of sight: 0 is facing away, pi facing
+the camera, + is to the left. An uninformative likelihood is flat, so no selection is needed.
 """
 
 import math
@@ -16,8 +16,8 @@ from services.detector.orientation.angle import YawEstimate
 from services.detector.orientation.observation import YawObservations, observe_bodies
 from services.detector.position.surface import DepthImage
 
-# Distance of the shoulders in the annotations of networks, 0.19 of stature, and offset in profile
-# of the nearer one ahead of the farther one [m], fitted to renders of the simulated room
+# Distance of the shoulders in the annotations of networks, 0.19 of stature, and the distance in
+# profile of the nearer shoulder ahead of the farther [m], fitted to renders of the simulated room
 WIDTH_M, AHEAD_M = 0.32, 0.01
 SIGMA_ACROSS_M = 0.04  # standard deviation of a distance across the line of sight [m]
 SIGMA_WIDTH = 0.07  # standard deviation of people's widths, relative
@@ -40,7 +40,7 @@ FAR_MAX = 0.1  # maximum probability of the other angles
 OUTLIERS: F64 = np.array([0.05, 0.1])[:, None, None]
 SPANS: F64 = np.array([1.0, 2 * math.pi])[:, None, None]
 # Expected distance from the left shoulder to the right one, across the line of sight, to the right,
-# by angle [m], and its variance between people [m^2]
+# by angle [m], and the variance between people [m^2]
 EXPECTED_M: F64 = WIDTH_M * COSINE - AHEAD_M * SINE**2
 WIDTHS_M2: F64 = (SIGMA_WIDTH * WIDTH_M * COSINE) ** 2
 SIGMA_MAX_RAD = math.pi / 2  # maximum standard deviation of an estimated angle [rad]

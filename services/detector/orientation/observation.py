@@ -66,7 +66,7 @@ def observe_bodies(keypoints: F32, layers_m: F64, image: DepthImage) -> YawObser
 
 
 def _visible(pixels: F64, layers_m: F64, image: DepthImage) -> Flags:
-    """Return flags of visible joints (Nx2x2 pixels), Nx2: the layer is in a part of the window."""
+    """Return flags of joints (Nx2x2 pixels) whose window shows enough of the own layer, Nx2."""
     half_px = np.rint(WINDOW_M / 2 * image.info.fx / layers_m).astype(int)
     side_px = 2 * np.maximum(half_px, WINDOW_MIN_PX // 2) + 1
     joints_px, middle_m = pixels.reshape(-1, 2), np.repeat(layers_m, 2)
